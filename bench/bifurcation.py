@@ -1,9 +1,9 @@
-"""Time of a bifurcation diagram: the 2,000 stiffnesses of inputs/bifurcation_stiffness.nml, what a reader can rerun.
+"""Time of a bifurcation diagram: the 2,000 stiffnesses of inputs/bifurcation_stiffness.nml, for readers to repeat.
 
     python bench/bifurcation.py [--runs N] [--threads N...] [--short]
 
-The command `dynstiction run` makes the file of settled cycles, `dynstiction.plot` draws it. The wall time is the best of N runs,
-processor time that of the same run.
+The command `dynstiction run` makes the file of settled cycles, and `dynstiction.plot` draws it. The wall time is the best of N
+runs; the processor time is that of the same run.
 """
 
 import argparse
@@ -25,9 +25,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=3, help="runs of which the best is taken")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="of the executable")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--runs", type=int, default=3, help="number of runs, of which the best counts")
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of threads of the executable")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     settings = ["--set", "sweep.count=40"] if options.short else []
     runs = 1 if options.short else options.runs

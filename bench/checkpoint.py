@@ -1,11 +1,11 @@
-"""What checkpoints cost, on Fig. 3's scene over 1000 s: what a reader can rerun.
+"""What checkpoints cost, on Fig. 3's scene over 1000 s, for readers to repeat.
 
     python bench/checkpoint.py [--runs N] [--t-end S] [--exe PATH] [--short]
 
-Runs the scene (a sample every 0.1 s) without checkpoints, with one every second, and with one as often as
-the run loop looks (0.05 s), by turns, so that a machine that becomes slower does so for all three. Prints
-the medians of N, of the wall time and of the processor time, children included, and what they are over the
-runs without checkpoints. The third kind, with many times as many checkpoints, gives the cost of one.
+Runs the scene (a sample every 0.1 s) without checkpoints, with one every second, and with one in every pass
+of the run loop (0.05 s), in turn, so that a slower machine affects all three. Prints the medians of N runs of
+wall time and processor time, including child processes, and their ratios to the runs without checkpoints.
+The third kind, with many more checkpoints, gives the cost of one.
 """
 
 import argparse
@@ -25,10 +25,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=5, help="runs of each kind of which the median is taken")
+    parser.add_argument("--runs", type=int, default=5, help="number of runs of each kind for a median")
     parser.add_argument("--t-end", default="1000.0", help="model time, s")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     if options.short:
         options.runs, options.t_end = 1, "20.0"

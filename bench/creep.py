@@ -1,9 +1,9 @@
-"""Speed of slow creep in closed form: points per second on one core, through Python, allocation included.
+"""Speed of slow creep in closed form: points per second on one core, from Python, including allocation.
 
     python bench/creep.py [--points N] [--runs N] [--short]
 
-Times tau in [0, 2), in order and shuffled, for several misalignments; then a misalignment for each point, and a finite k_y.
-Processor time, the best of all runs.
+Times tau in [0, 2), in order and shuffled, for several misalignments; then with a misalignment for each point, and with a finite
+k_y. The processor time is the best of all runs.
 """
 
 import argparse
@@ -21,7 +21,7 @@ def main() -> None:
     )
     parser.add_argument("--points", type=int, default=2_000_000)
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     if options.short:
         options.points, options.runs = 20_000, 1

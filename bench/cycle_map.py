@@ -1,11 +1,12 @@
-"""What the cycle map saves and what it costs: `integrator.cycle_map = 'auto'` beside 'off'.
+"""Savings and costs of the cycle map: `integrator.cycle_map = 'auto'` compared with 'off'.
 
     python bench/cycle_map.py [--runs N] [--scenes N] [--exe PATH] [--short]
 
-Prints (a) time, error and work on Fig. 3 to 10, 100 and 1000 s without samples, and with the deck's 50,000 of them in memory and in a
-file, and by method; (b) the same against the stiffness k_y; (c) how both compare on random scenes (--scenes, 300 by default; 0 leaves
-them out): where the map is slower, and whether the releases are the same. Seeds are fixed. Times are processor times of `ds.run`, which other users of a machine lengthen little: medians of N runs in turn (5
-by default), where a run takes more than a second those of one. Some ten minutes in all.
+Prints (a) time, error and work on Fig. 3 to 10, 100 and 1000 s without samples, with the 50,000 samples of the deck in memory and
+in a file, and by method; (b) the same against the stiffness k_y; (c) a comparison on random scenes (--scenes, 300 by default; 0
+leaves them out): where the map is slower, and whether the releases are the same. Seeds are fixed. Times are processor times of
+`ds.run`, on which other users of a machine have little effect: medians of N runs in turn (5 by default), or a single run if it
+takes more than a second. All of it takes about ten minutes.
 """
 
 import argparse
@@ -40,11 +41,11 @@ SEED = 16
 SLOW_PERIODS, FAST_PERIODS = 5.0, 1500.0
 RANGES = {"mass": (1e-4, 10.0), "k_y": (1e5, 1e10), "phi": (0.05, 30.0), "V": (1e-5, 0.1), "v_f": (1e-4, 1.0)}
 RANDOM_RTOL, TIMED_RTOL = 1e-10, 1e-6
-# Shorter runs without the map [s] are not compared by time: that would be the time of the call.
+# The times of shorter runs without the map [s] are not compared: they are mostly the time of the call.
 SHORTEST = 0.005
-# Release times that differ by more of t_end than this are not the same.
+# Release times are not the same if they differ by more than this share of t_end.
 SAME = 1e-8
-# A scene in which the map is slower by more than this share is run again, so often: what others on the machine did must not count.
+# A scene in which the map is slower by more than this share is run again this many times, because of other work on the machine.
 SLOWER, REPEATS = 1.04, 4
 
 
@@ -52,12 +53,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=5, help="runs of which the median is taken")
+    parser.add_argument("--runs", type=int, default=5, help="number of runs for a median")
     parser.add_argument("--scenes", type=int, default=300, help="random scenes")
     parser.add_argument(
         "--exe", default=shutil.which("dynstiction") or DECK.parent.parent / ".venv/bin/dynstiction"
     )
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     runs, scenes, lengths, tolerances, stiffnesses = (
         options.runs,
@@ -95,7 +96,7 @@ class Pair:
 
 
 def in_turn(run: Callable[[str], Result], runs: int, which: Sequence[str] = ("auto", "off")) -> Pair:
-    """Results and times of 'auto' and 'off', one after the other; a long run is made once."""
+    """Results and times of 'auto' and 'off', one after the other; a long run is made only once."""
     pair = Pair()
     for _ in range(runs):
         for cycle_map in which:
@@ -173,7 +174,7 @@ def leapt(result: Result) -> str:
 
 
 def print_methods(tolerances: Sequence[float], runs: int) -> None:
-    """Where each method leaps, and what that saves."""
+    """The cycles that each method leaps, and the time that this saves."""
     print("\nFig. 3 to 10 s by method: time with the map over that without / cycles leapt")
     print(f"{'method':8} {' '.join(f'{rtol:>14.0e}' for rtol in tolerances)}")
     for method in METHODS:
@@ -187,7 +188,7 @@ def print_methods(tolerances: Sequence[float], runs: int) -> None:
 
 
 def print_samples(exe: str, runs: int) -> None:
-    """What the samples of the deck cost in memory and in a file, which is to be compared with writing the same arrays alone."""
+    """Cost of the samples of the deck in memory and in a file, and of only writing the same arrays."""
     rtol, t_end, interval = 1e-6, 10.0, 2e-4
     bare = in_turn(lambda cycle_map: fig3(cycle_map, rtol, t_end, t_end), runs)
     full = in_turn(lambda cycle_map: fig3(cycle_map, rtol, t_end, interval), runs)
@@ -282,21 +283,21 @@ def print_stiffnesses(stiffnesses: Sequence[float], runs: int) -> None:
 
 @dataclass
 class Compared:
-    """A random scene, and what its runs gave."""
+    """A random scene, and the results of its runs."""
 
     number: int
     values: dict[str, float]
     t_end: float
     time: dict[float, float] = field(default_factory=dict)
-    """Processor time with the map over that without, by tolerance."""
+    """Ratio of the processor times with and without the map, by tolerance."""
     seconds: dict[float, float] = field(default_factory=dict)
-    """Least processor time without."""
+    """Least processor time without the map."""
     newton: dict[float, float] = field(default_factory=dict)
     sticks: tuple[int, int] = (0, 0)
     difference: float = 0.0
-    """Largest of release times, over t_end; infinite if their numbers differ."""
+    """Largest difference of release times, over t_end; infinite if their numbers differ."""
     own: float = 0.0
-    """The same of the direct run and one at a third of its tolerance."""
+    """The same for the direct run and one at a third of its tolerance."""
     cycles: int = 0
     failed: str = ""
 
@@ -306,7 +307,7 @@ class Compared:
 
 
 def compare_all(number: int) -> list[Compared]:
-    """Compare random scenes, with a line of progress now and then."""
+    """Compare random scenes, and print progress from time to time."""
     compared, due = [], time.monotonic() + 10.0
     for i in range(number):
         compared.append(compare(i))

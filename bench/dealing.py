@@ -1,17 +1,17 @@
-"""How a sweep is best divided among processes: dealt out by rank 0 while it runs, or divided beforehand. What a reader can rerun.
+"""How to divide a sweep among processes: dealt out by rank 0 during the sweep, or divided beforehand; for readers to repeat.
 
     python bench/dealing.py [simulate] [maps] [real] [--exe EXE] [--mpi EXE --launcher "mpirun --oversubscribe"] [--short]
 
-Four ways. deal: rank 0 gives pieces of the list in order, as src/app/dealer.f90 does. stride: process I
-of N has every N-th case. shuffled: the same of case numbers in a fixed random order. turned: of each N cases in a row every process
-has one, and which one turns by the golden ratio, as --shard does in src/sweep/division.f90.
+Four divisions. deal: rank 0 gives pieces of the list in order, as src/app/dealer.f90 does. stride: process I
+of N has every N-th case. shuffled: the same with case numbers in a fixed random order. turned: every process has one of each N
+successive cases, and which one changes by the golden ratio, as for --shard in src/sweep/division.f90.
 
-The number is the loss: the time at which the last process ends over the mean of the times that all spend in cases, minus 1.
-simulate: 2 to 10^4 processes, 10 to 10^5 cases a process of 10 ms on average: equal; log-uniform, 1000 times apart; one in
-ten 1000 times as expensive as the others, at the end of the list; and a grid with as many columns as processes, the cost
-log-uniform over the columns. maps: the costs measured of the sweeps in inputs/, of shorter duration. real: 2 to 64 processes on
-this machine, and the processor time of all over that of one. There the time of a process is the sum of `wall_time` of its cases,
-which on fewer cores than processes includes what others used: `solo` counts a case with the time that it took alone.
+The number is the loss: the time at which the last process ends over the mean time that processes spend in cases, minus 1.
+simulate: 2 to 10^4 processes, 10 to 10^5 cases of 10 ms on average for each process. Costs are equal; log-uniform over a factor of
+1000; 1000 times as large in one of ten cases, at the end of the list; or, in a grid with as many columns as processes,
+log-uniform over the columns. maps: measured costs of the sweeps in inputs/ with shorter durations. real: 2 to 64 processes on
+this machine, and the processor time of all over that of one. Here the time of a process is the sum of `wall_time` of its cases,
+which includes the time of other processes if there are fewer cores than processes: `solo` uses the time of each case alone.
 """
 
 import argparse
@@ -31,11 +31,11 @@ import numpy as np
 INPUTS = Path(__file__).parents[1] / "inputs"
 ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
 MEAN = 1.0e-2  # s
-# Of src/app/sweep_work.f90 (the first) and src/app/dealer.f90.
+# From src/app/sweep_work.f90 (the first) and src/app/dealer.f90.
 LOOK, AHEAD, PIECE, MESSAGE, MOST, PART = 5.0e-4, 2.0e-3, 5.0e-3, 5.0e-5, 512, 4
 # Processor time of rank 0 for a question [s]: bench_dealer.
 ANSWER = 1.0e-5
-# Cases that a simulation holds, and questions to rank 0.
+# Largest numbers of cases in a simulation, and of questions to rank 0.
 MOST_CASES, MOST_QUESTIONS = 10_000_000, 500_000
 
 
@@ -47,7 +47,7 @@ def main() -> None:
     parser.add_argument("--exe", default="dynstiction")
     parser.add_argument("--mpi", help="program built with MPI, for `real`")
     parser.add_argument("--launcher", default="mpirun.openmpi --oversubscribe --bind-to none")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 class Rank:
-    """What rank r has to do: pieces (first case, end, time at which it begins), and how fast it was of late."""
+    """Work of rank r: pieces (first case, end, time at which it begins), and its recent speed."""
 
     def __init__(self) -> None:
         self.pieces: deque[tuple[int, int, float]] = deque()
@@ -83,7 +83,7 @@ def deal(costs: np.ndarray, ranks: int) -> float:
             server = now = max(asked + LOOK, server + ANSWER)
         left = cases - given
         piece = min(left, wanted, MOST, max(1, left // (PART * ranks)))
-        # What has been finished by now, and the pace.
+        # The work finished so far, and the speed.
         while rank.pieces and end_of(rank.pieces[0], before) <= now:
             first, last, _ = rank.pieces.popleft()
             rank.done += last - first
@@ -107,7 +107,7 @@ def end_of(piece: tuple[int, int, float], before: np.ndarray) -> float:
 
 
 def next_question(rank: Rank, before: np.ndarray, now: float) -> float:
-    """When so few cases have not begun that they last less than `ahead`, and one was finished, or when none is left."""
+    """Time at which the remaining cases last less than `ahead` and a case has ended, or at which no case is left."""
     few = int(rank.rate * AHEAD)
     beginnings = []
     for first, last, begun in reversed(rank.pieces):
@@ -140,7 +140,7 @@ def shuffled(costs: np.ndarray, ranks: int) -> float:
 
 
 def shuffled_many(costs: np.ndarray, ranks: int, each: int) -> float:
-    """Of more cases than fit into memory: sums of many costs like these are normal."""
+    """Loss for more cases than fit into memory: sums of many such costs have a normal distribution."""
     sums = np.random.default_rng(1).normal(each * costs.mean(), np.sqrt(each) * costs.std(), ranks)
     return float(sums.max() / sums.mean()) - 1.0
 
@@ -253,7 +253,7 @@ def print_real(folder: Path, options: argparse.Namespace) -> None:
 def processes(
     folder: Path, deck: Path, commands: list[list[str]], solo: dict[int, float] | None
 ) -> tuple[float, list[float]]:
-    """Processor time of all [s], and the losses by wall times and by solo times of what each process did."""
+    """Processor time of all [s], and the losses from the wall times and from the solo times of the cases of each process."""
     for file in folder.glob("real.h5*"):
         file.unlink()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

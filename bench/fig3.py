@@ -1,12 +1,12 @@
-"""Speed and accuracy of the direct path on Fig. 3, without the cycle map: what a reader can rerun.
+"""Speed and accuracy of the direct path on Fig. 3, without the cycle map, for readers to repeat.
 
     python bench/fig3.py [--runs N] [--exe PATH] [--against PATH] [--short]
 
 Prints, for every method and tolerance, the error of the slip velocity at t = 10 s (relative to |w|), the
 number of sticks, the solver's wall time (median of N runs), Newton iterations and the time of one; then
-time and memory of the whole process, for t_end = 10 s and 1000 s. --against compares with another build of
-the program instead: for errors of 1e-5 and 1e-8, radau9 or radau13 and the tolerance of each that reach the error soonest
-is run alternately, and the ratio of the times is given.
+time and memory of the whole process, for t_end = 10 s and 1000 s. With --against it compares with another build of
+the program instead: for errors of 1e-5 and 1e-8, the method (radau9 or radau13) and tolerance that reach the error first
+in each build are run alternately, and the ratio of the times is printed.
 """
 
 import argparse
@@ -33,10 +33,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=5, help="runs of which the median is taken")
+    parser.add_argument("--runs", type=int, default=5, help="number of runs for a median")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
     parser.add_argument("--against", help="another executable to compare with")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     runs, tolerances, lengths = options.runs, TOLERANCES, ("10.0", "1000.0")
     if options.short:

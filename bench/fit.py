@@ -1,9 +1,10 @@
-"""How honest a fit is: how often its 95 % intervals hold the truth, over synthetic traces of drawn rigs.
+"""Reliability of fits: how often the 95 % intervals contain the true values, for synthetic traces of random rigs.
 
-Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the swing. Drawn are misalignment, both
-friction coefficients, v_f, mass, soft stiffness and drive velocity, all of them but the velocity are free in the fit, which begins at
-values that are off by up to 30 %. Kept are rigs with stick-slip that repeats, with at least 20 samples in a slip and slips that take
-less than a quarter of the period. `python bench/fit.py` fits 200 (`--count`), `--first N` begins elsewhere, `--noise`, `--csv FILE`.
+Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the amplitude. Random parameters are
+misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
+which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
+samples in a slip and slips that take less than a quarter of the period. `python bench/fit.py` fits 200 traces (`--count`); other
+options are `--first N` (number of the first rig), `--noise` and `--csv FILE`.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ RIG = """
 CYCLES = 20.6
 RATE = 1.0e3
 FASTEST = 20.0
-"""Samples in a slip, at least."""
+"""Least number of samples in a slip."""
 SHORTEST = 0.25
-"""Of the period: the longest slip."""
+"""Longest slip, as a share of the period."""
 AWAY = 0.3
-"""Largest change of a logarithm from the truth to the values that a fit begins with."""
+"""Largest change of a logarithm from the true value to the start of a fit."""
 
 
 def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
@@ -52,7 +53,7 @@ def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
 
 
 def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
-    """Values, scene, period and time at which it has settled, of one rig after another."""
+    """Values, scene, period and time at which the motion has settled, for one rig after another."""
     draw = np.random.default_rng(seed)
     while True:
         mu_0 = draw.uniform(0.15, 0.6)
@@ -141,7 +142,7 @@ def main() -> int:
     told = [h for row in inside for h in row if h is not None]
     print(f"{len(inside)} fits that explain their trace, {warned} that warn, {refused} refused")
     if told:
-        print(f"95 % intervals that hold the truth: {100.0 * np.mean(told):.1f} % of {len(told)}")
+        print(f"95 % intervals that contain the true value: {100.0 * np.mean(told):.1f} % of {len(told)}")
         for i, name in enumerate(FREE):
             column = [row[i] for row in inside if row[i] is not None]
             print(f"  {name:24s} {100.0 * np.mean(column):5.1f} % of {len(column)}")

@@ -1,11 +1,11 @@
-"""Limit cycles and ends of stick-slip, found and not run: what they cost, and whether runs agree.
+"""Limit cycles and limits of stick-slip, found without runs: their cost, and whether runs agree.
 
     python bench/limit_cycles.py [--folds] [--short]
 
 Prints the time of `dynstiction.cycles` on Fig. 3 and how far its cycles are from those of settled runs; then for each row
-of the table in docs/maps.md the angle at which stick-slip ends, by `stick_slip_ends`, and whether two runs agree, 1e-8 of the
-angle below it and above it: below stick-slip settles to a swing of more than 5 % of F_0, above to less. At folds, with
-``--folds`` (some minutes), the one goes on, and the other passes into steady sliding.
+of the table in docs/maps.md the angle at which stick-slip ends, from `stick_slip_ends`, and whether two runs agree, 1e-8 of the
+angle below and above it: below it the amplitude (peak to peak) settles above 5 % of F_0, above it to less. At folds, with
+``--folds`` (some minutes), stick-slip continues below the angle, and becomes steady sliding above it.
 """
 
 import argparse
@@ -28,7 +28,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--folds", action="store_true", help="runs on either side of each fold")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     repetitions = 3 if options.short else 21
     for model in ("low_frequency", "full"):
@@ -70,7 +70,7 @@ def timed(call) -> float:
 
 
 def distance(found: ds.Cycles) -> float:
-    """Of the stable cycle from the last cycle of a settled run: the largest relative difference of period, peak and valley."""
+    """Largest relative difference of period, peak and valley between the stable cycle and the last cycle of a settled run."""
     cycle = found.stable[-1]
     system, friction = {}, {}
     if found.model == "low_frequency":
@@ -88,7 +88,7 @@ def distance(found: ds.Cycles) -> float:
 
 
 def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds.Scene:
-    """The slow motion from a valley of the load on, at an angle [rad]."""
+    """The slow motion from a valley of the load, at an angle [rad]."""
     return scene.replace(
         scene={"model": "low_frequency", "t_end": t_end},
         system={"stiffness_y": None, "misalignment_deg": math.degrees(angle)},
@@ -100,7 +100,7 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 
 
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
-    """Whether runs at an angle near the end `at` settle to a swing that counts, begun beside the cycle at the end."""
+    """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to an amplitude that counts."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency"
     ).stable[-1]
@@ -109,7 +109,7 @@ def swings(scene: ds.Scene, at: float, angle: float) -> bool:
 
 
 def lasts(scene: ds.Scene, angle: float) -> bool:
-    """Whether stick-slip that begins somewhat larger goes on for a long time."""
+    """Whether stick-slip with a somewhat larger initial amplitude continues for a long time."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency"
     ).stable[-1]

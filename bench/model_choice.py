@@ -1,15 +1,15 @@
-"""Whether `model = 'auto'` keeps its word on random scenes, and what its choice costs: what a reader can rerun.
+"""Whether `model = 'auto'` is as accurate as requested on random scenes, and the cost of its choice; for readers to repeat.
 
     python bench/model_choice.py [--seconds S] [--seed N] [--short]
     python bench/model_choice.py --judge [--before EXE]
 
 Draws scenes log-uniformly over several decades of every parameter, asks for several accuracies, and compares the chosen model
-with the full one, in the quantities or in one column. Prints the cases in which the error exceeds the accuracy asked for,
+with the full one, in the quantities or in one column. Prints the cases in which the error exceeds the requested accuracy,
 and the counts by model; it fails if there is such a case.
 
-With --judge these are 300 scenes that were drawn before the rule was made, and their quantities: also, the Newton iterations
-that the choice at accuracy 1e-2 and the run of the chosen model take together, against those of the full model alone and, with
---before, of the executable of another version. A low-frequency run for the choice counts; closed forms take none.
+With --judge it uses 300 scenes that were drawn before the rule was made, and their quantities. It then also prints the Newton
+iterations of the choice at accuracy 1e-2 and of the run of the chosen model together, those of the full model alone and, with
+--before, those of the executable of another version. A low-frequency run for the choice counts; closed forms need no iterations.
 """
 
 import argparse
@@ -36,16 +36,16 @@ from test_model_choice import (
     random_scene,
 )
 
-# The scenes that a rule is judged by, drawn before it was made: 300 of this seed. Do not tune on them.
+# The scenes for the assessment of a rule, drawn before the rule was made: 300 of this seed. Do not tune a rule on them.
 JUDGED_SEED, JUDGED_SCENES = 20261123, 300
-# The accuracy whose cost is told.
+# The accuracy for which the cost is printed.
 COMMON = 1e-2
 ACCURACIES = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-5)
 MOST_CYCLES = 3e4
 
 
 def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
-    """A scene, what is asked of it, and how many l_x the drive moves: such that it has at most MOST_CYCLES fast cycles."""
+    """A scene, the requested quantities, and the distance of the drive in l_x, for at most MOST_CYCLES fast cycles."""
     while True:
         scene = random_scene(random)
         quantities = str(random.choice(["creep", "stick_slip"]))
@@ -97,7 +97,7 @@ def cost_before(exe: str, drawn_scene: Drawn, full: float) -> tuple[str, float]:
 
 
 def judge(before: str | None) -> None:
-    """Promises and costs on the 300 scenes."""
+    """Errors and costs on the 300 scenes."""
     exceeded = 0
     costs: dict[str, list[float]] = {"always full": [], "auto": [], "auto before": []}
     chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
@@ -146,7 +146,7 @@ def main() -> None:
     )
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     parser.add_argument(
         "--judge", action="store_true", help="the 300 scenes drawn before the rule, and what it costs"
     )

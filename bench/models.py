@@ -1,10 +1,10 @@
-"""What the low-frequency model costs and where it differs from the full one: what a reader can rerun.
+"""Cost of the low-frequency model and its differences from the full one, for readers to repeat.
 
     python bench/models.py [--runs N] [--exe PATH] [--short]
 
-Prints, for Fig. 3 at rtol 1e-6, the solver's wall time of both models, the full one with the cycle map and without it (median of
-N runs, alternating), instructions for 10 s where valgrind is installed (from two lengths of the run, so that start, tables of the map
-and output cancel), and the differences of what a user reads.
+Prints, for Fig. 3 at rtol 1e-6, the solver's wall time of both models, the full one with and without the cycle map (median of N
+alternating runs), the instructions for 10 s if valgrind is installed (from two lengths of the run, so that start, tables of the map
+and output cancel), and the differences of the summary values.
 """
 
 import argparse
@@ -34,9 +34,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=11, help="runs of which the median is taken")
+    parser.add_argument("--runs", type=int, default=11, help="number of runs for a median")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     if options.short:
         options.runs = 1
@@ -94,7 +94,7 @@ def instructions(exe: str, folder: Path, model: str) -> float:
         finished = subprocess.run(
             [*tool, *command(exe, folder, model, t_end)], check=True, capture_output=True, text=True
         )
-        # The children that flush the file are counted by themselves.
+        # The child processes that flush the file are counted separately.
         counts.append(max(int(count) for count in re.findall(r"Collected : (\d+)", finished.stderr)))
     return (counts[1] - counts[0]) / (spans[1] - spans[0]) * 10.0
 

@@ -1,4 +1,4 @@
-"""Error against cost of the Moreau-Jean scheme on Fig. 3 up to t = 2.5 s, beside radau9: what a reader can rerun.
+"""Error against cost of the Moreau-Jean scheme on Fig. 3 up to t = 2.5 s, compared with radau9, for readers to repeat.
 
     python bench/moreau_jean.py [--runs N] [--exe PATH] [--short]
 
@@ -26,9 +26,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=3, help="runs of which the median is taken")
+    parser.add_argument("--runs", type=int, default=3, help="number of runs for a median")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     steps = STEPS
     if options.short:

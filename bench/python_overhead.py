@@ -1,11 +1,12 @@
-"""What Python adds to the solver: the import of the package, and `ds.run` beyond the time that the solver takes.
+"""Time that Python adds to the solver: the import of the package, and the part of `ds.run` outside the solver.
 
     python bench/python_overhead.py [--runs N] [--short] [--against FOLDER]
 
 The solver's time is `statistics/wall_time` of the same run: the integration, which is the same in the executable. Prints the
-medians of N [ms], of the overhead also the least, which is what a busy machine leaves visible. Then the overhead of a run that
-takes the solver some microseconds and the time of an attribute of a scene [us], of 2000 each, and with `--against`, a folder that
-holds the package of another revision, the ratio to that one, measured in turn. The import is that of a new interpreter, less one that imports nothing.
+medians of N runs [ms], and for the overhead also the least value, which depends least on other work of the machine. Then it prints
+the overhead of a run that takes the solver some microseconds, and the time of an attribute of a scene [us], from 2000 of each.
+With `--against`, a folder with the package of another revision, it also prints the ratio to that package, measured in turn. The
+time of the import is that of a new interpreter minus that of one that imports nothing.
 """
 
 import argparse
@@ -31,8 +32,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=9, help="of which the median is taken")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--runs", type=int, default=9, help="number of runs for a median")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     parser.add_argument("--against", metavar="FOLDER", help="package to compare with")
     options = parser.parse_args()
     runs = 1 if options.short else options.runs
@@ -71,11 +72,11 @@ NAMES = ("overhead of a short run", "attribute of a scene")
 
 
 def compare(runs: int, against: str | None) -> None:
-    """Print the times of what is small [us], and their ratio to those of another package."""
+    """Print the times of short operations [us], and their ratio to those of another package."""
     columns = [small(runs, folder) for folder in (None, against)[: 2 if against else 1]]
     for name, *times in zip(NAMES, *columns, strict=True):
         ratio = (
-            f", {times[0][0] / times[1][0]:.2f} (least {times[0][1] / times[1][1]:.2f}) of before"
+            f", {times[0][0] / times[1][0]:.2f} (least {times[0][1] / times[1][1]:.2f}) of the other package"
             if against
             else ""
         )

@@ -1,11 +1,11 @@
-"""Whether stick-slip is regular: the exponent of long orbits, and what confirms it.
+"""Whether stick-slip is regular: the Lyapunov exponent of long orbits, and its confirmation.
 
     python bench/regularity.py [--quad PROGRAM] [--short]
 
-Prints for five scenes the Lyapunov exponent for a slow cycle, pooled over runs that begin with different elongations, at several
-rtol; for V = 0.2 mm/s after how many slow cycles the motion repeats, how long that takes, and the rate at which it gets there, with
-the cycle map and without it. With ``--quad`` PROGRAM, the program in quadruple precision (-Dprecision=quad), also how two motions
-that differ by little part or come together, without the cycle map, beside the exponent of the same orbit (three minutes).
+Prints for five scenes the Lyapunov exponent for a slow cycle, pooled over runs with different initial elongations, at several
+rtol. For V = 0.2 mm/s it prints after how many slow cycles the motion repeats, how long the transient takes, and its rate, with
+and without the cycle map. With ``--quad`` PROGRAM, the program in quadruple precision (-Dprecision=quad), it also prints how two
+motions with a small difference separate or approach, without the cycle map, and the exponent of the same orbit (three minutes).
 """
 
 import argparse
@@ -29,8 +29,8 @@ SCENES = {
 SEEDS = tuple(float(seed) for seed in np.linspace(0.0, 0.92, 24))
 """Elongations at the start, over F_0/k_x."""
 
-# Of a motion that repeats: the difference of periods [s] that is none, the most slow cycles after which it repeats, the difference
-# below which its transient has ended, and those between which its rate is taken.
+# For a motion that repeats: the largest difference of equal periods [s], the largest number of slow cycles after which it repeats,
+# the difference below which its transient has ended, and the differences between which its rate is taken.
 SAME, MOST, SETTLED, BETWEEN = 1e-7, 12, 1e-4, (1e-8, 1e-5)
 
 # In quadruple precision: push over the elongation, rtol, and time [s].
@@ -45,7 +45,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quad", metavar="PROGRAM", type=Path, help="the program in quadruple precision")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     seeds = SEEDS[1:5] if options.short else SEEDS
     tolerances = (1e-8,) if options.short else (1e-8, 1e-9, 1e-11)
@@ -75,7 +75,7 @@ def run(changes: dict, t_end: float, seed: float, rtol: float, cycle_map: str = 
 
 
 def print_exponent(name: str, changes: dict, rtol: float, seeds: tuple[float, ...]) -> None:
-    """The mean over runs, its standard error from their scatter, and their scatter over what their own errors let expect."""
+    """The mean over runs, its standard error from their scatter, and the ratio of the scatter to that from their own errors."""
     t_end = 120.0 * 1e-3 / changes.get("drive.velocity", 1e-3)
     summaries = [
         run(changes, 2.0 * t_end if "drive.velocity" in changes else t_end, seed, rtol).summary
@@ -93,7 +93,7 @@ def print_exponent(name: str, changes: dict, rtol: float, seeds: tuple[float, ..
 
 
 def slips(time: np.ndarray, kind: np.ndarray) -> np.ndarray:
-    """Which events are releases that a long slip follows: it lasts for a good part of a slow period."""
+    """Whether each event is a release before a long slip, which lasts for a good part of a slow period."""
     releases = np.flatnonzero(kind[:-1] == RELEASE)
     long = (time[releases + 1] - time[releases]) > 0.02
     return releases[long]
@@ -105,7 +105,7 @@ def periods(result: ds.Result) -> np.ndarray:
 
 
 def print_repeating(seeds: tuple[float, ...]) -> None:
-    """V = 0.2 mm/s: after how many slow cycles the motion repeats, from which on, and the rate at which it gets there."""
+    """V = 0.2 mm/s: after how many slow cycles the motion repeats, from which cycle, and the rate of the transient."""
     print(
         "\nV = 0.2 mm/s: start, rtol, map: repeats after, slow cycles of the transient, rate for a slow cycle"
     )
@@ -122,7 +122,7 @@ def print_repeating(seeds: tuple[float, ...]) -> None:
             if apart[-5:].max() > SAME:
                 continue
             begins = int(np.flatnonzero(apart > SETTLED).max(initial=-1)) + 1
-            # The last cycles before: differences that decrease by the same share each time.
+            # The last cycles before: their differences decrease by the same factor each time.
             first = int(np.flatnonzero(apart > BETWEEN[1]).max(initial=-1)) + 1
             here = np.arange(first, apart.size)
             here = here[apart[first:] > BETWEEN[0]]
@@ -145,8 +145,8 @@ def print_parting(program: Path, name: str, push: float, rtol: str, t_end: float
     count = min(slip.size, other_slip.size)
     differences = []
     for one, two in zip(slip[:count], other_slip[:count], strict=True):
-        # How long some fast cycles last after a slow cycle has ended tells by how much their first angles differ. Differences of
-        # times, each as double and remainder, lose nothing.
+        # The duration of some fast cycles after the end of a slow cycle shows by how much their first angles differ. Differences of
+        # times, each as double and remainder, lose no digits.
         i, j = (
             releases[releases > at]
             for releases, at in ((releases_of(kind), one), (releases_of(other_kind), two))
@@ -162,7 +162,7 @@ def print_parting(program: Path, name: str, push: float, rtol: str, t_end: float
     print(f"\n{name}, quadruple precision, rtol {rtol}, push {push:g}: ln of the growth in each slow cycle")
     print(" ".join(f"{value:.3f}" for value in growth) + f"; mean {growth.mean():.4f}")
     print(f"difference of {FAST} fast cycles [s]: {differences[0]:.1e} to {differences[-1]:.1e}", flush=True)
-    # In double precision the orbit is the same for some slow cycles. Its exponent is over the later half of those that are complete.
+    # In double precision the orbit is the same for some slow cycles. Its exponent is from the later half of the complete ones.
     for k in range(4, len(differences) + 1):
         until = time[0][slip[k]] if k < slip.size else t_end
         summary = run(SCENES[name] | {"initial.velocity_ratio": 0.0}, until - 0.01, 0.5, 1e-12).summary

@@ -1,9 +1,9 @@
-"""What the cost of the full model, step by step, grows with: what a reader can rerun.
+"""Dependence of the cost of the full model, step by step, on its parameters; for readers to repeat.
 
     python bench/scaling.py [--cycles N] [--short]
 
-Runs Fig. 3 at rtol 1e-6 over the same number of fast cycles while one parameter goes through its decades, and prints accepted steps,
-Newton iterations and microseconds of solver time for one cycle. Only the number of cycles should count. The cycle map, which leaps
+Runs Fig. 3 at rtol 1e-6 over the same number of fast cycles while one parameter varies over its decades, and prints accepted steps,
+Newton iterations and microseconds of solver time for one cycle. Only the number of cycles should matter. The cycle map, which leaps
 most of them, is off (bench/cycle_map.py).
 """
 
@@ -35,7 +35,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--cycles", type=float, default=2000.0)
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     if options.short:
         options.cycles = 50.0

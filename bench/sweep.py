@@ -1,10 +1,10 @@
-"""Cases a second and core of a low_frequency sweep at a measured error: what a reader can rerun.
+"""Cases per second and core of a low_frequency sweep at a measured error, for readers to repeat.
 
     python bench/sweep.py [--runs N] [--cases N] [--short]
 
-The cases are 64 angles from 1 to 8 degrees, Fig. 3 otherwise, 10 s, over and over. The error is the largest relative one of
-the final u_x against radau13 at rtol 1e-12; the time is the best processor time of N runs with one thread, methods and
-tolerances by turns.
+The cases are 64 angles from 1 to 8 degrees, repeated, otherwise Fig. 3 for 10 s. The error is the largest relative error of
+the final u_x compared with radau13 at rtol 1e-12; the time is the best processor time of N runs with one thread, with methods and
+tolerances in turn.
 """
 
 import argparse
@@ -27,9 +27,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--runs", type=int, default=5, help="runs of which the best is taken")
-    parser.add_argument("--cases", type=int, default=3200, help="cases of a run")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--runs", type=int, default=5, help="number of runs, of which the best counts")
+    parser.add_argument("--cases", type=int, default=3200, help="number of cases in a run")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     if options.short:
         options.runs, options.cases = 1, 64

@@ -1,15 +1,15 @@
-"""How well sweeps use the cores, and what a large one needs: what a reader can rerun.
+"""How well sweeps use the cores, and the needs of a large one, for readers to repeat.
 
     python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--mpi "mpirun -n 2 EXE"] [--short]
 
-efficiency: two threads, and two ranks if --mpi names a launcher and a build with MPI, against one thread; cases of equal costs, and
-with costs that differ 1000 times, the expensive ones in a row. full: a map of model `full` against single runs. million: a
-summary sweep of a million cases, one process and its merge.
+efficiency: two threads, and two ranks if --mpi names a launcher and a build with MPI, compared with one thread; cases with equal
+costs, and with costs that differ by a factor of 1000, the expensive ones in a row. full: a map of model `full` compared with
+single runs. million: a summary sweep of a million cases in one process, and its merge.
 
-Two numbers that other work on the machine does not change make up an efficiency: `busy`, the share of the wall time of all cores
-that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of all. `apart`
-is `busy` without the time in which the same launcher and program start and end, measured with `version` before each run.
-`wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
+The efficiency consists of two numbers that do not depend on other work of the machine: `busy`, the share of the wall time of all
+cores that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of
+all. `apart` is `busy` without the time in which the same launcher and program start and end, measured with `version` before each
+run. `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--exe", default="dynstiction")
     parser.add_argument("--mpi")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     share = 1
     if options.short:
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def costs_deck(folder: Path, costs: str, share: int) -> Path:
-    """600 cases of some milliseconds; or 60 that cost 1000 times what the other 540 cost; `share` times fewer of all."""
+    """600 cases of some milliseconds; or 60 that cost 1000 times as much as the other 540; every `share`-th of them."""
     ends = [300.0] * 600 if costs == "equal" else [3000.0] * 60 + [3.0] * 540
     ends = ends[::share]
     (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends)]))
@@ -126,7 +126,7 @@ def spread(values: list[float]) -> str:
 
 
 def print_singles(folder: Path, exe: str, repeat: int, angles: list[float]) -> None:
-    """The cases of the map as runs of their own that write the same summary, against the map in one thread."""
+    """The cases of the map as separate runs that write the same summary, compared with the map in one thread."""
     totals = []
     for _ in range(repeat):
         total = 0.0
@@ -179,7 +179,7 @@ def print_million(folder: Path, exe: str, side: int) -> None:
 
 
 def memory() -> int:
-    """Most memory of any process so far [MB]."""
+    """Largest memory of any process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
 
 

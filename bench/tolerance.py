@@ -1,17 +1,18 @@
-"""What rtol means, and what it costs, by method: true errors on random scenes, all steps made (`cycle_map = 'off'`).
+"""True error and cost by rtol and method, on random scenes, without leaps over cycles (`cycle_map = 'off'`).
 
     python bench/tolerance.py [--scenes N] [--seed N] [--methods radau9,...] [--exe PATH] [--short]
 
-A scene begins at rest, with a random load of the soft spring, and slips for 150 fast periods, or up to ten times that if it then
-reaches the end of the slow cycle. Its truth is radau13 at rtol = 1e-12. Scenes in which dop853 at 1e-12 (radau9, where that takes more
-than 200,000 steps) differs from it by more than 1e-9 are listed and left out. The error of a run is its largest difference from the truth at
-20,000 samples: of the slip velocity relative to the largest slip speed, or of the spring force relative to the static limit F_0, whichever
-is more. The conditioning C is the difference that a change of the mass makes, over its relative size.
+A scene begins at rest, with a random load of the soft spring, and slips for 150 fast periods, or up to ten times as long if it
+then reaches the end of the slow cycle. The true motion is radau13 at rtol = 1e-12. Scenes in which dop853 at 1e-12 (radau9, if
+dop853 takes more than 200,000 steps) differs from it by more than 1e-9 are listed and left out. The error of a run is its largest
+difference from the true motion at 20,000 samples: of the slip velocity relative to the largest slip speed, or of the spring force
+relative to the static limit F_0, whichever is larger. The conditioning C is the difference caused by a change of the mass, over
+the relative change.
 
-Prints, for every method and tolerance, quantiles of error/rtol, the shares of scenes below, within and above 0.01 and 30, that beyond
-30 (1 + C), and the work; then the work of the Radau methods for a given error: interpolated between the tolerances, as geometric means
-over the scenes. Work is in millions of instructions: of Newton iterations and of steps, as callgrind counts them on Fig. 3 (without
-valgrind: the number of evaluations). Some six minutes.
+Prints, for every method and tolerance, quantiles of error/rtol, the shares of scenes below 0.01, up to 30 and above, the share
+beyond 30 (1 + C), and the work; then the work of the Radau methods for a given error, interpolated between the tolerances, as
+geometric means over the scenes. Work is in millions of instructions of Newton iterations and steps, as callgrind counts them on
+Fig. 3 (without valgrind: the number of evaluations). It takes about six minutes.
 """
 
 import argparse
@@ -48,17 +49,17 @@ MOST_STEPS = 200_000
 
 @dataclass
 class Scene:
-    """A random scene and its truth."""
+    """A random scene and its true motion."""
 
     number: int
     values: dict[str, float]
     load: float
-    """Of the soft spring at the start, over the static limit."""
+    """Initial load of the soft spring, over the static limit."""
     t_end: float
     truth: dict[str, np.ndarray] = field(default_factory=dict)
     sticks: int = 0
     apart: float = 0.0
-    """What a second method differs from the truth by."""
+    """Difference of a second method from the true motion."""
     conditioning: float = 0.0
     checked_by: str = "dop853"
 
@@ -69,7 +70,7 @@ class Scene:
 
 @dataclass
 class Run:
-    """Error and work of one run; a run that gave up has none."""
+    """Error and work of one run; none if the run gave up."""
 
     scene: Scene
     error: float = math.nan
@@ -87,7 +88,7 @@ def main() -> None:
     parser.add_argument(
         "--exe", default=shutil.which("dynstiction") or DECK.parent.parent / ".venv/bin/dynstiction"
     )
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     methods, numbers = options.methods.split(","), range(options.scenes)
     tolerances = {method: MORE_TOLERANCES if method in STAGES else TOLERANCES for method in methods}
@@ -109,7 +110,7 @@ def main() -> None:
 
 
 def progress(items: Sequence, what: str):
-    """The items, with a line now and then."""
+    """The items, with a line of progress from time to time."""
     due = time.monotonic() + 10.0
     for i, item in enumerate(items):
         if time.monotonic() > due:
@@ -122,7 +123,7 @@ def progress(items: Sequence, what: str):
 
 
 def draw(seed: int, number: int) -> Scene | None:
-    """A random scene with its truth; none if the truth cannot be had."""
+    """A random scene with its true motion; none if that cannot be computed."""
     values = random_values(seed, number)
     load = float(np.random.default_rng([seed, number, 1]).uniform())
     scene = Scene(number, values, load, duration(values, load))
@@ -145,7 +146,7 @@ def draw(seed: int, number: int) -> Scene | None:
 
 
 def duration(values: dict[str, float], load: float) -> float:
-    """The stick at the start, and then fast periods, or what is left of the slow cycle if that is affordable [s]."""
+    """Duration of the initial stick, and then of fast periods, or of the remainder of the slow cycle if affordable [s]."""
     groups = ds.Scene(DECK).groups()
     stiffness_x = float(groups["system"]["stiffness_x"])
     pull = np.array(
@@ -192,7 +193,7 @@ def run(scene: Scene, method: str, rtol: float, heavier: float = 1.0) -> Result:
 
 
 def error(scene: Scene, result: Result) -> float:
-    """Of the slip velocity or of the spring force, over their scales."""
+    """Largest difference of the slip velocity or of the spring force, over their scales."""
     truth = scene.truth
     w, force = (
         float(np.hypot(result[x] - truth[x], result[y] - truth[y]).max())
@@ -225,12 +226,12 @@ class Price:
 
     def of(self, run: Run) -> float:
         newton, rhs = run.work["newton"], run.work["rhs"]
-        # Beyond its stages at each iteration a step evaluates its two probes.
+        # Besides its stages at each iteration, a step evaluates its two probes.
         return self.iteration * newton + self.step * (rhs - self.stages * newton) / 2.0
 
 
 def price(method: str, exe: str, tolerances: Sequence[float]) -> Price:
-    """What is paid on Fig. 3, the start of the program apart, from runs at these tolerances and two lengths."""
+    """Cost on Fig. 3 without the start of the program, from runs at these tolerances and two lengths."""
     stages = STAGES.get(method, 0)
     if not shutil.which("valgrind"):
         return Price(stages, iteration=float(stages), step=2.0)
@@ -281,7 +282,7 @@ def print_scenes(drawn: Sequence[Scene], asked: int) -> None:
 
 
 def print_errors(runs: dict[tuple[str, float], list[Run]], prices: dict[str, Price]) -> None:
-    """Quantiles of error over rtol, and how many are what they should be."""
+    """Quantiles of error over rtol, and the shares of errors in the expected range."""
     print(
         f"\nError over rtol: least, 5, 25, 50, 75, 95 %, most; below, within, above {BAND[0]} ... {BAND[1]:g}, beyond {BAND[1]:g} (1 + C); "
         "geometric mean of the work"
@@ -328,7 +329,7 @@ def print_work(
 
 
 def work_for(target: float, tried: Sequence[Run], price: Price) -> float:
-    """From runs of increasing tolerance; an error counts as no less than that of a smaller tolerance."""
+    """Work from runs of increasing tolerance; an error counts as at least that of a smaller tolerance."""
     done = [r for r in tried if r.work]
     error = np.maximum.accumulate([max(r.error, 1e-16) for r in done])
     work = [price.of(r) for r in done]

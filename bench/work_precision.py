@@ -1,11 +1,11 @@
-"""Work against true error of methods on random scenes, step by step: what a reader can rerun.
+"""Work against true error of methods on random scenes, step by step, for readers to repeat.
 
     python bench/work_precision.py [--methods NAME...] [--scenes N] [--seed N] [--exe PATH] [--short]
 
 Runs Fig. 3 (10 s) and N random scenes (mass, stiffness_y, misalignment, drive velocity and v_f log-uniform) at rtol 1e-2 ... 1e-5
-with the cycle map off. Prints the error of w and u_x against radau13 at rtol 1e-11 (root mean square of 200 samples, relative), the
-sticks more or less, and the millions of instructions (callgrind) less those of a run of no length; 0 where there is no valgrind.
-Errors near 1 are those of scenes in which disturbances grow. All of it takes about an hour.
+with the cycle map off. Prints the error of w and u_x relative to radau13 at rtol 1e-11 (root mean square of 200 samples), the
+difference in the number of sticks, and the millions of instructions (callgrind) minus those of a run of length 0; 0 without
+valgrind. Errors near 1 belong to scenes in which disturbances grow. All of it takes about an hour.
 """
 
 import argparse
@@ -26,7 +26,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 SAMPLES = 200
 #: Fast cycles and times to load the soft spring after which a random scene ends, whichever is first.
 FAST_CYCLES, LOADS = 150, 2
-#: Of Fig. 3, which the random scenes share: N/m and N.
+#: Values of Fig. 3, which the random scenes share: N/m and N.
 STIFFNESS_X, STATIC_LIMIT = 1e3, 2.0
 
 Scene = dict[str, float]
@@ -40,7 +40,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=12, help="random ones")
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
     options = parser.parse_args()
     scenes = [{"scene.t_end": 10.0}, *random_scenes(options.scenes, options.seed)]
     tolerances: tuple[float, ...] = TOLERANCES
@@ -121,10 +121,10 @@ def result(
 
 
 def instructions(exe: str, file: Path, scene: Scene, method: str, rtol: float) -> int:
-    """Of the whole process, whose count is the largest of those that it and what it forks print."""
+    """Instructions of the whole process: the largest of the counts that it and its child processes print."""
     if VALGRIND is None:
         return 0
-    # To look at a file before it is replaced takes instructions too.
+    # The check of a file before it is replaced also takes instructions.
     file.unlink()
     words = [VALGRIND, "--tool=callgrind", f"--callgrind-out-file={file}.callgrind"]
     words += command(exe, file, scene, method, rtol)

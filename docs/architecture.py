@@ -1,9 +1,9 @@
-"""Draw docs/architecture.svg, the house: rooms are the folders of src/, floors follow from who uses whom.
+"""Draw docs/architecture.svg: the layers, which are the folders of src/, on levels that follow from their dependences.
 
     python docs/architecture.py
 
-The second line of a room's meson.build says which rooms it may use. A module that uses another room, rooms that use each other, and
-a promise that nothing needs are complained of, and nothing is drawn. So the picture cannot disagree with the source.
+The second line of a layer's meson.build says which layers it may use. If a module uses another layer, layers use each other, or a named
+layer is not used, the script prints this and draws nothing. So the picture always agrees with the source.
 """
 
 import argparse
@@ -19,13 +19,13 @@ GENERATED = {"precision", "build_info", "error_page"}
 
 
 def rooms_of(source: Path) -> dict[str, Path]:
-    """Each room's folder; Python's side of the core is one, though it stands with Python."""
+    """Folder of each layer; the interface to Python, python/core, is also a layer."""
     rooms = {path.parent.name: path.parent for path in sorted(source.glob("*/meson.build"))}
     return rooms | {"python": source.parent / "python" / "core"}
 
 
 def modules_of(folder: Path) -> dict[str, set[str]]:
-    """The modules of a room, each with those that it uses. Two files of one module count as one, its submodules too."""
+    """The modules of a layer, each with the modules that it uses. Several files of one module, and its submodules, count as one."""
     found: dict[str, set[str]] = {}
     for file in sorted(folder.glob("*.f90")):
         text = file.read_text(encoding="utf-8")
@@ -36,13 +36,13 @@ def modules_of(folder: Path) -> dict[str, set[str]]:
 
 
 def promised(folder: Path) -> tuple[str, set[str]]:
-    """What a room is for, and the rooms that it may use."""
+    """Purpose of a layer, and the layers that it may use."""
     first, second = (folder / "meson.build").read_text(encoding="utf-8").splitlines()[:2]
     return first.removeprefix("# "), set(second.removeprefix("# Uses: ").rstrip(".").split()) - {"nothing"}
 
 
 def complaints(source: Path) -> list[str]:
-    """What stands in the way of the rule that rooms use only those that they name, and never in a circle."""
+    """Violations of the rule that layers use only the layers that they name, and never in a circle."""
     rooms = rooms_of(source)
     room_of = {module: room for room, folder in rooms.items() for module in modules_of(folder)}
     found = []
@@ -51,20 +51,20 @@ def complaints(source: Path) -> list[str]:
         for module, others in modules_of(folder).items():
             for other in sorted(others - GENERATED - {module}):
                 if other not in room_of:
-                    found.append(f"{room}/{module} uses {other}, which is in no room")
+                    found.append(f"{room}/{module} uses {other}, which is in no layer")
                 elif room_of[other] not in {room, *promised(folder)[1]}:
                     found.append(
-                        f"{room}/{module} uses {room_of[other]}/{other}, a room that {room} does not name"
+                        f"{room}/{module} uses {room_of[other]}/{other}, a layer that {room} does not name"
                     )
                 used.add(room_of.get(other))
         found += [
             f"{room} names {other}, but does not use it" for other in sorted(promised(folder)[1] - used)
         ]
-    return found or ([] if floors(rooms) else ["rooms use each other in a circle"])
+    return found or ([] if floors(rooms) else ["layers use each other in a circle"])
 
 
 def floors(rooms: dict[str, Path]) -> list[list[str]]:
-    """Rooms by floor, the lowest first; empty if they use each other in a circle."""
+    """Layers by level, the lowest first; empty if they use each other in a circle."""
     found: list[list[str]] = []
     placed: set[str] = set()
     while len(placed) < len(rooms):
@@ -114,7 +114,7 @@ def draw_room(
 
 
 def share_out(floor: list[str], rooms: dict[str, Path]) -> list[float]:
-    """Widths of the rooms of a floor: by how much stands in them."""
+    """Widths of the layers of a level, by the lengths of the names in them."""
     sizes = [max(260.0, sum(7.2 * len(m) + 20 for m in modules_of(rooms[room]))) for room in floor]
     room_left = WIDTH - 2 * MARGIN - GAP * (len(floor) - 1)
     least = min(260.0, room_left / len(floor))
@@ -141,9 +141,9 @@ def picture(source: Path) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:.0f}" width="{WIDTH}" height="{y:.0f}" '
         'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">'
     )
-    title = text("The rooms of src/, floor above floor", MARGIN, 26, 17, 'font-weight="bold"')
+    title = text("The layers of src/, each level above those that it uses", MARGIN, 26, 17, 'font-weight="bold"')
     below = text(
-        "A room uses only rooms on lower floors, and of these only those that it names.",
+        "A layer uses only layers on lower levels, and of these only those that it names.",
         MARGIN,
         44,
         11.5,

@@ -26,7 +26,7 @@ DOCS = Path(__file__).resolve().parent
 Values = NDArray[np.float64]
 
 END_OF_SWING = 0.05
-"""Amplitude of k_x u_x, peak to peak, over F_0, at which stick-slip has ended where it fades gradually."""
+"""Amplitude of k_x u_x, peak to peak, over F_0, below which stick-slip has ended if it fades gradually."""
 
 ACCURATE = (
     (0.03, "swing", 1.507040136),
@@ -166,7 +166,7 @@ def near_bautin(rig: Rig, drive: float) -> float:
 
 
 def small_cycle(rig: Rig, drive: float, order: int) -> float:
-    """Where the cycle has the last swing, by the expansion to this order (2 or 4) in its amplitude [rad]; nan if it has no solution."""
+    """Angle of the cycle with the least amplitude, by the expansion to this order (2 or 4) in the amplitude [rad]; nan if none."""
     half = 0.5 * END_OF_SWING * rig.static_limit / rig.impedance
 
     def excess(angle: float) -> float:
@@ -244,7 +244,7 @@ def averaged(rig: Rig, drive: float, angle: float, amplitude: float) -> tuple[fl
 
 
 def averaged_third(rig: Rig, drive: float, angle: float, amplitude: float) -> tuple[float, float, float]:
-    """The condition for a cycle to third order, half its swing over sqrt(m k_x) [m/s], its frequency over omega."""
+    """The condition for a cycle to third order, half of its amplitude (peak to peak) over sqrt(m k_x) [m/s], its frequency over omega."""
     w = drive * math.cos(angle) + amplitude * np.cos(TURN)
     force, slope, bend = (x / rig.impedance for x in rig.phi(w, np.array(drive * math.sin(angle))))
     higher = 1.0 / np.maximum(WAVES**2 - 1.0, 1.0) * (WAVES > 1)
@@ -331,7 +331,7 @@ def universal(gamma: float, order: int) -> float:
 
 
 def next_valley(rig: Rig, drive: float, angle: float, valley: float) -> tuple[float, float, float, float]:
-    """From a smallest k_x u_x [N] to the next: it, the peak between [N], the time [s], the integral of Phi'/m."""
+    """From a smallest k_x u_x [N] to the next: the next one and the peak in between [N], the time [s], the integral of Phi'/m."""
     across, centre = drive * math.sin(angle), drive * math.cos(angle)
 
     def motion(_: float, y: Values) -> list[float]:
@@ -384,7 +384,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--short", action="store_true", help="a few seconds: whether it still runs; writes nothing"
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs; writes nothing"
     )
     options = parser.parse_args()
     rig = Rig()

@@ -1,9 +1,9 @@
-"""Measure what docs/cycle_map.md says of the cycle map, and draw its figures: what a reader can rerun.
+"""Measure the numbers of docs/cycle_map.md and draw its figures, so that readers can repeat them.
 
     python docs/cycle_map.py [--short]
 
 Prints two tables in Markdown. The first: Chebyshev interpolation of the time T of a cycle of Fig. 3 and of the turn of the
-spring force in it, on three intervals of the angle, by the number of points; each cycle is a run of its own. The second: Fig. 3
+spring force in it, on three intervals of the angle, by the number of points; each cycle is a separate run. The second: Fig. 3
 at t = 10 s with and without the cycle map. Writes docs/figures/cycle_map.png and cycle_map_irregular.png.
 """
 
@@ -39,7 +39,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--short", action="store_true", help="a few seconds: whether it still runs; writes nothing"
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs; writes nothing"
     )
     options = parser.parse_args()
     print_interpolation(POINTS[:2] if options.short else POINTS)
@@ -76,14 +76,14 @@ def interpolation_errors(interval: tuple[float, float], count: int) -> np.ndarra
 
 
 def end_of_sticks() -> float:
-    """Where the share of the time at rest, which falls like a square root, would be zero [deg]."""
+    """Angle at which the share of the time at rest, which decreases like a square root, would be zero [deg]."""
     angles = (24.0, 23.7)
     first, second = (cycle(angle)[2] ** 2 for angle in angles)
     return angles[1] - (angles[0] - angles[1]) * second / (first - second)
 
 
 def cycle(angle: float) -> tuple[float, float, float]:
-    """Of the cycle from an angle [deg]: how long it lasts [s], how far the spring force turns [rad], its share at rest."""
+    """Duration [s], turn of the spring force [rad] and share of the time at rest, for the cycle from an angle [deg]."""
     direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     elongation = LIMIT * direction / STIFFNESS
     period = 2.0 * np.pi * np.sqrt(0.25 / 1e7) / direction[1]

@@ -1,10 +1,10 @@
-"""Measure what docs/fit.md says of fits, and draw its figures: what a reader can rerun.
+"""Measure the numbers of docs/fit.md and draw its figures, so that readers can repeat them.
 
     python docs/fit.py [--short]
 
-Prints two tables in Markdown. The first: what a force trace along the pull tells of a rig, as standard errors by noise and sampling.
-The second: how often creep before slip is seen, by misalignment and noise, and with static friction. Writes docs/figures/fit.png,
-identifiability.png.
+Prints two tables in Markdown. The first: standard errors of the parameters of a rig from a force trace along the pull, by noise
+and sampling. The second: how often creep before slip is detected, by misalignment and noise, and with static friction. Writes
+docs/figures/fit.png, identifiability.png.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def identifiability(short: bool) -> dict[tuple[float, float], ds.Fit]:
         for noise in NOISES[1:2] if short else NOISES:
             found[rate, noise] = ds.fit(RIG, noisy(trace, noise, 1), FREE)
     names = [name.partition(".")[2] for name in FREE]
-    print("| samples a second | noise, of the swing | " + " | ".join(names) + " |")
+    print("| samples per second | noise, of the amplitude | " + " | ".join(names) + " |")
     print("| --- " * (len(FREE) + 2) + "|")
     for (rate, noise), fit in found.items():
         cells = [

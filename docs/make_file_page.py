@@ -2,8 +2,8 @@
 
     python docs/make_file_page.py [EXECUTABLE]
 
-Names, types, units and meanings are read from the files of a short run and a small sweep; only what cannot be read from
-them stands here.
+Names, types, units and meanings are read from the files of a short run and a small sweep; only texts that are not in these
+files are in this script.
 """
 
 import argparse
@@ -27,7 +27,7 @@ An HDF5 file in the format of HDF5 1.8, which every HDF5 library since 2008 read
 languages: [howto/read_files.md](howto/read_files.md).
 
 * Texts are variable-length UTF-8. Numbers are 64-bit floats and integers; `sticking` and `kind` are bytes.
-* Every dataset has the attributes `units` and `long_name`. `/time_series/time` is the dimension scale of the columns beside it.
+* Every dataset has the attributes `units` and `long_name`. `/time_series/time` is the dimension scale of the other columns.
 * The last sample is at `t_end` exactly. Columns grow in chunks with Fletcher-32 checksums, and are flushed every `output.flush_seconds`: a killed run
   leaves a readable file.
 * A value of `/summary` that has no meaning, such as the mean of a cycle that did not occur, is left out.
@@ -35,48 +35,48 @@ languages: [howto/read_files.md](howto/read_files.md).
 
 ROOT = {
     "program": "`dynstiction`, or `dynstiction-quad` of the build in quadruple precision",
-    "version": "of the program",
-    "git_revision": "of its source",
-    "compiler": "that it was built with",
-    "build_flags": "of the compiler",
-    "host": "where the file was written",
-    "job": "of the scheduler that this was in (Slurm, PBS, LSF); empty without one",
+    "version": "version of the program",
+    "git_revision": "revision of its source",
+    "compiler": "compiler that built it",
+    "build_flags": "flags of the compiler",
+    "host": "machine on which the file was written",
+    "job": "job of the scheduler (Slurm, PBS, LSF); empty without one",
     "mpi": "name and version of the program's MPI; empty without one",
-    "processes": "that shared a sweep; 1 of a run",
-    "threads": "of each process",
-    "created": "when the run began, ISO 8601, UTC",
+    "processes": "number of processes that shared a sweep; 1 for a run",
+    "threads": "number of threads of each process",
+    "created": "time at which the run began, ISO 8601, UTC",
     "deck_sha256": "SHA-256 of the deck as read",
-    "model": "that was integrated",
+    "model": "model that was integrated",
     "model_choice": "with `model = 'auto'`: which model was taken, and why",
-    "method": "of integration; `closed form` of the models that have one",
-    "result_code": "0 done, -1 going on or killed, else why it ended: [errors.md](errors.md)",
+    "method": "method of integration; `closed form` for the models that have one",
+    "result_code": "0: done; -1: still running, or killed; else why the run ended: [errors.md](errors.md)",
     "result_text": "the same in words",
     "complete": "1 when the run reached its end; written last",
 }
 
 GROUPS = {
     "deck": "The deck.",
-    "parameters": "Every key with a number, as used. In SI units; angles in degrees where the name says so.",
-    "time_series": "The columns that `output.fields` names, one value a sample.",
-    "events": "Every stick and slip, whether or not a sample lies near.",
-    "summary": "What the run amounts to, from every step, whatever `output.interval` is.",
-    "statistics": "The work done.",
+    "parameters": "Every key with a number, as used. In SI units; angles are in degrees if the name says so.",
+    "time_series": "The columns that `output.fields` names, one value for each sample.",
+    "events": "Every stick and slip, whether or not a sample is near.",
+    "summary": "Summary values of the run. They are computed from every step, whatever `output.interval` is.",
+    "statistics": "Counts of the work.",
 }
 
 SWEEP = """\
 ## Sweeps
 
-The file of a deck with `&sweep` has, in place of `/time_series`, `/events` and `/summary`, one row a case. Besides these there is a dataset for each
-parameter that is varied, `/sweep/<key>`, and with `keep = 'series'` the group `/sweep/series`, a row of samples a case, padded with NaN; with `keep = 'cycles'` the group
-`/sweep/cycles` below, a row of cycles a case, padded with NaN ([sweeps.md](sweeps.md#cycles)); a case that failed has its message in
-`/sweep/failures`. The attribute `grid` of `/sweep` tells the shape.
+The file of a deck with `&sweep` has, in place of `/time_series`, `/events` and `/summary`, one row for each case. In addition there is a dataset for each
+varied parameter, `/sweep/<key>`. With `keep = 'series'` the group `/sweep/series` has a row of samples for each case, padded with NaN. With `keep = 'cycles'` the group
+`/sweep/cycles` below has a row of cycles for each case, padded with NaN ([sweeps.md](sweeps.md#cycles)). A case that failed has its message in
+`/sweep/failures`. The attribute `grid` of `/sweep` is the shape of the grid.
 """
 
 ELSEWHERE = """\
 ## Other files
 
-The file of `dynstiction trade` has the group `/trade` in place of the time series: [trade.md](trade.md). The file of `dynstiction-quad` has besides every
-column `/remainder/time_series/<name>`, what the double loses of it. The checkpoint of an unfinished run, `FILE.h5.checkpoint`, is no HDF5 file:
+The file of `dynstiction trade` has the group `/trade` in place of the time series: [trade.md](trade.md). For every column, the file of `dynstiction-quad` also has
+`/remainder/time_series/<name>`, the difference of the quadruple number from the double. The checkpoint of an unfinished run, `FILE.h5.checkpoint`, is not an HDF5 file:
 [checkpoints.md](checkpoints.md).
 """
 

@@ -19,23 +19,23 @@ COMMAND_LINE = """\
 
 <!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/app/command_table.f90 or the script, not this page. -->
 
-Every command explains itself with `--help`. Exit statuses and messages: [errors.md](errors.md). Commands marked *Python* are
-carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable finds the interpreter by the environment
-variable `DYNSTICTION_PYTHON`, else beside itself, else in `PATH`.
+`--help` explains every command. Exit statuses and messages are listed in [errors.md](errors.md). Commands marked *Python* are
+carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable takes the interpreter from the environment
+variable `DYNSTICTION_PYTHON`, else from its own folder, else from `PATH`.
 
 ## For other programs
 
-`dynstiction keys --json` prints one JSON object with all that has a name:
+`dynstiction keys --json` prints one JSON object with everything that has a name:
 
 | member | is a list of |
 | --- | --- |
 | `commands` | `name`, `by` (`dynstiction` or `Python`), `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
-| `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; an entry for each kind of argument |
+| `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; one entry for each kind of argument |
 | `exit_statuses` | `status`, `meaning` |
-| `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (key: those of its choices that use this one), `meaning` |
-| `columns`, `summary`, `statistics` | of results: `name`, `units`, `long_name` |
+| `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (other keys, and those of their choices that use this key), `meaning` |
+| `columns`, `summary`, `statistics` | columns and values of results: `name`, `units`, `long_name` |
 
-Besides these there are `version`, and `program` with what the help says of it.
+Further members are `version`, and `program` with the description of the program in the help.
 
 ## Commands
 """
@@ -46,8 +46,8 @@ DECK = """\
 <!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/deck/schema.f90 or the script, not this page. -->
 
 A deck is a text file of Fortran namelist groups: `&group`, then `key = value` lines, then `/`. Groups and
-keys come in any order, in upper or lower case. `!` begins a comment. Text stands in quotes, numbers do not.
-Lists are separated by commas; `3*0.0` means three zeros. Units are SI, angles are in degrees.
+keys come in any order, in upper or lower case. `!` begins a comment. Text is in quotes, numbers are not.
+The values of a list are separated by commas; `3*0.0` means three zeros. Units are SI, angles are in degrees.
 
 ```
 dynstiction template > my.nml     # a deck with every key explained; its values are those of Fig. 3
@@ -56,26 +56,26 @@ dynstiction run my.nml            # the same checks, then the run
 ```
 
 A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)).
-What passes `check` runs: it also sets the scene up, reads a list of points, and compares what will be written with the
-room on the disk of the output: `samples × columns × 8 bytes` of a run with `interval` > 0, and a sweep's cases
-([sweeps.md](sweeps.md)). With `wall_limit` the room is not compared: such a run writes what it computes until then.
-A key without default must be given where it is used. A key that the chosen model, law, contact or method does
+A deck that passes `check` runs: `check` also sets up the scene, reads a list of points, and compares the size of the results with the
+free space on the disk of the output: `samples × columns × 8 bytes` for a run with `interval` > 0, and the cases of a sweep
+([sweeps.md](sweeps.md)). With `wall_limit` the space is not compared, because such a run writes only the results until this limit.
+A key without default must be given if it is used. A key that the chosen model, law, contact or method does
 not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
 `v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
-quotes there. The resolved deck is kept in the result file (`/deck/resolved`), beside the deck as it was
+quotes there. The resolved deck is stored in the result file (`/deck/resolved`), together with the deck as it was
 read (`/deck/text`).
 
 `cycle_map` and `settle` are explained in [the cycle map](cycle_map.md).
 
-`interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), of the models that have it, at least
-100 in a period of the slow one, 2π/√(k_x/m), and at least 1000 in a run; of creep in closed form, at least 500 in the time in which the
-drive loads the soft spring to the static limit. A run has at most 10⁶ samples: where these do not show the fast oscillation,
-`check` and `run` print a note. The value in seconds stands in what `check` prints and in the file, `/parameters/interval`. The samples
-of a sweep with `keep = 'series'` are those of the deck as it stands, in all its cases.
+`interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), if the model has it, at least
+100 in a period of the slow oscillation, 2π/√(k_x/m), and at least 1000 in a run; for creep in closed form, at least 500 in the time in which the
+drive loads the soft spring to the static limit. A run has at most 10⁶ samples: if these do not show the fast oscillation,
+`check` and `run` print a note. The value in seconds is in the output of `check` and in the file, `/parameters/interval`. In a sweep with
+`keep = 'series'` the interval follows from the deck itself and is the same in all cases.
 
-The column `pull_force` is the force of the springs, and of the dampers beside them, on the object along the drive: k_x u_x cos φ +
-k_y u_y sin φ without dampers, positive where it pulls the object forward. A load cell between drive and springs measures it.
-`theta_deg` is `theta` in degrees. Both are written where `fields` names them.
+The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
+k_y u_y sin φ without dampers, positive if it pulls the object forward. A load cell between drive and springs measures it.
+`theta_deg` is `theta` in degrees. Both are written if `fields` names them.
 """
 
 KINDS = {"reals": "list of reals", "texts": "list of texts"}

@@ -20,7 +20,7 @@ def mathml(latex: str, display: str) -> str:
     text = re.sub(
         r"<msup>(<mi>[^<]*</mi>)<mi>(&#x0203[23];)</mi></msup>", r'\1<mo lspace="0" rspace="0">\2</mo>', text
     )
-    # A function's name stands apart from what is beside it.
+    # Space between the name of a function and its neighbours.
     text = re.sub(
         rf"((?<!<msup>){FUNCTION}|<msup>{FUNCTION}<m\w>[^<]*</m\w></msup>)(?=<m[insu])", rf"\1{SPACE}", text
     )

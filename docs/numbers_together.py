@@ -1,4 +1,4 @@
-"""A Sphinx extension: a number does not break at its minus, nor between it and its unit."""
+"""A Sphinx extension: there is no line break after the minus of a number, nor between a number and its unit."""
 
 import re
 

@@ -1,8 +1,8 @@
-"""Write the page docs/errors.md as a Fortran module, for `dynstiction help errors`: who installed a package has no docs/.
+"""Write the page docs/errors.md as a Fortran module, for `dynstiction help errors`: an installed package has no docs/.
 
     embed_errors.py PAGE OUTPUT
 
-The build does so. Rows of tables become a line each, with what to do indented below it.
+The build runs this script. Each row of a table becomes a line, with what to do indented below it.
 """
 
 import argparse
@@ -13,9 +13,9 @@ from pathlib import Path
 
 WIDTH = 100
 CHUNK = 90
-"""Bytes of a literal: lines of Fortran are short."""
+"""Largest number of bytes of a literal: lines of Fortran are short."""
 
-# Without a module of the core: what is generated has no known dependence on one, and would be compiled too rarely.
+# The generated file uses no module of the core: the build would not see the dependence, and would compile the file too rarely.
 HEAD = """!> The page on errors as text. Made by tools/embed_errors.py from docs/errors.md.
 module dst_error_page
   implicit none
@@ -25,7 +25,7 @@ module dst_error_page
 
 contains
 
-  !> All that docs/errors.md says, for a terminal.
+  !> The text of docs/errors.md, for a terminal.
   function error_page() result(text)
     character(:), allocatable :: text
     character(*), parameter :: newline = new_line('a')
@@ -75,7 +75,7 @@ def plain(lines: list[str]) -> list[str]:
 
 
 def row(heads: list[str], cells: list[str]) -> list[str]:
-    """A row of a table: what it is about, and the rest indented."""
+    """A row of a table: its subject, and the other cells indented."""
     about = (
         cells[0] if heads[0] == "message" or heads[0].startswith("the message") else f"{heads[0]} {cells[0]}"
     )

@@ -1,9 +1,9 @@
-"""Write groups.py of the Python package, the deck's groups as dataclasses, from what the program says of its keys.
+"""Write groups.py of the Python package, the deck's groups as dataclasses, from the program's description of its keys.
 
     python tools/generate_groups.py PROGRAM OUTPUT
 
-The build does so. The schema is src/deck/schema.f90. A file that is written, rather than classes made at import, is what editors,
-type checkers and readers see, and it costs nothing at import.
+The build runs this script. The schema is src/deck/schema.f90. Editors, type checkers and readers can see a file, but not classes
+that are made at import, and a file saves time at import.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from types import SimpleNamespace as Key
 WIDTH = 110
 
 CLASS_NAMES = {"scene": "Setup"}
-"""Where the group's own name is taken."""
+"""Class names of groups whose own name is used for something else."""
 
 TYPES = {
     "real": "float",
@@ -28,7 +28,7 @@ TYPES = {
 }
 
 TAKEN = ("accuracy", "points", "quantities")
-"""Keys whose names are those of other arguments of functions that take changes."""
+"""Keys with the name of another argument of functions that take changes."""
 
 HEAD = '''"""The groups of a deck as dataclasses.
 
@@ -55,7 +55,7 @@ def main() -> int:
     arguments = parser.parse_args()
     program, target = arguments.program, arguments.output
     said = subprocess.run([program, "keys", "--json"], stdout=subprocess.PIPE, check=True).stdout
-    # Numbers as texts: as the schema writes them.
+    # Numbers as texts, as the schema writes them.
     keys = [Key(**key) for key in json.loads(said, parse_int=str, parse_float=str)["keys"]]
     Path(target).write_text(module(keys), encoding="utf-8")
     return 0
@@ -92,7 +92,7 @@ def group_class(group: str, name: str, keys: list[Key]) -> list[str]:
     for key in keys:
         start, default = f"    {key.name}: {type_of(key)} = ", default_of(key)
         fits = len(start) + len(default) <= WIDTH
-        # As the formatter would break it.
+        # Line breaks as those of the formatter.
         about += [start + default] if fits else [f"{start}(", f"        {default}", "    )"]
     return [*about, ""]
 
@@ -106,7 +106,7 @@ def type_of(key: Key) -> str:
 
 
 def literal(key: Key) -> str:
-    """The words that a key takes."""
+    """The words that a key accepts."""
     return f"Literal[{', '.join(quoted(choice) for choice in key.choices)}]"
 
 
@@ -165,19 +165,19 @@ def groups_by_name(names: dict[str, str], table: list[Key]) -> list[str]:
     return [
         "",
         "GroupValues = Mapping[str, object]",
-        '"""Keys of one deck group and their values: numbers, strings, or sequences of them; None takes a key out."""',
+        '"""Keys of one deck group and their values: numbers, strings, or sequences of them; None removes a key."""',
         "",
         "",
         "class Groups(TypedDict, total=False):",
-        '    """Keywords that stand for the groups of a deck: a dataclass replaces a group, a mapping changes keys of it."""',
+        '    """Keywords for the groups of a deck: a dataclass replaces a group, a mapping changes keys of it."""',
         "",
         *(f"    {group}: {name} | GroupValues" for group, name in names.items()),
         "",
         "",
         "class Changes(Groups, total=False):",
-        '    """Keywords that change a scene: groups, or keys, whose names are unique; None takes a key out.',
+        '    """Keywords that change a scene: groups, or keys, whose names are unique; None removes a key.',
         "",
-        "    No key takes a mapping; type checkers let one pass, so that ``**settings`` by group is accepted.",
+        "    No key takes a mapping; type checkers accept one, so that ``**settings`` by group is accepted.",
         '    """',
         "",
         *(f"    {key.name}: {of_change(key)}" for key in table if key.name not in TAKEN),
@@ -210,7 +210,7 @@ def scene_base(names: dict[str, str]) -> list[str]:
             "",
             "    @property",
             f"    def {group}(self) -> {name}:",
-            f'        """Group ``&{group}``, with the defaults of what is not given."""',
+            f'        """Group ``&{group}``, with defaults for keys that are not given."""',
             f"        return self._group({name})",
         ]
     return lines

@@ -2,7 +2,7 @@
 
     python tools/man_page.py PROGRAM OUTPUT
 
-The build does so.
+The build runs this script.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import Any
 
 ABOUT = """\
 .B dynstiction
-follows a mass on two springs, a soft and a stiff one, that is pulled over a floor with friction: slow creep, stick-slip and steady
-sliding, after Nakano and Popov, Phys. Rev. E 102, 063001 (2020).
+computes the motion of a mass on two springs, a soft and a stiff one, that is pulled over a floor with friction: slow creep,
+stick-slip and steady sliding, after Nakano and Popov, Phys. Rev. E 102, 063001 (2020).
 It reads a deck and writes an HDF5 file.
 """
 BY_PYTHON = """\
-Carried out by the Python package, through the interpreter
+The Python package carries out this command, with the interpreter
 .BR DYNSTICTION_PYTHON ,
-else the python3 beside the executable, else that of PATH.
+else the python3 in the folder of the executable, else that of PATH.
 """
 FILES = """\
 .TP
@@ -57,7 +57,7 @@ def main(program: str, output: Path) -> None:
 
 
 def describe(command: dict[str, Any], options: list[dict[str, Any]]) -> str:
-    """A subsection: usage, what it does, options, examples."""
+    """A subsection: usage, meaning, options, examples."""
     taken = [
         (f"{option['name']} {option['argument']}".strip(), option["meaning"])
         for option in options
@@ -102,7 +102,7 @@ def verbatim(text: str) -> str:
 
 
 def line(text: str) -> str:
-    """A line of text: a full stop or a quote that begins one would begin a request."""
+    """A line of text; a full stop or a quote at its begin is escaped, because it would start a request."""
     return ("\\&" if text.startswith((".", "'")) else "") + escape(text) + "\n"
 
 

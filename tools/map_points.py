@@ -3,7 +3,7 @@
 
     python tools/map_points.py [DIR]
 
-A run has to last for some stick-slip cycles, of about l_x/V = mu_0 W/(k_x V) each, and then for what passes before the
+A run must last for some stick-slip cycles, of about l_x/V = mu_0 W/(k_x V) each, and for the time until the
 motion has settled. System and friction are those of Fig. 3 of Nakano and Popov (2020).
 """
 
@@ -21,14 +21,14 @@ Point = tuple[float, ...]
 
 
 def log_spaced(first: float, last: float, count: int) -> list[float]:
-    """`count` values in equal ratios, to four digits."""
+    """`count` values with equal ratios, to four digits."""
     return [float(f"{first * (last / first) ** (i / (count - 1)):.4g}") for i in range(count)]
 
 
 def phi_velocity() -> Iterator[Point]:
     """Misalignment against drive velocity: four lengths l_x of drive, and time to settle.
 
-    That is 30 slow periods, and more of them the faster the drive: friction then damps the slow motion little.
+    This time is 30 slow periods, and more with a faster drive, for which friction damps the slow motion less.
     """
     for phi in log_spaced(0.3, 30.0, 27):
         for velocity in log_spaced(3.0e-5, 0.1, 29):
@@ -36,9 +36,9 @@ def phi_velocity() -> Iterator[Point]:
 
 
 def by_lambda() -> Iterator[Point]:
-    """Lambda from 1e4 to 0.1 at some misalignments, once by the mass and once by the velocity.
+    """Lambda from 1e4 to 0.1 at some misalignments, by a change of the mass and by a change of the velocity.
 
-    Four lengths l_x of drive, and 400 slow periods: with much inertia the motion settles slowly.
+    The drive moves by four lengths l_x, and then for 400 slow periods: with large inertia the motion settles slowly.
     """
     for phi in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0):
         unit = FRICTION / (2.0 * math.sin(math.radians(phi)) * math.sqrt(STIFFNESS_X))

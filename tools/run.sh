@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # tools/run.sh DECK [OPTION of "dynstiction run"]...
 #
-# Installs what is missing, builds the program, runs the deck and draws its figure. The first time takes one to two minutes and says what
-# it does; afterwards it takes seconds. Writes NAME.h5 and NAME.png in the current folder for a deck NAME.nml, or FILE.h5 and FILE.png
+# Installs what is missing, builds the program, runs the deck and draws its figure. The first run takes one to two minutes and
+# prints what it does; later runs take seconds. Writes NAME.h5 and NAME.png in the current folder for a deck NAME.nml, or FILE.h5 and FILE.png
 # with -o FILE.h5; an earlier run's files are replaced.
 #
 # Needs Debian or Ubuntu (it installs the rest, into .venv and build beside this folder; compilers and libraries with apt-get), or another Unix
@@ -36,7 +36,7 @@ is_new=no
 prepare
 build_program -Dtests=false
 say "Running $deck"
-# From here on Ctrl-C is answered by the program itself.
+# From here on the program itself handles Ctrl-C.
 trap - INT
 dynstiction run "$deck" --overwrite "$@"
 PYTHONDONTWRITEBYTECODE='' python -m dynstiction plot "$file" -o "$picture"

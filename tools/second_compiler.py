@@ -2,8 +2,8 @@
 
     python tools/second_compiler.py COMPILER, for example flang-new-19
 
-Everything below the result file is compiled, in the order of use; HDF5's and MPI's own modules fit one compiler only. Left out of
-the tests are those that need these rooms, or functions in quadruple precision, which LLVM 19 has not. Prints the first file that
+All layers below the result file are compiled, in the order of use; the modules of HDF5 and MPI fit only one compiler. Tests that
+need the other layers, or functions in quadruple precision, which LLVM 19 does not have, are left out. Prints the first file that
 does not compile, or a last line `N files compiled, N test programs passed, N failed`.
 """
 

@@ -1,6 +1,6 @@
 # Sourced by the scripts in this folder: installs what is missing and builds, and says so before it does.
-# Nothing but the apt packages below is installed outside the checkout. A rerun with nothing changed takes seconds.
-# A script that was interrupted is simply started again: what is half done is recognised and done anew.
+# Only the apt packages below are installed outside the checkout. Repeating a script without changes takes seconds.
+# If a script was interrupted, start it again: unfinished steps are recognised and repeated.
 
 set -euo pipefail
 
@@ -14,7 +14,7 @@ say() { printf '%s\n' "$*" >&2; }
 die() { say "${0##*/}: $*"; exit 1; }
 have() { command -v "$1" > /dev/null; }
 
-# Ctrl-C, also where what was running ends as if it had failed.
+# Ctrl-C, also if the running command ends as if it had failed.
 trap 'say "${0##*/}: interrupted; start the same command again to continue"; exit 130' INT
 
 # help_if_wanted "$@": with --help or -h as the first argument, print the comment at the head of the script, and end.
@@ -24,8 +24,8 @@ help_if_wanted() {
   exit 0
 }
 
-# busy LOG PATTERN COMMAND...: run the command, with its output into LOG. As long as it takes, a line every 8 s says how far it is:
-# the last match of PATTERN (of grep -E) in LOG.
+# busy LOG PATTERN COMMAND...: run the command and write its output to LOG. Every 8 s a line shows the progress:
+# the last match of PATTERN (for grep -E) in LOG.
 busy() {
   local log=$1 pattern=$2 watcher status=0
   shift 2
@@ -43,7 +43,7 @@ report_progress() {
   local begin=$SECONDS next=8 silence last
   exec {silence}<> <(:)
   while kill -0 $$ 2> /dev/null; do
-    # A pause of a second without a process that would outlive this one.
+    # A pause of a second, without a process that could run longer than this script.
     read -r -t 1 -u "$silence" || true
     ((SECONDS - begin >= next)) || continue
     next=$((next + 8))
@@ -52,8 +52,8 @@ report_progress() {
   done
 }
 
-# prepare [SET]...: everything that a run and a picture need, and what tools/requirements_SET.txt names; afterwards .venv/bin comes first
-# on PATH.
+# prepare [SET]...: install everything that a run and a picture need, and the packages of tools/requirements_SET.txt; afterwards
+# .venv/bin comes first in PATH.
 prepare() {
   find_python
   install_system_packages
@@ -64,7 +64,7 @@ prepare() {
   export PATH=$venv/bin:$PATH
 }
 
-# Whether tools/test.sh of this checkout, which calls this script, has already installed all, and runs tests with what is installed.
+# Whether tools/test.sh of this checkout has called this script; it has already installed everything, and tests this installation.
 is_prepared() { [[ ${DYNSTICTION_PREPARED:-} == "$checkout" ]]; }
 
 find_python() {
@@ -72,7 +72,7 @@ find_python() {
   for candidate in "${PYTHON:-python3}" python3 python3.{14,13,12,11}; do
     if have "$candidate" && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null; then
       python=$(command -v "$candidate")
-      # In a shell where .venv is active: that of which it was made, as it may have to be made again.
+      # In a shell with an active .venv: the Python from which it was made, as it may have to be made again.
       [[ $python != "$venv"/* ]] || python=$("$python" -c 'import sys; print(sys._base_executable)')
       python_version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
       return
@@ -87,7 +87,7 @@ install_system_packages() {
     for package in "${debian_packages[@]}"; do
       [[ $(dpkg-query -W -f '${db:Status-Status}' "$package" 2> /dev/null) == installed ]] || missing+=("$package")
     done
-    # A Python that is not Debian's brings these two itself.
+    # A Python that is not Debian's contains these two.
     "$python" -c 'import venv, ensurepip' 2> /dev/null || missing+=("python$python_version-venv")
     has_python_headers || missing+=("python$python_version-dev")
     ((${#missing[@]} == 0)) || apt_install "${missing[@]}"
@@ -113,19 +113,19 @@ apt_install() {
   fi
   apt_get() { busy "$checkout/build/apt.log" '^(Get:[0-9]+|Unpacking|Setting up) .*' "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "$@"; }
   # The lists may be absent or stale; an unreachable extra source must not stop the installation.
-  apt_get update || say "apt-get update failed; trying with the lists that are here"
+  apt_get update || say "apt-get update failed; trying with the existing lists"
   apt_get install --no-install-recommends -y "$@" || { tail -n 20 "$checkout/build/apt.log" >&2; die "apt-get could not install $*"; }
 }
 
 names_in() { grep -v '^#' "$1" | tr '\n' ' '; }
 
-# The .venv of this checkout; made anew when its requirements, the Python or the checkout's place changed.
+# The .venv of this checkout; it is made again if its requirements, the Python or the path of the checkout changed.
 create_environment() {
   local stamp=$venv/installed wanted requirements=$checkout/tools/requirements.txt
   wanted=$(printf 'Python %s, %s\n' "$python_version" "$checkout"; cat "$requirements")
   if [[ -e $stamp && $(< "$stamp") == "$wanted" ]]; then return; fi
   say "Installing into $venv (about 30 s): $(names_in "$requirements")"
-  # First what says that all is there: removing may be interrupted, too.
+  # The stamp is removed first, because removing may be interrupted, too.
   rm -f "$stamp" "$checkout"/build/*/build.ninja
   rm -rf "$venv" "$checkout/build"
   busy "$checkout/build/venv.log" '' "$python" -m venv "$venv" || { cat "$checkout/build/venv.log" >&2; die "no environment: see above"; }
@@ -133,7 +133,7 @@ create_environment() {
   printf '%s\n' "$wanted" > "$stamp"
 }
 
-# What tests and packages need besides, by sets.
+# Additional requirements of tests and packages, by sets.
 add_requirements() {
   local set requirements stamp
   for set in "$@"; do
@@ -151,7 +151,7 @@ add_requirements() {
 # pip_install [OPTION]... [PACKAGE]...: into .venv.
 pip_install() {
   local log=$checkout/build/pip.log
-  # Bytecode of all there is takes most of the time, and a third of the room. run.sh makes it of what it imports.
+  # Bytecode of all packages would take most of the time, and a third of the space. run.sh makes it for the modules that it imports.
   busy "$log" '^ *(Collecting|Downloading|Installing) [^ ]*( [^ ]*)?' \
     "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile "$@" || {
     grep -vE '^ *(Collecting|Downloading|Using cached|Requirement already)' "$log" >&2 || true
@@ -159,7 +159,7 @@ pip_install() {
   }
 }
 
-# configure FOLDER [MESON OPTION]...: where that has not been done.
+# configure FOLDER [MESON OPTION]...: if that has not been done.
 configure() {
   local folder=$1 log=$1.log
   shift
@@ -180,7 +180,7 @@ build() {
   compile_in "$1"
 }
 
-# compile_in FOLDER [TARGET]...: says so if there is much to do. The compilers' output goes to FOLDER-ninja.log.
+# compile_in FOLDER [TARGET]...: prints a line if there is much to do. The output of the compilers goes to FOLDER-ninja.log.
 compile_in() {
   local folder=$1 log=$1-ninja.log steps
   shift
@@ -196,7 +196,7 @@ compile_in() {
   }
 }
 
-# The executable in .venv/bin and the package in .venv's site-packages. build_program leaves the tests out of a build that has none.
+# The executable in .venv/bin and the package in .venv's site-packages. build_program does not add tests to a build without tests.
 build_program() {
   ! is_prepared || return 0
   local site=$venv/lib/python$python_version/site-packages/dynstiction

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # tools/test.sh [--release | --standard | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]
 #
-# Installs what is missing, builds and tests. Says first how long that takes; the last line is "all passed", or names what failed.
-# Without an option it proves an installation: unit tests, reference results, models, decks, the Python package and a figure.
+# Installs what is missing, builds and tests. Says first how long that takes; the last line is "all passed", or lists what failed.
+# Without an option it tests an installation: unit tests, reference results, models, decks, the Python package and a figure.
 #
 #   --release    every unit test and Python test, and fuzzing, with the build that is installed
 #   --standard   also builds with run-time checks and sanitizers, and line coverage
@@ -63,8 +63,8 @@ say_how_long() {
   [[ $level != proof ]] || say 'Every test: tools/test.sh --standard. All options: tools/test.sh --help'
 }
 
-# run_tests TITLE PATTERN COMMAND...: run, and keep the runner's own summary lines. Where sets run side by side, what they print goes to
-# a file, and is shown if they fail.
+# run_tests TITLE PATTERN COMMAND...: run the command, and keep the summary lines of the test runner. If sets run side by side,
+# their output goes to a file, and is shown if they fail.
 side_by_side=no
 run_tests() {
   local title=$1 pattern=$2 begin=$SECONDS status=0 log summary
@@ -88,12 +88,12 @@ run_tests() {
 # One line at a time: sets that run side by side write into one file.
 add_summary() { printf '%s\t%s\t%s\n' "$2" "$1" "$3" >> "$results/summary.txt"; }
 
-# together FUNCTION...: several lists of sets at the same time, each in its order; twice a minute a line says which sets are running.
+# together FUNCTION...: run several lists of sets at the same time, each in its order; twice a minute a line names the running sets.
 lists=()
 together() {
   local list silence next=$((SECONDS + 30))
   side_by_side=yes
-  # Processes of their own groups: they hear Ctrl-C, and end with this script.
+  # Processes in separate groups: they receive Ctrl-C, and end with this script.
   set -m
   for list; do
     "$list" < /dev/null &
@@ -128,14 +128,14 @@ unit_tests() {
   run_tests "$1" '^(Ok|Fail|Expected Fail|Skipped|Timeout):' meson test -C "$2" --no-rebuild --print-errorlogs "${@:3}"
 }
 
-# python_tests TITLE [OPTION of pytest]... FILE...: on all cores; a file's tests stay together, for what they share.
+# python_tests TITLE [OPTION of pytest]... FILE...: on all cores; the tests of a file stay together, because they share fixtures.
 python_tests() {
   run_tests "$1" "$python_summary" python -m pytest -n auto --dist loadfile --durations=10 --durations-min=5 "${@:2}"
 }
 all_python=("$checkout"/tests/{python,extremes,audit})
 
-# What the tests of the checked build have reached of src/, by file: lines, share, name; last the total. The flat layer for
-# Python is not in that build.
+# Lines of src/ that the tests of the checked build reach, by file: lines, share, name; the last row is the total. The flat layer
+# for Python is not in that build.
 print_coverage() {
   local table=$checkout/build/coverage.txt
   say '== Line coverage of src/ by the tests with run-time checks'
@@ -168,7 +168,7 @@ cluster_tests() {
 
 benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$mpi"; }
 
-# What a user installs.
+# The packages that users install.
 package_tests() {
   local script
   for script in sdist meson_install wheel parallel_hdf5; do
@@ -178,7 +178,7 @@ package_tests() {
     python "$checkout/tools/second_compiler.py" flang-new-19
 }
 
-# Making the manual runs the notebooks. After every Python test only the heavy ones of these files are left.
+# Making the manual runs the notebooks. If all Python tests have run, only the heavy tests of these files are left.
 manual_tests() {
   local selection=(-m full)
   [[ $level == release || $level == standard ]] || selection=()
@@ -217,7 +217,7 @@ tests_with_sanitizers() {
   unit_tests 'Threads with ThreadSanitizer' "$threaded" threads
 }
 
-# Sweeps on a cluster use little of the processor, but want it at once. What compiles has less right to it.
+# Sweeps on a cluster use little processor time, but need it at once. Compilations have a lower priority.
 first_list() {
   ! is_wanted cluster || cluster_tests
   ! is_wanted mutation || mutation_tests
@@ -226,11 +226,11 @@ second_list() {
   renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
   ! is_wanted package || package_tests
   ! is_wanted package || manual_tests
-  # Last: one of them takes the program for MPI that the other list has built.
+  # Last: one of them uses the program for MPI that the other list has built.
   ! is_wanted bench || benchmarks
 }
 
-# A function: the script is read to its end before it begins, and may be changed meanwhile.
+# A function, so that the script is read to its end before it begins, and may be changed during its run.
 main() {
   say_how_long
   local sets=(test) failed
@@ -246,12 +246,12 @@ main() {
   prepare "${sets[@]}"
   ! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
   if is_wanted package; then
-    # Without a browser the report is not looked at, and without flang the core is compiled by gfortran alone.
+    # Without a browser the report is not opened, and without flang the core is compiled only by gfortran.
     have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
     have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
   fi
   build_release
-  # Scripts that are called from here find all installed.
+  # Scripts that are called from here find everything installed.
   export DYNSTICTION_PREPARED=$checkout DYNSTICTION_EXE=$venv/bin/dynstiction
   cd "$checkout"
   mkdir -p "$results"

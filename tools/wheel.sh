@@ -2,19 +2,19 @@
 # tools/wheel.sh [FOLDER]: makes a wheel for this Python that needs neither HDF5 nor LAPACK nor gfortran's libraries where it is
 # installed, into FOLDER (dist). Prints the wheel's name.
 #
-# The executable has all of them linked in: pip puts it into bin/, out of reach of libraries beside the package. The Python
-# extension has LAPACK linked in; what it needs of gfortran's libraries auditwheel puts beside it. HDF5's own wish for libcurl
-# (files in the cloud) is left out by the static linker, which takes only what is called.
+# All of them are linked statically into the executable, because pip puts it into bin/, where it cannot find libraries of the
+# package. LAPACK is linked statically into the Python extension; auditwheel copies the needed libraries of gfortran into the wheel.
+# libcurl, which HDF5 uses for files in the cloud, is left out by the static linker, which takes only what is called.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 
 help_if_wanted "$@"
 folder=${1:-dist}
 build=$checkout/build/wheel
-# With a blank, as the path of the checkout may have one.
+# With a blank, because the path of the checkout may also have one.
 archives="$build/static libraries"
 
-# A folder in which the linker finds static libraries only, also where the compiler asks for them by itself.
+# A folder in which the linker finds only static libraries, also those that the compiler adds.
 collect_archives() {
   local name
   rm -rf "$archives"
@@ -45,7 +45,7 @@ busy "$build/build.log" '^\[[0-9]+/[0-9]+\]' python -m build --wheel --no-isolat
   cat "$build/build.log" >&2
   die 'building the wheel failed: see above'
 }
-# Where this Python's own library is, is of no use elsewhere.
+# The path of this Python's own library is useless on other machines.
 auditwheel repair --strip --wheel-dir "$build/repaired" "$build/plain"/*.whl > "$build/repair.log" 2>&1 || {
   cat "$build/repair.log" >&2
   die 'auditwheel refused the wheel: see above'

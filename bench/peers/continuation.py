@@ -36,14 +36,14 @@ VELOCITIES = (0.03, 0.1, 0.3, 1.0, 10.0, 30.0, 38.0, 40.0, 50.0, 75.0, 100.0)
 
 PHI, DRIVE, SWING, PERIOD = 1, 2, 3, 11
 HOPF, FOLD, USER = 3, 5, -4
-"""AUTO's types of points: a Hopf bifurcation, a fold of cycles, a value asked for."""
+"""AUTO's types of points: a Hopf bifurcation, a fold of cycles, a requested value."""
 
 CLOSE = 1e-7
-"""Largest relative difference to a reference value. It was 1e-9 at most."""
+"""Largest permitted relative difference from a reference value. It was at most 1e-9."""
 
 
 def reference_values() -> dict[str, list[dict[str, float]]]:
-    """What AUTO's values are compared with, by `dynstiction.stick_slip_ends` and `dynstiction.cycles`.
+    """Reference values for AUTO's, from `dynstiction.stick_slip_ends` and `dynstiction.cycles`.
 
     `ends` and `drive_ends` have V [mm/s] and phi [deg]; `cycles` V, phi, valley and peak of k_x u_x/F_0, period [s], multiplier.
     """
@@ -90,7 +90,7 @@ class Solution:
 
     @functools.cached_property
     def extremes(self) -> tuple[float, float]:
-        """Smallest and largest k_x u_x/F_0, of the polynomials."""
+        """Smallest and largest k_x u_x/F_0 of the polynomials."""
         values = []
         for begin in range(0, self.time.size - 1, self.degree):
             piece = slice(begin, begin + self.degree + 1)
@@ -130,7 +130,7 @@ class Solution:
 
 
 class Continuation:
-    """AUTO's program for these equations, built in a folder of its own."""
+    """AUTO's program for these equations, built in a separate folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -154,14 +154,14 @@ class Continuation:
         )
 
     def steady_sliding(self, drive: float, first: float, last: float) -> list[Solution]:
-        """From an angle to another [deg]."""
+        """Settings to go from one angle to another [deg]."""
         start = (first, drive, IMPEDANCE, V_F, MU_RATIO)
         (self.folder / "start.txt").write_text(" ".join(map(repr, start)), encoding="utf-8")
         step = 0.01 * (last - first)
         return self.run(None, IPS=1, ICP=[PHI], DS=step, DSMAX=abs(step), NMX=200, UZSTOP={PHI: last})
 
     def run(self, start: Solution | None, restart: str = "", **constants: object) -> list[Solution]:
-        """Follow `start`, a solution kept in the file `restart`; all labelled solutions, in AUTO's order."""
+        """Follow `start`, a solution in the file `restart`; return all labelled solutions, in AUTO's order."""
         settings: dict[str, object] = {
             "NDIM": 2, "NTST": 100, "NCOL": 7, "IAD": 3, "ISW": 1, "ILP": 0, "ISP": 2, "IID": 0, "MXBF": 0,
             "ITMX": 12, "ITNW": 9, "NWTN": 4, "EPSL": 1e-9, "EPSU": 1e-9, "EPSS": 1e-7, "NPR": 0,
@@ -216,15 +216,15 @@ def first(found: list[Solution], kind: int) -> Solution:
 
 
 def hopf_angle(drive: float) -> float:
-    """Critical angle of steady sliding [deg], where AUTO is to find a Hopf bifurcation."""
+    """Critical angle of steady sliding [deg], at which AUTO should find a Hopf bifurcation."""
     weakening = (1.0 - MU_RATIO) * math.exp(-drive / V_F)
     return math.degrees(math.atan(math.sqrt(drive / V_F * weakening / (MU_RATIO + weakening))))
 
 
 def cycles_at(auto: Continuation, drive: float, file: str, **constants: object) -> list[Solution]:
-    """The family of cycles that is born at the Hopf bifurcation, kept in a file."""
+    """The family of cycles that begins at the Hopf bifurcation, stored in a file."""
     angle = hopf_angle(drive)
-    # No step ends on the Hopf bifurcation itself, which AUTO would pass without a word.
+    # No step may end on the Hopf bifurcation itself, which AUTO would then miss.
     sliding = auto.steady_sliding(drive, 1.0237 * angle, 0.98 * angle)
     auto.keep("sliding")
     found = auto.run(
@@ -246,7 +246,7 @@ def end_of_swing(auto: Continuation, drive: float) -> tuple[float, list[Solution
     family = cycles_at(
         auto, drive, "cycles", **mesh, UZR={SWING: [0.04, 0.045, 0.05, 0.055, 0.06]}, UZSTOP=stop
     )
-    # AUTO knows the amplitude at mesh points alone: interpolate between that of the polynomials.
+    # AUTO has the amplitude at mesh points only: interpolate between the amplitudes of the polynomials.
     near = [solution for solution in family if 0.035 < solution.swing < 0.0625]
     swings = np.array([solution.swing for solution in near]) - 0.05
     fit = polynomial.polyfit(swings / 0.01, [solution.parameter(PHI) for solution in near], len(near) - 1)
@@ -254,7 +254,7 @@ def end_of_swing(auto: Continuation, drive: float) -> tuple[float, list[Solution
 
 
 def folds(auto: Continuation, start: Solution) -> list[Solution]:
-    """The locus of folds in phi and V, from one fold, to both sides."""
+    """The locus of folds in phi and V, from one fold in both directions."""
     two = {"IPS": 2, "ISW": 2, "ICP": [PHI, DRIVE, PERIOD], "DSMAX": 1.0, "NMX": 600}
     prepared = auto.run(start, "fast", **two, DS=0.02)
     auto.keep("fold")
@@ -272,7 +272,7 @@ def folds(auto: Continuation, start: Solution) -> list[Solution]:
 
 
 class Comparison:
-    """Prints each value beside the reference, and keeps the largest difference."""
+    """Prints each value and the reference, and keeps the largest difference."""
 
     def __init__(self) -> None:
         self.largest = 0.0
@@ -334,7 +334,7 @@ def fast(
     comparison: Comparison,
     short: bool,
 ) -> None:
-    """At 75 mm/s both cycles and the fold, and the locus of folds from there."""
+    """Both cycles and the fold at 75 mm/s, and the locus of folds from there."""
     family = cycles_at(auto, 75.0, "fast", ILP=1, DSMAX=0.1, NMX=300, UZR={PHI: 3.5}, UZSTOP={PHI: 2.0})
     at_angle = [solution for solution in family if abs(solution.parameter(PHI) - 3.5) < 1e-6]
     for cycle in (cycle for cycle in known["cycles"] if cycle["V"] == 75.0):

@@ -13,7 +13,7 @@ TIME, LENGTH, SPEED = 1e-4, 1e-7, 1e-5
 COMPLEMENTARITY = 1e-8
 # A speed below this, in m/s, is rest.
 REST = 1e-10
-# Ends of a slip and of a rest can both lie in one step.
+# One step can contain the ends of a slip and of a rest.
 ELEMENTS = 3
 HALVINGS = 4
 
@@ -60,7 +60,7 @@ def solver_for(h, stages):
 
 
 class Steps:
-    """Steps of nosnoc; one that has no solution is tried again from a cold start, then in two halves, and so on."""
+    """Steps of nosnoc; a step without solution is tried again from a cold start, then in two halves, and so on."""
 
     def __init__(self, h, stages):
         self.solver = functools.cache(lambda depth: solver_for(h / 2**depth, stages))

@@ -1,6 +1,6 @@
 """numbalsoda, compiled by Numba: numbalsoda_peer.py method=lsoda|dop853 formulation=polar|printed|smoothed rtol=… …
 
-lsoda here has no root-finding: the stop is looked for among outputs on a grid and then integrated up to.
+lsoda has no root-finding here: the stop is searched among outputs on a grid, and then the integration goes up to it.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ WINDOW = 1.2e-3
 COMPILATION = 15.0
 
 
-# numbalsoda's tolerances are the same for all unknowns, so these are given in units of their sizes.
+# numbalsoda has the same tolerances for all unknowns, so the unknowns are given in units of their sizes.
 @cfunc(lsoda_sig)
 def polar_rhs(t, z, dz, data):
     s = POLAR_SCALE
@@ -65,7 +65,7 @@ POLAR, CARTESIAN, ABOVE_CUT = polar_rhs.address, cartesian_rhs.address, above_cu
 
 @nogil
 def integrate(address, explicit, y, scale, shared, rtol, states):
-    """Printed and smoothed: one call. Number of samples that are good."""
+    """Printed and smoothed form in one call. Returns the number of valid samples."""
     times = np.concatenate((np.zeros(1), SAMPLE_TIMES))
     if explicit:
         z, good = dop853(address, y / scale, times, shared, rtol, rtol, MAX_STEPS)
@@ -78,7 +78,7 @@ def integrate(address, explicit, y, scale, shared, rtol, states):
 
 @nogil
 def slip_explicit(y, t, end, first_step, shared, pointer, rtol):
-    """To the falling v = cut or to `end`; (state, time, whether it is the event)."""
+    """Integrate to the falling v = cut or to `end`; return state, time, and whether it is the event."""
     window = WINDOW
     while t < end:
         goal = min(t + window, end)
@@ -88,7 +88,7 @@ def slip_explicit(y, t, end, first_step, shared, pointer, rtol):
             POLAR, span, y / POLAR_SCALE, last, "DOP853", 1, ABOVE_CUT, pointer, first, 0.0, rtol, rtol
         )
         if not result.success:
-            # It gives up after some 1000 steps that look stiff: fewer a call.
+            # It gives up after about 1000 steps that seem stiff: use fewer steps in each call.
             window *= 0.2
             if window < 1e-9:
                 raise ValueError("gives up where it is stiff")
@@ -99,7 +99,7 @@ def slip_explicit(y, t, end, first_step, shared, pointer, rtol):
         y, t = result.y_event * POLAR_SCALE, result.t_event
         if brake(y[0], y[1], y[2], y[3])[0] < 0.0:
             return y, t, True
-        # A rising v ends the call as well.
+        # A rising v also ends the call.
         y[2] = max(y[2], shared[CUT] * (1.0 + 1e-6))
     return y, t, False
 
@@ -123,7 +123,7 @@ def slip_lsoda(y, t, end, shared, rtol):
 
 @nogil
 def refine(z, t, z_next, t_next, shared, rtol):
-    """From a grid point before the stop up to v = cut, by regula falsi with lsoda itself."""
+    """Integrate from a grid point before the stop up to v = cut, by regula falsi with lsoda itself."""
     unit = POLAR_SCALE[2]
     cut = shared[CUT]
     while True:
@@ -222,7 +222,7 @@ def measure(run):
     if outcome:
         run.report(measured)
     else:
-        # Its thread cannot be stopped.
+        # The thread of the run cannot be stopped.
         run.print("time limit")
         os._exit(0)
 

@@ -6,8 +6,8 @@ Fig. 3 to 2.5 s, then to 100 s. Every point (peer, method, formulation, toleranc
 its time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s,
 of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). To 100 s (t = 0.5, 2, 2.5, 10 and 100 s) each peer runs once with the settings that were its fastest at a
 level, if that can be expected to end within a minute. Writes docs/peers.csv and docs/peers.png, prints the tables.
---long measures the points to 100 s alone.
---short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives nothing.
+--long measures only the points to 100 s.
+--short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives no result.
 """
 
 import argparse
@@ -42,7 +42,7 @@ LONG_STATES = (
     (0.0017458396313279033, 9.490786586327563e-08, 6.281680945281817e-05, 3.420388648538606e-05),
     (0.0011763566384492225, 4.1446684283797407e-10, 0.007235324293242327, 1.7313853537260766e-05),
 )
-# Sticks to 100 s over those to 2.5 s.
+# Number of sticks to 100 s over that to 2.5 s.
 LONGER = 47974 / 1826
 LEVELS = {"A": (1e-3, 1e-1), "B": (1e-5, 1e-2), "C": (1e-7, 1e-4), "D": (1e-9, 1e-6)}
 FORMULATIONS = ("polar", "smoothed", "printed", "nonsmooth")
@@ -58,13 +58,13 @@ PEERS = {
     "Siconos": [str(WORK / "siconos")],
     "nosnoc": [str(WORK / "venv_nosnoc" / "bin" / "python"), str(HERE / "nosnoc_peer.py")],
 }
-# Started once for several points, and not again in later rounds.
+# Peers that are started once for several points, and not again in later rounds.
 INTERPRETED = ("numbalsoda", "pyradau13", "SciPy", "nosnoc")
 
 
 @dataclass
 class Point:
-    """One peer with one setting, and what its runs gave."""
+    """One peer with one setting, and the results of its runs."""
 
     peer: str
     method: str
@@ -83,7 +83,7 @@ class Point:
     t_end: float = TIMES[-1]
 
     def name(self):
-        """Of its method, as in the table."""
+        """Name of the method, as in the table."""
         return f"{self.method}, map off" if self.settings.get("cycle_map") == "off" else self.method
 
     def times(self):
@@ -114,7 +114,7 @@ class Point:
             )
 
     def run_ours(self):
-        """Through Python; reading the deck is in the time."""
+        """Run from Python; the time includes reading the deck."""
         begun = time.process_time()
         result = ds.run(
             ROOT / "inputs" / "fig3.nml",
@@ -153,7 +153,7 @@ class Point:
 
 
 def run_process(peer, words):
-    """The lines that a peer prints, one a run."""
+    """The lines that a peer prints, one for each run."""
     failed = {"seconds": math.nan, "time": 0.0, "stops": 0, "states": []}
     try:
         done = subprocess.run(
@@ -180,7 +180,7 @@ def grid(peer, method, formulation, limit=5.0, **values):
 
 
 def points():
-    """All points, the quick ones first."""
+    """All points, the fast ones first."""
     decades = "1e-3 1e-4 1e-5 1e-6 1e-7 1e-8 1e-9 1e-10"
     for method in ("radau5", "radau9", "radau13"):
         yield from grid(
@@ -238,14 +238,14 @@ def points():
 
 
 def nonsmooth_points():
-    """Peers that take the law of friction as it is, rest included."""
+    """Peers that use the friction law without changes, including rest."""
     yield from grid("Siconos", "fc3d", "nonsmooth", 60.0, h="1e-5 2e-6 1e-6 5e-7 2e-7 1e-7 5e-8")
     yield from grid("Siconos", "kernel", "nonsmooth", 200.0, h="1e-5 2e-6 1e-6 5e-7")
     yield from grid("nosnoc", "fesd", "nonsmooth", 60.0, n_s="3 4", h="2e-4")
 
 
 def long_points(measured, only):
-    """Points to 100 s of what was measured to 2.5 s: all of ours with the map, else the fastest of each method at each level."""
+    """Points to 100 s for those measured to 2.5 s: all of ours with the map, else the fastest of each method at each level."""
     polar = [p for p in measured if p.peer in only and p.formulation == "polar" and p.t_end != LONG]
     chosen = [p for p in polar if p.settings.get("cycle_map") == "auto"]
     for key in dict.fromkeys((p.peer, p.name()) for p in polar):
@@ -268,7 +268,7 @@ def main():
     )
     parser.add_argument("--rounds", type=int, default=3, help="runs of which the median is taken")
     parser.add_argument(
-        "--only", nargs="+", default=[OURS, *PEERS], help="measure these alone, keep the other rows"
+        "--only", nargs="+", default=[OURS, *PEERS], help="measure only these, keep the other rows"
     )
     parser.add_argument(
         "--long", action="store_true", help="only to 100 s, with settings from docs/peers.csv"
@@ -321,7 +321,7 @@ def run_short():
     draw([p for p in read_csv(WORK / "short.csv") if p.t_end != LONG], WORK / "short.png")
     print(table(measured))
     print(f"\n{long_table(measured, longer)}")
-    # Whatever happens to a peer, ours and odeint's polar form end, and SciPy gets past the first sample.
+    # Even if a peer fails, ours and odeint's polar form end, and SciPy gets past the first sample.
     for point, reached in zip(
         [*measured, *longer], (2.5, 2.5, 2.5, 0.0, 0.0, 0.02, *(LONG for _ in longer)), strict=True
     ):
@@ -429,9 +429,9 @@ def output_of(command, whole=False):
 
 
 def fastest(measured, level):
-    """The quickest point that holds a level, as all points with smaller rtol or h and otherwise the same settings do.
+    """The fastest point that reaches a level, if all points with smaller rtol or h and otherwise the same settings also reach it.
 
-    Without that condition the level would go to settings whose errors happen to cancel.
+    Without that condition, settings whose errors happen to cancel would be chosen.
     """
     u, w = LEVELS[level]
 
@@ -478,7 +478,7 @@ def table(measured):
 
 
 def long_table(short, longer):
-    """Time to 100 s with the settings that reach each level at 2.5 s; ours with those that hold it to 100 s."""
+    """Time to 100 s with the settings that reach each level at 2.5 s; ours with those that reach it up to 100 s."""
     lines = ["| peer, method | A | B | C | D |", "| --- | --- | --- | --- | --- |"]
     polar = [p for p in short if p.formulation == "polar"]
     ours = {
@@ -507,7 +507,7 @@ def long_table(short, longer):
 
 
 def cell(best, ours, peer, mark=""):
-    """Time of a point, its ratio to ours; with a mark that of a point to 2.5 s, LONGER times as long."""
+    """Time of a point and its ratio to ours; with a mark, the time of a point to 2.5 s multiplied by LONGER."""
     seconds = statistics.median(best.seconds) * (LONGER if mark else 1.0)
     if best.status != "done":
         return f"{best.status} at {best.reached:.3g} s"
@@ -520,7 +520,7 @@ def cell(best, ours, peer, mark=""):
 
 
 def how_it_fails(group):
-    """The point that came farthest, in words."""
+    """The point that reached the latest time, in words."""
     last = max(group, key=lambda p: (p.reached, -(p.error_w if p.error_w < math.inf else math.inf)))
     if last.status == "done":
         return f"done in {statistics.median(last.seconds):.2g} s, error of w {last.error_w:.2g}"
@@ -582,12 +582,12 @@ def draw(measured, path):
 
 
 def methods_of(measured, peer):
-    """Those with a point that ended."""
+    """Peers with a point that ended."""
     return list(dict.fromkeys(p.method for p in measured if p.peer == peer and p.status == "done"))
 
 
 def curve(axis, chosen, colour, marker, style, label, width=0.8, fill=None):
-    """The points that no other point of the method beats in both time and error."""
+    """The points for which no other point of the method is better in both time and error."""
     done = sorted((p for p in chosen if p.status == "done"), key=lambda p: statistics.median(p.seconds))
     front, best = [], 0.9
     for point in done:

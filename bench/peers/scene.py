@@ -1,6 +1,6 @@
 """The scene of scene.hpp for the peers that are called from Python: Fig. 3, inputs/fig3.nml, to 2.5 s or, with t_end=100, to 100 s, SI units.
 
-Plain functions of floats, which is what SciPy calls fastest; `compiled` turns them into Numba's.
+Plain functions of floats, which SciPy calls fastest; `compiled` compiles them with Numba.
 """
 
 import itertools
@@ -91,7 +91,7 @@ def rest_delay(u_x, u_y):
 
 
 def release(u_x, u_y, tolerance):
-    """Slip from rest as power series in time, rows (u_x, u_y, v, theta), and how long they hold."""
+    """Slip from rest as power series in time, rows (u_x, u_y, v, theta), and the time up to which they are valid."""
     load = math.hypot(K_X * u_x, K_Y * u_y)
     f_0 = max(load, F_0)
     excess = load - F_0 if load > F_0 * (1.0 + 1e-14) else 0.0
@@ -140,7 +140,7 @@ def release_at(a, dt):
 
 
 def brake(u_x, u_y, v, theta):
-    """Acceleration, jerk and time to the stop with the direction held; the time is negative if there is none."""
+    """Acceleration, jerk and time to the stop with a constant direction; the time is negative if there is no stop."""
     c, s = math.cos(theta), math.sin(theta)
     acceleration = (K_X * u_x * c + K_Y * u_y * s - friction(v)) / MASS
     jerk = (
@@ -171,7 +171,7 @@ def cartesian(y):
 def stick(y, time_now, tolerance, states, taken):
     """From the end of slip at y to the next slip: stop, rest, release, with the samples on the way.
 
-    Returns the state and time where slip goes on, the number of samples taken, and the length of the series.
+    Returns the state and time at which slip begins again, the number of samples taken, and the length of the series.
     """
     acceleration, jerk, delay = brake(y[0], y[1], y[2], y[3])
     while taken < len(SAMPLE_TIMES) and SAMPLE_TIMES[taken] <= time_now + delay:

@@ -31,7 +31,7 @@ try:
 except ImportError as error:
     # NumPy refuses all but the first interpreter of a process that imports it.
     raise PackageError(
-        f"dynstiction needs NumPy, which cannot be loaded here ({error}): install it; where a process has several "
+        f"dynstiction needs NumPy, which cannot be loaded here ({error}): install it; if the process has several "
         "interpreters, use dynstiction in one of them, or use processes"
     ) from error
 
@@ -147,7 +147,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> _Any:
-    """Import the package of the figures when it is asked for: matplotlib takes a second."""
+    """Import the package of the figures at its first use: matplotlib takes a second to load."""
     if name == "plot":
         from importlib import import_module  # noqa: PLC0415
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 READER_GONE = 141
-"""Exit status when nobody reads the output any more: as of a program that SIGPIPE ends."""
+"""Exit status when the reader of the output has ended, as for a program that is ended by SIGPIPE."""
 
 
 class _ReaderGoneError(Exception):
@@ -44,7 +44,7 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}: see {self.prog} --help")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Refuse a word that is none of the choices with the nearest one."""
+        """Refuse a word that is not one of the choices, and name the nearest choice."""
         if action.choices is None or value in action.choices:
             return
         choices = [str(choice) for choice in action.choices]
@@ -56,7 +56,7 @@ class _Parser(argparse.ArgumentParser):
         )
 
     def parse_all(self, arguments: Sequence[str] | None) -> argparse.Namespace:
-        """Parse every word; what is left over is refused in the words of its command."""
+        """Parse every word; refuse the remaining ones with a message for the command."""
         options, left = self.parse_known_args(arguments)
         if not left:
             return options
@@ -78,12 +78,12 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _nearest(given: str, known: Sequence[str]) -> str:
-    """What an unknown word most likely means, as the beginning of a remedy; empty if nothing is near."""
+    """The nearest known word, as the beginning of a remedy; empty if no word is near."""
     return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
 
 
 def _say(text: object, end: str = "\n") -> None:
-    """Print to standard output at once; that it cannot be written is an error, not silence."""
+    """Print to standard output at once; raise an error if it cannot be written."""
     try:
         if sys.stdout is None:
             raise OSError("it is closed")
@@ -97,7 +97,7 @@ def _say(text: object, end: str = "\n") -> None:
 
 
 def _forget_output() -> None:
-    """What waits to be written would be tried again, and complained about, when the interpreter ends."""
+    """Discard unwritten output: the interpreter would try to write it again at its end, and print a message."""
     if sys.stdout is not None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -105,14 +105,14 @@ def _forget_output() -> None:
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m dynstiction") -> int:
-    """Run a command and return its exit status; a fault goes to stderr as one line.
+    """Run a command and return its exit status; an error is printed on stderr in one line.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Of the command line; by default this process's.
+        Arguments of the command line; by default those of this process.
     program : str
-        How the user has called it.
+        Name by which the user called the program.
     """
     try:
         options = _parser(program).parse_all(arguments)
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
 
 
 def _parser(program: str) -> _Parser:
-    """Parser of Python's commands, whose operands and options stand in the one table, src/app/command_table.f90."""
+    """Parser of the Python commands, whose operands and options are in the table of src/app/command_table.f90."""
     parser = _Parser(prog=program, description="Figures, reports and tables of dynstiction's results.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for entry in catalogue()["commands"]:
@@ -204,7 +204,7 @@ def _plot(options: argparse.Namespace) -> None:
 
 
 def _warn_of_samples(results: Mapping[str, Result]) -> None:
-    """One line for each result whose samples do not show its fast oscillation."""
+    """Print a line for each result whose samples do not show its fast oscillation."""
     from .plot import coarseness  # noqa: PLC0415
 
     for name, result in results.items():
@@ -217,7 +217,7 @@ def _warn_of_samples(results: Mapping[str, Result]) -> None:
 
 
 def _short_names(files: Sequence[Path]) -> list[str]:
-    """The files' names without folder and suffix, or whole where that is not enough to tell them apart."""
+    """Names of the files without folder and suffix, or complete where that is needed to distinguish them."""
     stems = [file.stem for file in files]
     return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
 
@@ -267,7 +267,7 @@ def _fit(options: argparse.Namespace) -> None:
             f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite"
         )
     with warnings.catch_warnings():
-        # Its notes are part of what is printed.
+        # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
         found = fit(
             Scene.of_command(options.deck, options.set),
@@ -314,7 +314,7 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
-    """The executable explains this command, and understands its words before it makes way."""
+    """The executable has the help of this command, and parses its words before it starts Python."""
     parser = commands.add_parser("trade", description="See dynstiction trade --help.")
     parser.add_argument("deck", metavar="DECK")
     parser.add_argument("--accuracy", metavar="A", type=float)
@@ -385,7 +385,7 @@ def _validate_creep(options: argparse.Namespace) -> int:
 
 
 def _open(file: Path) -> Result:
-    """A result file of a run; that it is incomplete is said in one line."""
+    """Result in the file of a run; if it is incomplete, a line on stderr says so."""
     for group, what, remedy in (
         ("sweep", "a sweep", "dynstiction plot draws it, dynstiction export writes its tables"),
         (
@@ -430,7 +430,7 @@ TYPES: dict[str, Callable[[str], object]] = {
     "S": float,
     "T": float,
 }
-"""Types of the arguments of options; the others are paths."""
+"""Types of the arguments of options; other arguments are paths."""
 
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
     "plot": (_plot, {}),
@@ -442,7 +442,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, 
     "paper": (_paper, {"format": "png"}),
     "validate-creep": (_validate_creep, {"output": Path()}),
 }
-"""What carries out a command, and the defaults of its options."""
+"""Function of each command, and the defaults of its options."""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""What public functions are given: one place that refuses what cannot be meant, with the name of the argument and its range."""
+"""Checks of the arguments of public functions: invalid ones are refused with the name of the argument and its range."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
-"""Below it a number has lost digits."""
+"""Smaller numbers have lost digits."""
 
 LARGEST = float(np.finfo(np.float64).max)
 
@@ -54,20 +54,20 @@ def reals(
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     values : array_like
-        What was given.
+        The value given.
     above, least, below : float, optional
-        Limits: values are > above, or >= least, and < below.
+        Limits: values must be > above, or >= least, and < below.
     units : str
-        Of the limits, for messages.
+        Units of the limits, for messages.
     checked : bool
-        Whether values must be finite and within the limits; if not, the core checks them.
+        Whether values are checked to be finite and within the limits; if not, the core checks them.
 
     Raises
     ------
     UsageError
-        If these are no real numbers, some are masked, or one is not finite or out of its limits.
+        If the values are not real numbers, some are masked, or one is not finite or out of the limits.
     """
     array = _real_array(name, values)
     if checked:
@@ -93,8 +93,8 @@ def _real_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
             array = array.astype(np.float64)
     except MemoryError:
         raise
-    except Exception as error:  # whatever a foreign object raises when it is made an array
-        raise UsageError(f"{name} is no array of real numbers: {error}") from None
+    except Exception as error:  # an object of the user can raise anything when it is converted
+        raise UsageError(f"{name} is not an array of real numbers: {error}") from None
     if array.dtype.kind not in "biuf":
         raise UsageError(f"{name} = {shown(values)}: {name} must be a real number or an array of them")
     if np.ma.is_masked(values):
@@ -114,7 +114,7 @@ def number(name: str, value: ArrayLike, **limits: Any) -> float:
 
 
 def whole(name: str, value: object, *, least: int) -> int:
-    """An argument that is a whole number from `least` on."""
+    """An argument that is a whole number, at least `least`."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
         raise UsageError(f"{name} = {shown(value)}: {name} must be a whole number from {least} on")
     return int(value)
@@ -168,7 +168,7 @@ def shape_of(**arrays: NDArray[np.float64]) -> tuple[int, ...]:
 
 
 def finite(what: str, values: NDArray[T]) -> NDArray[T]:  # type: ignore[type-var]
-    """A result, if all of it is numbers: finite arguments never give NaN or infinity silently."""
+    """A result, if all its values are numbers: finite arguments never give NaN or infinity silently."""
     good = np.isfinite(values)
     if not np.all(good):
         place = [int(i) for i in np.argwhere(~good)[0]]
@@ -180,9 +180,9 @@ def finite(what: str, values: NDArray[T]) -> NDArray[T]:  # type: ignore[type-va
 
 
 def shown(value: object) -> str:
-    """A value in a message, short."""
+    """A value in short form, for a message."""
     try:
         words = " ".join(repr(value).split())
-    except Exception:  # of a foreign object
+    except Exception:  # from an object of the user
         words = f"a {type(value).__name__}"
     return words if len(words) <= 60 else f"{words[:57]}..."

@@ -1,4 +1,4 @@
-"""What holds memory of the core: closed at the end of a ``with`` block, used by one thread at a time, and never copied."""
+"""Objects that hold memory of the core: closed at the end of a ``with`` block, used by one thread at a time, and never copied."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["Closing", "OneAtATime"]
 
 
 class OneAtATime:
-    """A block that one thread at a time may be in: the second one is refused, it does not wait.
+    """A block for one thread at a time: a second thread is refused and does not wait.
 
     Parameters
     ----------
     name : str
-        What is used in the block, for the message.
+        Name of the object that is used in the block, for the message.
     """
 
     def __init__(self, name: str) -> None:
@@ -58,4 +58,4 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Free what is held."""
+        """Free the memory."""

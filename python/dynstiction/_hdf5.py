@@ -91,7 +91,7 @@ def _read_scalars(file: h5py.File, group: str) -> Iterable[tuple[Info, Any]]:
 def _in_order(
     entries: Iterable[tuple[Info, T]], table: str, first: Iterable[str] = ()
 ) -> list[tuple[Info, T]]:
-    """Entries in the order in which a run in memory has them: HDF5 lists them by name. Counts are integers."""
+    """Entries in the same order as in a run in memory, while HDF5 lists them by name. Counts are integers."""
     names = [*first, *(entry["name"] for entry in _native.catalogue()[table])]
     place = {name: -i for i, name in enumerate(reversed(names), 1)}
     return _native.with_integers(

@@ -1,4 +1,4 @@
-"""Ctrl-C where it does no harm."""
+"""Ctrl-C at points where it does no harm."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["held_back", "interrupted"]
 
 
 def interrupted(message: str, partial: object) -> KeyboardInterrupt:
-    """Ctrl-C with what was done until then as the attribute ``partial``.
+    """A `KeyboardInterrupt` with the results until then as the attribute ``partial``.
 
-    It is no class of its own: only a plain `KeyboardInterrupt` that nothing catches ends a script as Ctrl-C does, so that
+    It does not have its own class: only a plain `KeyboardInterrupt` that is not caught ends a script as Ctrl-C does, so that
     a loop in the shell that called the script ends too.
     """
     error = KeyboardInterrupt(message)
@@ -26,8 +26,8 @@ def interrupted(message: str, partial: object) -> KeyboardInterrupt:
 def held_back(*, forget: bool = False) -> Iterator[None]:
     """Hold an interrupt (SIGINT) back until the block has ended, in the thread that gets it; elsewhere do nothing.
 
-    With `forget` it is dropped: of several Ctrl-C the first one is told. What the block takes from the core and keeps is then kept whole: without this, Ctrl-C during a call of the core is raised
-    right after it, before what it returned has been assigned.
+    With `forget` it is dropped: of several Ctrl-C only the first one is raised. The block can store all that the core returns:
+    without this, Ctrl-C during a call of the core is raised right after the call, before its results have been assigned.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):

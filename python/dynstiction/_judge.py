@@ -1,9 +1,9 @@
-"""Files of strangers: every object is judged by what HDF5 says of it, before anything in it is read.
+"""Files from strangers: every object is checked by its description in HDF5, before anything in it is read.
 
-An HDF5 file can lead its reader to other files of the machine (external storage, links, virtual datasets), into code from
-plugins (filters), and into more memory than there is (compression, one dataset under many names, forged sizes). What
-dynstiction writes needs nothing of that. The only way out of a file's own bytes that is open here is compression by gzip,
-which ``h5repack`` may have added; it is undone under a limit first.
+An HDF5 file can make its reader open other files of the machine (external storage, links, virtual datasets), run code from
+plugins (filters), and use more memory than there is (compression, one dataset under many names, forged sizes). Files of
+dynstiction need none of these. Only compression by gzip is accepted, because ``h5repack`` may have added it; the data are first
+decompressed under a limit.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from .errors import FileError
 __all__ = ["judge"]
 
 MOST_OBJECTS = 5000
-"""Groups, datasets and attributes of a file; a run of all columns has some 400."""
+"""Largest number of groups, datasets and attributes of a file; a run with all columns has about 400."""
 
 DEEPEST = 3
-"""Names in the longest path: sweep/summary/period."""
+"""Number of names in the longest path: sweep/summary/period."""
 
 LONGEST_TEXT = 2**16
 LONGEST_DECK = 2**23
-"""Bytes. A deck has at most 10^6; with every key as used it may be longer."""
+"""Largest number of bytes of a text. A deck has at most 10^6; with every key as used it may be longer."""
 
 LEAST_MEMORY = 2**25
 MOST_EXPANSION = 32
-"""All that is read of a file takes at most this many bytes, or this many times the bytes of the file."""
+"""All data that are read from a file take at most this many bytes, or this many times the bytes of the file."""
 
 GZIP, SHUFFLE, CHECKSUM = h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32
 PIPELINES = {
@@ -45,21 +45,21 @@ NUMBER = 8
 """Bytes of the longest number, and of each as it is read."""
 
 TEXT_POINTER = 16
-"""Bytes by which a text of variable length is found: length, address of its heap, number in it."""
+"""Number of bytes that refer to a text of variable length: length, address of its heap, number in the heap."""
 
 HEAP = b"GCOL\x01\0\0\0"
-"""How a collection of texts begins in the file; no text has these bytes, and numbers hardly ever."""
+"""Bytes at the begin of a collection of texts in the file; no text has these bytes, and numbers hardly ever."""
 
 HEAP_HEAD = 16
-"""Bytes before the first text of a collection, and before each text: its number, references to it, and its length."""
+"""Numbers of bytes before the first text of a collection, and before each text: its number, references to it, and its length."""
 
 BLOCK = 2**20
-"""Bytes of the file that are looked through at once."""
+"""Number of bytes of the file that are searched at once."""
 
 TEXT_OBJECT = 100
-"""Bytes that Python needs for a text, besides its characters."""
+"""Number of bytes that Python needs for a text, besides its characters."""
 
-# Attributes that HDF5's dimension scales keep for themselves: nobody here reads them.
+# Internal attributes of HDF5's dimension scales, which are not read here.
 SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}
 
 
@@ -68,7 +68,7 @@ Piece: TypeAlias = tuple[int, int, int]
 
 
 class Kind(NamedTuple):
-    """What the datasets of a group may be."""
+    """Permitted types and shapes of the datasets of a group."""
 
     ranks: tuple[int, ...]
     numbers: bool = True
@@ -95,11 +95,11 @@ KINDS = {
 """Groups of the files that dynstiction writes."""
 
 ADDED = Kind((0, 1, 2), texts=True)
-"""What somebody may have added elsewhere; it is not read."""
+"""Other objects, which a user may have added; they are not read."""
 
 
 def judge(file: h5py.File, name: str) -> None:
-    """Refuse a file, just opened, that would lead its reader beyond what it holds itself; the `FileError` names the object."""
+    """Refuse a newly opened file that refers to data outside itself; the `FileError` names the object."""
     judge = _Judge(file, name)
     judge.heaps()
     judge.group(file.id, "")
@@ -113,9 +113,9 @@ class _Judge:
         self.most_memory = max(LEAST_MEMORY, MOST_EXPANSION * self.size)
         self.objects = 0
         self.memory = 0
-        """Bytes in memory of what may be read."""
+        """Number of bytes in memory for the data that may be read."""
         self.stored = 0
-        """Bytes of the file that the datasets and texts so far say to have."""
+        """Number of bytes of the file that the datasets and texts so far claim to have."""
         self.addresses: set[int] = set()
 
     def refuse(self, path: str, why: str) -> NoReturn:
@@ -125,7 +125,7 @@ class _Judge:
         )
 
     def heaps(self) -> None:
-        """Refuse collections of texts in which HDF5 would never come to the end: a text of no size, or of one that wraps around."""
+        """Refuse collections of texts that HDF5 would read without end: a text of size 0, or of a size that wraps around."""
         before = b""
         for start in range(0, self.size, BLOCK):
             block = before + os.pread(self.descriptor, BLOCK, start)
@@ -136,7 +136,7 @@ class _Judge:
             before = block[-len(HEAP) + 1 :]
 
     def heap(self, start: int) -> None:
-        """One collection: its length, then texts, each with its number (0: the room that is left) and its length."""
+        """One collection: its length, then texts, each with its number (0: the remaining space) and its length."""
         size = int.from_bytes(os.pread(self.descriptor, 8, start + 8), "little")
         if size > self.size - start:
             self.refuse("", "holds a list of texts that is longer than the file")
@@ -175,7 +175,7 @@ class _Judge:
         kind = KINDS.get(path.rpartition("/")[0], ADDED)
         if isinstance(item, h5d.DatasetID):
             if path in KINDS:
-                self.refuse(path, "is no group")
+                self.refuse(path, "is not a group")
             self.dataset(item, path, kind)
             self.attributes(item, path)
         elif isinstance(item, h5py.h5g.GroupID):
@@ -208,7 +208,7 @@ class _Judge:
         elif stored_as.is_variable_str():
             if attribute.shape != ():
                 self.refuse(where, "is a list of texts")
-            # One text takes no more memory than the file has bytes; all together must not either.
+            # One text takes no more memory than the file has bytes; neither must all texts together.
             value = np.zeros((), attribute.dtype)
             attribute.read(value)
             length = len(value[()])
@@ -234,7 +234,7 @@ class _Judge:
     def dataset(self, dataset: h5d.DatasetID, path: str, kind: Kind) -> None:
         creation = dataset.get_create_plist()
         layout = creation.get_layout()
-        # First of all: to ask for the extent of a virtual dataset opens its sources.
+        # This check is first: reading the extent of a virtual dataset opens its sources.
         if layout not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED):
             self.refuse(path, "is put together from other datasets")
         if creation.get_external_count():
@@ -244,7 +244,7 @@ class _Judge:
             self.refuse(path, f"needs the filters {filters}")
         stored_as, space = dataset.get_type(), dataset.get_space()
         if space.get_simple_extent_type() == h5s.NULL or len(dataset.shape) not in kind.ranks:
-            self.refuse(path, f"has not {' or '.join(map(str, kind.ranks))} dimensions")
+            self.refuse(path, f"does not have {' or '.join(map(str, kind.ranks))} dimensions")
         is_text = stored_as.get_class() == h5t.STRING
         if stored_as.committed() or not (
             kind.texts if is_text else kind.numbers and self.is_number(stored_as)
@@ -275,7 +275,7 @@ class _Judge:
     def chunks(
         self, dataset: h5d.DatasetID, path: str, filters: tuple[int, ...], length: int, expected: int
     ) -> list[Piece]:
-        """Where the chunks are, when all are there and none becomes longer than `length` bytes."""
+        """Positions of the chunks, if all exist and none becomes longer than `length` bytes."""
         if expected * length > self.most_memory:
             self.take(path, 0, expected * length)
         found: list[Piece] = []
@@ -286,10 +286,10 @@ class _Judge:
 
         dataset.chunk_iter(note)
         if len(found) != expected:
-            self.refuse(path, "has not the chunks that its size needs")
+            self.refuse(path, "lacks the chunks that its size needs")
         for _, size, _ in found:
             self.take(path, size, 0)
-            # What gzip cannot shrink grows by less than that.
+            # Data that gzip cannot compress grow by less than that.
             if size > length + length // 512 + 64:
                 self.refuse(path, "has a chunk that is too long")
         if GZIP in filters and any(len(self.unpacked(piece, filters, length)) > length for piece in found):
@@ -297,7 +297,7 @@ class _Judge:
         return found
 
     def unpacked(self, piece: Piece, filters: tuple[int, ...], length: int) -> bytes:
-        """Bytes of a piece with gzip undone, of those beyond `length` one."""
+        """Decompressed bytes of a piece, at most one more than `length`."""
         place, size, mask = piece
         data = os.pread(self.descriptor, size, place)
         if GZIP in filters and not mask & 1 << filters.index(GZIP):
@@ -307,7 +307,7 @@ class _Judge:
     def texts(
         self, path: str, filters: tuple[int, ...], pieces: list[Piece], length: int, longest: int
     ) -> None:
-        """Count the characters of texts of variable length, which are elsewhere in the file."""
+        """Count the characters of texts of variable length, which are stored elsewhere in the file."""
         for piece in pieces:
             data = self.unpacked(piece, filters, length)
             for i in range(0, len(data), TEXT_POINTER):

@@ -1,4 +1,4 @@
-"""Names that do not exist: which one was probably meant."""
+"""Suggestions for names that do not exist."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from difflib import get_close_matches
 __all__ = ["nearest"]
 
 ALIKE = 0.6
-"""Similarity from which a name is offered; that of `difflib`."""
+"""Similarity from which a name is suggested; the default of `difflib`."""
 
 
 def nearest(name: object, names: Iterable[str]) -> str:
-    """The name that is most like another one, whatever its case; empty if none is like it."""
+    """The name that is most similar to another one, ignoring case; empty if no name is similar."""
     if not isinstance(name, str):
         return ""
     by_case = {known.lower(): known for known in names}

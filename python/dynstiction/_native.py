@@ -1,4 +1,4 @@
-"""The one place that calls the compiled core: bytes to text, status codes to exceptions."""
+"""The only module that calls the compiled core; it turns bytes into text and status codes into exceptions."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ __all__ = [
 ]
 
 CHUNK_SECONDS = 0.05
-"""Wall time between two looks at Ctrl-C."""
+"""Wall time between two checks for Ctrl-C."""
 
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
-"""Result codes of a case that has not been run, of a run that goes on, and of one that stopped early; others are errors."""
+"""Result codes of a case that was not run, of a run that has not ended, and of one that stopped early; others are errors."""
 
 RANGES = {
     1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
@@ -60,14 +60,14 @@ RANGES = {
     4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
     5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
 }
-"""What a point of creep violates, by the core's number for it."""
+"""Limit that a point of creep violates, by the core's number for it."""
 
 
 COUNTS = ("cycles", "sticks", "regularity")
 """Summary values that are whole numbers."""
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]
-"""Value of a key: of a list with one element that element."""
+"""Value of a key; for a list with one element, that element."""
 
 _Characters: TypeAlias = NDArray[np.bytes_]
 T = TypeVar("T")
@@ -80,22 +80,22 @@ class DeckSource(NamedTuple):
     name: str
     settings: tuple[str, ...] = ()
     fields: Mapping[int, str] = {}
-    """Group or key of each line of a text that was made from them: messages name it, not the line."""
+    """Group or key of each line, if the text was made from groups: messages name the key, not the line."""
 
     def arguments(self) -> tuple[_Characters, _Characters, _Characters]:
-        """Text, name and settings for the core, which is about to read them."""
+        """Text, name and settings in the form that the core reads."""
         check_stack()
         return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
 
     def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
-        """Exception for a status of the core; its text names keys where the user gave keys.
+        """Exception for a status of the core; its text names keys if the user gave keys.
 
         Parameters
         ----------
         status, message
-            As the core gives them.
+            Status and message of the core.
         faults : iterable of (int, int, str)
-            Line of the deck, number of the setting (0 if it is none), and what is wrong, for each fault of a deck.
+            Line of the deck, number of the setting (0 if it is not a setting), and what is wrong, for each fault of a deck.
         """
         lines = [f"{self._place(line, setting)}: {text}" for line, setting, text in faults]
         return error_for(status, "\n".join(lines) or message)
@@ -107,26 +107,26 @@ class DeckSource(NamedTuple):
 
 
 class KeyInfo(NamedTuple):
-    """What the schema says of a key of the deck."""
+    """Entry of the schema for a key of the deck."""
 
     group: str
     name: str
     kind: str
     """real, integer, text, choice, reals or texts"""
     required: bool
-    """Whether it must be given where it is used."""
+    """Whether the key must be given if it is used."""
     units: str
     range: str
     choices: tuple[str, ...]
     default: str
-    """As in a deck, text without quotes; empty if there is none."""
+    """Default as in a deck, text without quotes; empty if there is none."""
     used_by: tuple[tuple[str, tuple[str, ...]], ...]
-    """Keys on which its use depends, and the choices with which it is used."""
+    """Keys on which the use of this key depends, and the choices with which it is used."""
     meaning: str
 
 
 class Advance(NamedTuple):
-    """What one call of `Run.advance` brought: samples (rows, columns; each column contiguous), event times and kinds."""
+    """Results of one call of `Run.advance`: samples (rows, columns; each column contiguous), event times and kinds."""
 
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
@@ -137,7 +137,7 @@ class Advance(NamedTuple):
 
 
 class _Memory:
-    """What the core holds under a handle. A call that is going on keeps it alive, so it may be given up at any time."""
+    """Memory of the core under a handle. A running call keeps it alive, so it can be released at any time."""
 
     __slots__ = ("_free", "handle")
 
@@ -150,13 +150,13 @@ class _Memory:
 
 
 class Session(Closing):
-    """What lives in the core under a handle; a context manager, so that it is always closed.
+    """An object in the core under a handle; a context manager, so that it is always closed.
 
-    In a process that is forked the copy of the memory is that process's own.
+    In a forked process the copy of the memory belongs to that process.
     """
 
     name: ClassVar[str]
-    """What the user takes it for."""
+    """Name of the object for the user."""
 
     def __init__(self, handle: int) -> None:
         self._memory: _Memory | None = _Memory(handle, self._free)
@@ -164,11 +164,11 @@ class Session(Closing):
 
     @property
     def closed(self) -> bool:
-        """Whether the memory has been given up."""
+        """Whether the memory has been released."""
         return self._memory is None
 
     def close(self) -> None:
-        """Give the memory up: it is freed at once, or when the call that is going on returns."""
+        """Release the memory: it is freed at once, or when a running call returns."""
         self._memory = None
 
     def _opened(self) -> _Memory:
@@ -191,7 +191,7 @@ class Session(Closing):
         _core.release(handle)
 
     def _raise(self, deck: DeckSource, status: int) -> None:
-        """Raise what the core says of a deck, if it has refused it."""
+        """Raise an exception if the core has refused the deck."""
         if status != 0:
             with self._use() as handle:
                 texts, places = _table(handle, "faults")
@@ -208,7 +208,7 @@ class DeckValues(Session):
     deck : DeckSource
         The deck.
     alone : bool
-        Whether each value is held against its own key only, so that a part of a deck will do.
+        Whether each value is checked only against the range of its own key, so that a part of a deck is enough.
     """
 
     name = "deck"
@@ -219,14 +219,14 @@ class DeckValues(Session):
         self._raise(deck, status)
 
     def given(self) -> dict[str, dict[str, Value]]:
-        """Values by group and key, of the keys that are given, in the schema's order."""
+        """Values of the given keys by group and key, in the order of the schema."""
         groups: dict[str, dict[str, Value]] = {}
         with self._use() as handle:
             cells, numbers = _table(handle, "values")
         items: dict[tuple[str, str], list[Any]] = {}
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
             kind = key_info(group, name).kind
-            # A real key may take a word in place of a number.
+            # A real key may have a word in place of a number.
             value = (
                 int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
             )
@@ -237,17 +237,17 @@ class DeckValues(Session):
 
 
 class Lock(Session):
-    """The lock of a result file, the executable's, until it is closed.
+    """The lock of a result file, the same as that of the executable, until it is closed.
 
     Parameters
     ----------
     path : str
-        Of the result.
+        Path of the result.
 
     Raises
     ------
     FileError
-        If another process holds it, or it cannot be made.
+        If another process holds the lock, or it cannot be created.
     """
 
     name = "lock"
@@ -273,9 +273,9 @@ class Run(Session):
         self.model = _named_text(handle, "model")
         self.method = _named_text(handle, "method")
         self.model_choice = _named_text(handle, "model_choice")
-        """Why the model 'auto' is the one integrated; empty if the deck names another."""
+        """Why 'auto' chose the model; empty if the deck names another model."""
         self.sampling_note = _named_text(handle, "sampling_note")
-        """What the samples will not show; empty if they show all."""
+        """Note on what the samples will not show; empty if they show everything."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
@@ -292,13 +292,13 @@ class Run(Session):
         return Advance(outcome, bool(reached), samples, time, kind)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
-        """What a sample at `time` would hold; it lies in the last advance."""
+        """Values of a sample at `time`, which must be in the last advance."""
         with self._use() as handle:
             values = _core.run_state(handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
     def sample_at(self, instants: NDArray[np.float64]) -> None:
-        """Sample at these instants [s], from 0 to the end, of a run that is at its first sample."""
+        """Set the times of the samples [s], from 0 to the end, of a run that is at its first sample."""
         with self._use() as handle:
             _core.run_instants(handle, instants)
 
@@ -308,7 +308,7 @@ class Run(Session):
             return _core.run_time(handle)
 
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
-        """Of a finished run the summary values, and the counters of the work done."""
+        """Summary values and counters of the work of a finished run."""
         with self._use() as handle:
             summary = with_integers(_described(handle, "summary"))
             cells, (values, counts) = _table(handle, "statistics", described=True)
@@ -333,7 +333,7 @@ class Cycles(Session):
     deck : DeckSource
         The deck.
     model : str
-        Whose cycles, '' for the deck's own.
+        Model of the cycles, '' for that of the deck.
     """
 
     name = "list of cycles"
@@ -378,11 +378,11 @@ class Ends(Session):
         self._raise(deck, status)
         cells, numbers = _table(handle, "ends")
         self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
-        """Numbers by name; what does not exist is left out."""
+        """Numbers by name; those that do not exist are left out."""
 
 
 class Steady(Session):
-    """Steady sliding of a scene in linear theory, from the core.
+    """Linear theory of the steady sliding of a scene, from the core.
 
     Parameters
     ----------
@@ -400,22 +400,22 @@ class Steady(Session):
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
-        """As `steady_sliding` has it of ``'critical'``."""
+        """The numbers that `steady_sliding` gives for ``'critical'``."""
 
 
 class Cases(NamedTuple):
-    """What some cases of a sweep came to."""
+    """Results of some cases of a sweep."""
 
     values: NDArray[np.float64]
     """(case, value)"""
     cycles: NDArray[np.float64]
     """(case, cycle, quantity); NaN where there are fewer cycles."""
     counts: NDArray[np.int32]
-    """Cycles of each case."""
+    """Number of cycles of each case."""
     codes: NDArray[np.int32]
     """-1 if stopped."""
     messages: dict[int, str]
-    """Of those that failed, by number from 0."""
+    """Messages of the cases that failed, by number from 0."""
 
 
 class Sweep(Session):
@@ -462,7 +462,7 @@ class Sweep(Session):
         return Cases(values.T, cycles.T, counts, codes, failed)
 
     def stop(self) -> None:
-        """Let all threads give up what they do."""
+        """Make all threads stop their work."""
         memory = self._opened()
         _core.sweep_stop(memory.handle)
 
@@ -478,14 +478,14 @@ def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
 
 @cache
 def origin() -> dict[str, str]:
-    """What the core was built from, and where this process runs; `job` is the scheduler's name of the job, empty without one."""
+    """Source and build of the core, and the host of this process; `job` is the name that the scheduler gives the job, or empty."""
     names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
     return dict(zip(names, _ask_library(_named_text, *names), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
-    """What ``dynstiction keys --json`` prints: commands, options, keys, columns, ...; numbers as texts, as a deck has them."""
+    """The output of ``dynstiction keys --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
     (text,) = _ask_library(_named_text, "catalogue")
     found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
     return found
@@ -493,7 +493,7 @@ def catalogue() -> dict[str, Any]:
 
 @cache
 def schema() -> tuple[KeyInfo, ...]:
-    """Every key that a deck may have: the one table of src/deck/schema.f90."""
+    """Every key that a deck may have: the table of src/deck/schema.f90."""
     return tuple(map(_key, catalogue()["keys"]))
 
 
@@ -505,7 +505,7 @@ def _key(key: dict[str, Any]) -> KeyInfo:
 
 @cache
 def key_info(group: str, name: str) -> KeyInfo:
-    """What the schema says of one key."""
+    """Entry of the schema for one key."""
     return next(key for key in schema() if (key.group, key.name) == (group, name))
 
 
@@ -517,31 +517,31 @@ def group_names() -> tuple[str, ...]:
 
 @cache
 def _places() -> dict[str, str]:
-    """Group of each key, by its name, which no other key has, and by ``group.key``."""
+    """Group of each key, by its name, which is unique, and by ``group.key``."""
     return {name: key.group for key in schema() for name in (key.name, f"{key.group}.{key.name}")}
 
 
 def group_of(name: str) -> str:
-    """Group of a key that is named alone or as ``group.key``; empty if there is no such key."""
+    """Group of a key that is given alone or as ``group.key``; empty if there is no such key."""
     return _places().get(name.lower(), "")
 
 
 def unknown_key(name: object) -> str:
-    """What to say of a name that is neither a key nor a group."""
+    """Message for a name that is neither a key nor a group."""
     near = nearest(name, [*_places(), *group_names()])
     if near in group_names():
-        return f"{shown(name)} is no group of a deck: did you mean {near!r}?"
+        return f"{shown(name)} is not a group of a deck: did you mean {near!r}?"
     if near:
-        return f"{shown(name)} is no key of a deck: did you mean {near!r}?"
+        return f"{shown(name)} is not a key of a deck: did you mean {near!r}?"
     return (
-        f"{shown(name)} is no key of a deck, nor a group ({', '.join(group_names())}): "
+        f"{shown(name)} is neither a key nor a group of a deck ({', '.join(group_names())}): "
         "dynstiction template shows all keys"
     )
 
 
 @cache
 def slider_parameters() -> tuple[str, ...]:
-    """Names of the parameters of a slider, in the order of the vectors that `equations` and its like take."""
+    """Names of the parameters of a slider, in the order of the vectors of `equations` and similar functions."""
     ((cells, _),) = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
@@ -553,7 +553,7 @@ def _counts() -> frozenset[str]:
 
 
 def with_integers(entries: Iterable[tuple[Info, T]]) -> list[tuple[Info, T]]:
-    """Described values, of which the core has all numbers as reals, with counts as integers."""
+    """Described values, with counts as integers; the core has all numbers as reals."""
     counts = _counts()
     return [
         (info, cast(T, int(value)) if isinstance(value, float) and info.name in counts else value)
@@ -564,14 +564,14 @@ def with_integers(entries: Iterable[tuple[Info, T]]) -> list[tuple[Info, T]]:
 def equations(
     slider: NDArray[np.float64], states: NDArray[np.float64], n_columns: int
 ) -> NDArray[np.float64]:
-    """At the states (n, 4), C-contiguous (n, 4, n_columns): the right-hand sides as one column, or as four the Jacobians."""
+    """For states (n, 4), C-contiguous (n, 4, n_columns): the right-hand sides as one column, or the Jacobians as four."""
     return np.ascontiguousarray(_core.equations(slider, states.T, n_columns).transpose(2, 0, 1))
 
 
 def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (n_values, n) at the points, as the routine of the core says; `phi` and `kappa` may have one value for all."""
+    """Creep (n_values, n) at the points, from the routine of the core; `phi` and `kappa` may have one value for all."""
     values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
     if fault != 0:
         points = {"tau": tau, "phi": phi, "kappa": kappa}
@@ -583,7 +583,7 @@ def creep(
 def steady_sliding(
     what: str, n_values: int, sliders: NDArray[np.float64], theta: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Linear theory (n, n_values) for the parameter rows (n, 10) at the angles (n), as the routine of the core says."""
+    """Linear theory (n, n_values) for the parameter rows (n, 10) at the angles (n), from the routine of the core."""
     if len(sliders) == 0:
         return np.empty((0, n_values))
     angles = np.zeros(len(sliders)) if theta is None else theta
@@ -595,7 +595,7 @@ def steady_sliding(
 
 
 def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:
-    """Texts of a table of the core, a row each, and its numbers (column, row); what is described begins with an `Info`."""
+    """Texts of a table of the core, one for each row, and its numbers (column, row); described values begin with an `Info`."""
     texts, numbers = _core.table(handle, *_core.table_size(handle, which))
     return _decoded(texts.tobytes("A"), texts.itemsize, texts.T.shape, described), numbers
 
@@ -629,5 +629,5 @@ def _characters(text: str) -> _Characters:
 
 
 def text_from(data: bytes) -> str:
-    """UTF-8 text that turns back into the same bytes even where it is none."""
+    """Text that is encoded as the same bytes again, even if these are not UTF-8."""
     return data.decode("utf-8", "surrogateescape")

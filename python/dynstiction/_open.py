@@ -1,4 +1,4 @@
-"""Opening result files that may be damaged or forged: what can be seen is seen before HDF5 reads a byte of data."""
+"""Opening result files that may be damaged or forged: every possible check comes before HDF5 reads a byte of data."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ __all__ = ["groups_in", "info_of", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = b"\x02\x08\x08"
-"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older ones have no checksums.
-Then bytes of an address and of a length."""
+"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older versions have no checksums.
+It is followed by the numbers of bytes of an address and of a length."""
 
 SEAL = b"dynstiction CRC-32 %08X\n"
 MARK = SEAL[:19]
 SEAL_LENGTH = len(SEAL % 0)
 BEGINNING = 4096
-"""Bytes by which a deck is known that is given in place of a result."""
+"""Bytes by which a deck is recognised that is given in place of a result."""
 
 BLOCK = 2**20
-"""Bytes that are read at once."""
+"""Number of bytes that are read at once."""
 
 
 @contextmanager
@@ -43,16 +43,16 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     Yields
     ------
     h5py.File
-        What h5py and NumPy raise while it is used becomes a `FileError` too.
+        Exceptions that h5py and NumPy raise while it is used become a `FileError` too.
 
     Raises
     ------
     FileError
-        If it is missing, no regular file, of another format, not what its seal says, or leads beyond what it holds itself
-        (`judge`).
+        If the file is missing, is not a regular file, has another format, differs from its seal, or refers to data outside
+        the file (`judge`).
     """
     name = os.fspath(path)
-    # A pipe would wait for its writer for ever.
+    # Opening a pipe would wait for its writer without end.
     if os.path.exists(name) and not os.path.isfile(name):
         raise FileError(f"{name}: is not a regular file")
     import h5py  # noqa: PLC0415  (slow to import)
@@ -66,13 +66,13 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
             yield file
     except FileError:
         raise
-    except Exception as error:  # whatever h5py and NumPy make of damaged files
+    except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise FileError(f"{name}: cannot be read: {reason}") from error
 
 
 def groups_in(path: str | os.PathLike[str]) -> set[str]:
-    """Names at the root of a result file, which tell what it holds; none of a file that cannot be opened."""
+    """Names at the root of a result file, which show what it holds; no names if the file cannot be opened."""
     try:
         with open_file(path) as file:
             return set(file)
@@ -81,13 +81,13 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
 
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
-    """What a dataset of a result file says of itself."""
+    """Name, unit and meaning of a dataset, from its attributes."""
     units = si_units(str(dataset.attrs.get("units", "1")))
     return Info(name, units, str(dataset.attrs.get("long_name", "")))
 
 
 def _check(name: str) -> None:
-    """Refuse what is of another format or differs from its seal. Files of killed runs have none, nor have edited ones."""
+    """Refuse a file of another format, and one that differs from its seal. Files of killed runs and edited files have no seal."""
     with open(name, "rb") as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
             stream.seek(0)
@@ -99,7 +99,7 @@ def _check(name: str) -> None:
             raise FileError(
                 f"{name}: is no file of dynstiction, or of another format of HDF5: h5repack -j 1 -k 1 makes that readable"
             )
-        # Also one that was cut, or has something behind it.
+        # This includes a file that was truncated, or has something appended.
         first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
         stream.seek(first)
         end = stream.read()

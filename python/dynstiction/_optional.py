@@ -10,7 +10,7 @@ __all__ = ["needed"]
 
 
 def needed(package: str, user: str) -> None:
-    """Make sure of a package, or a module in one, before anything else is done; the `PackageError` names what needs it."""
+    """Import a package, or a module in one, before anything else is done; the `PackageError` names the function that needs it."""
     try:
         import_module(package)
     except ImportError as error:

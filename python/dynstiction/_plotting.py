@@ -19,8 +19,8 @@ class PlotModule(ModuleType):
     def __call__(self, result: Any, kind: str | None = None, **options: Any) -> Figure:
         """Draw a result.
 
-        A figure that is new is also one of pyplot's, if that has been imported, so that ``plt.show()`` shows it; not in a
-        notebook with inline figures, which shows the returned figure itself.
+        If pyplot has been imported, it also manages a new figure, so that ``plt.show()`` shows it. In a notebook with inline
+        figures it does not, because the notebook shows the returned figure itself.
 
         Parameters
         ----------
@@ -38,7 +38,7 @@ class PlotModule(ModuleType):
         Raises
         ------
         UsageError
-            As `dynstiction.plot.draw`.
+            As for `dynstiction.plot.draw`.
         """
         from .record import Table  # noqa: PLC0415
 
@@ -52,12 +52,12 @@ class PlotModule(ModuleType):
 
 
 def make_callable(name: str) -> None:
-    """Let the module of this name draw when it is called."""
+    """Make the module of this name callable, so that it draws."""
     sys.modules[name].__class__ = PlotModule
 
 
 def _give_to_pyplot(figure: Figure) -> None:
-    """Let pyplot, where it is in use, manage a figure, unless figures are shown as values."""
+    """Let pyplot manage a figure, if it has been imported and figures are not shown as values."""
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None and "inline" not in pyplot.get_backend().lower():
         pyplot.figure(FigureClass=lambda *_, **__: figure)

@@ -1,4 +1,4 @@
-"""Bars that show how far something is; tqdm is imported when the first one is drawn."""
+"""Progress bars; tqdm is imported when the first one is drawn."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ._optional import needed
 __all__ = ["progress_bar"]
 
 DELAY = 1.0
-"""Nobody wants a bar for what takes less [s]."""
+"""Shorter tasks have no bar [s]."""
 
 
 @contextmanager
 def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Callable[[float], None]]:
-    """Give a function that is told how much of `total` is done; `form` is tqdm's ``bar_format``.
+    """Return a function to call with the part of `total` that is done; `form` is tqdm's ``bar_format``.
 
-    If it is None whether a bar is wanted: only on a terminal or in a notebook, after a second, and if tqdm is installed.
+    If `wanted` is None, there is a bar only on a terminal or in a notebook, after a second, and if tqdm is installed.
     """
     if wanted is not None and flag("progress", wanted):
         needed("tqdm.auto", "progress=True")

@@ -30,16 +30,16 @@ def run(
     deck : str, PathLike or Scene
         Path of a deck, text of a deck, or a scene.
     times : array_like, optional
-        Times of the samples [s], ascending, within the run, in place of those every ``output.interval``: the motion is known at
-        any time, so that these samples are as accurate as others. Where a run ends before `t_end`, because it has settled, the times
-        after its end have no sample.
+        Times of the samples [s], ascending and within the run, in place of those every ``output.interval``. The motion is computed
+        at any time, so that these samples are as accurate as others. If a run ends before `t_end` because it has settled, there
+        are no samples at the times after its end.
     progress : bool, optional
-        Whether to show the simulated time as a bar (needs ``tqdm``); by default only on a terminal or in a notebook,
-        after a second, and if tqdm is installed.
+        Whether to show the simulated time as a bar (needs ``tqdm``). By default there is a bar only on a terminal or in a
+        notebook, after a second, and if tqdm is installed.
     **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
         Overrides of the deck: keys, ``misalignment_deg=2.0`` or ``**{"system.misalignment_deg": 2.0}``, and groups,
         ``system={"misalignment_deg": 2.0}, drive={"velocity": 2e-3}``. Groups, keys,
-        units and defaults are the deck's: see ``dynstiction template``. None takes a key out of the deck; a dataclass
+        units and defaults are the deck's: see ``dynstiction template``. None removes a key from the deck; a dataclass
         (``system=ds.System(...)``) replaces the group.
 
     Returns
@@ -57,13 +57,13 @@ def run(
     Raises
     ------
     DeckError
-        If the scene is refused; the text names all its faults with line or key, and remedy.
+        If the scene is refused; the text lists all its faults with line or key, and what to do.
     SolverError
-        If the solver gave up; its ``result`` holds what was computed until then.
+        If the solver gave up; its ``result`` holds the results until then.
     FileError
         If the deck cannot be read.
     UsageError
-        If a name is no key or group, or `times` do not ascend within the run.
+        If a name is not a key or group, or `times` do not ascend within the run.
     KeyboardInterrupt
         On Ctrl-C; its attribute ``partial`` is the result until then, which is not `complete`.
 
@@ -73,7 +73,7 @@ def run(
 
     Notes
     -----
-    Runs of several threads do not disturb each other, and other threads go on while one runs.
+    Runs in several threads do not disturb each other, and other threads continue during a run.
 
     Examples
     --------
@@ -87,6 +87,6 @@ def run(
 
 
 def run_sampled(deck: DeckLike, *, progress: bool | None = None, **changes: Unpack[Changes]) -> Result:
-    """As `run`, of a caller that has chosen the samples for a purpose: no word about them."""
+    """As `run`, without warnings about samples, for callers that choose the samples for a purpose."""
     with Simulation(deck, **changes) as simulation:
         return simulation._finish(progress, stacklevel=5)

@@ -1,7 +1,7 @@
-"""Writing the HDF5 file of a run or a comparison: the same layout as the executable's (see the manual, "The result file").
+"""Writing the HDF5 file of a run or a comparison, in the layout of the executable (see the manual, "The result file").
 
-The file is made in memory and written as bytes: HDF5 itself never meets a disk that is full, after which it would fail again and
-again, also at the end of the process.
+The file is created in memory and written as bytes, so that HDF5 itself never writes to a full disk; after such an error HDF5 would
+fail again and again, also at the end of the process.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ from .record import EVENTS, Described, Info, Record
 __all__ = ["refuse_to_replace", "write"]
 
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
-# The oldest format with checksums of what describes the data.
+# The oldest format in which the descriptions of the data have checksums.
 FORMAT = ("v108", "v108")
 STORED_AS = {"sticking": np.int8, "kind": np.int8}
 ERROR, NOT_APPLICABLE = "error_", -1.0
-"""Columns of a comparison that may have no value, and what stands for it."""
+"""Columns of a comparison that may have no value, and the value that is written instead."""
 
 Table = Described[NDArray[np.float64] | NDArray[np.str_]]
 
 GROWTH = 2**20
-"""Bytes by which the file in memory grows."""
+"""Number of bytes by which the file in memory grows."""
 
 
 def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = None) -> None:
-    """Write a result; the file appears under its name only when it is whole and on the disk.
+    """Write a result; the file appears under its name only when it is complete and on the disk.
 
     Parameters
     ----------
     result : Record
-        Without columns no time series is written, nor events.
+        The result; without columns neither time series nor events are written.
     path : str
         The file.
     overwrite : bool
-        Whether a result that is there may be replaced.
+        Whether an existing result may be replaced.
     trade : Described of ndarray, optional
         The table of a comparison, ``point`` first.
 
     Raises
     ------
     FileError
-        If the file cannot be written, or what is there not be replaced.
+        If the file cannot be written, or an existing file may not be replaced.
     """
     refuse_to_replace(path, overwrite=overwrite)
     image = _image(result, trade)
@@ -68,7 +68,7 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
             stream.flush()
             os.fsync(stream.fileno())
         _put_in_place(temporary, path, overwrite)
-    except (OSError, ValueError) as error:  # ValueError: no path at all
+    except (OSError, ValueError) as error:  # ValueError: not a path
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path}: cannot be written: {reason}: {_remedy(error)}") from None
     finally:
@@ -77,7 +77,7 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
 
 
 def refuse_to_replace(path: str, *, overwrite: bool) -> None:
-    """Raise if a result cannot get this name for what has it."""
+    """Raise if a result cannot have this name because of an existing file."""
     if not os.path.lexists(path):
         return
     if not overwrite:
@@ -101,7 +101,7 @@ def _exists(path: str) -> FileError:
 
 
 def _image(result: Record, trade: Table | None) -> bytes:
-    """The bytes of the file, which HDF5 knows by a name that no other thread's has."""
+    """The bytes of the file, which has a different name in HDF5 for each thread."""
     with h5py.File(
         secrets.token_hex(16), "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
     ) as file:
@@ -114,7 +114,7 @@ def _image(result: Record, trade: Table | None) -> bytes:
 def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:
     if not overwrite:
         try:
-            # Unlike a renaming this does not replace what has come there meanwhile.
+            # Unlike renaming, this does not replace a file that was created in the meantime.
             os.link(temporary, path)
             return
         except OSError:  # no links in this file system, or the name is taken
@@ -156,7 +156,7 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
 
 
 def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]], scale: str) -> None:
-    """Columns over one of the group's, which becomes the dimension scale of the others. NaN is written as the fill value."""
+    """Write columns over one of the group's columns, which becomes their dimension scale. NaN is written as the fill value."""
     for info, values in entries:
         if values.dtype.kind == "U":
             texts = [str(text).encode("utf-8", "surrogateescape") for text in values]
@@ -166,7 +166,7 @@ def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]
         fills = info.name.startswith(ERROR)
         if fills:
             stored = np.nan_to_num(stored, nan=NOT_APPLICABLE)
-        # With a checksum, so that damage is found when it is read.
+        # With a checksum, so that damage is found when the data are read.
         _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
         if fills:
             group[info.name].attrs["_FillValue"] = NOT_APPLICABLE
@@ -177,7 +177,7 @@ def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]
 
 
 def _as_reals(values: Described[Any]) -> Iterable[tuple[Info, object]]:
-    """Numbers as the executable writes them, which counts in real numbers."""
+    """Numbers as the executable writes them: its counts are real numbers."""
     return ((info, value if isinstance(value, str) else float(value)) for info, value in values.info())
 
 

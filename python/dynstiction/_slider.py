@@ -16,7 +16,7 @@ from .scene import DeckLike, Scene
 __all__ = ["drive_of", "held_velocity", "scene_parameters", "slider_parameters"]
 
 OPTIONAL = {"mu_inf": None, "v_f": None, "v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
-"""What need not be given, and what is then taken. Without `mu_inf` and `v_f` friction is constant."""
+"""Optional parameters and their defaults. Without `mu_inf` and `v_f` friction is constant."""
 
 
 def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | None]) -> dict[str, ArrayLike]:
@@ -25,14 +25,14 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
     Parameters
     ----------
     scene : str, PathLike or Scene, optional
-        Where they come from that are not given.
+        A deck or a scene, for the parameters that are not given.
     given : mapping
-        Parameters by name; None stands for what is not given.
+        Parameters by name; None means not given.
 
     Raises
     ------
     UsageError
-        If one is missing, or only one of `mu_inf` and `v_f` is there; as `scene_parameters`.
+        If a parameter is missing, or only one of `mu_inf` and `v_f` is given; also as for `scene_parameters`.
     """
     names = _native.slider_parameters()
     chosen = {name: value for name, value in given.items() if value is not None}
@@ -52,14 +52,14 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
 
 
 def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float | None]:
-    """Parameters of the slider of a scene, as far as it gives them; angle in radians.
+    """Parameters of the slider of a scene, as far as the scene gives them; the angle is in radians.
 
     Raises
     ------
     DeckError
         If the scene cannot be read.
     UsageError
-        If its friction is of another law than these functions have, or its drive holds no velocity but 0.
+        If these functions do not have its friction law, or its drive has no constant velocity other than 0.
     """
     system, friction = scene.system, scene.friction
     values: dict[str, float | None] = {
@@ -99,7 +99,7 @@ def drive_of(scene: Scene) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def held_velocity(scene: Scene) -> float:
-    """The first velocity [m/s] that the drive of a scene holds and that is not 0, without its sign."""
+    """The first constant velocity [m/s] of the drive of a scene that is not 0, without its sign."""
     times, velocities = drive_of(scene)
     for i, velocity in enumerate(velocities):
         last = i == len(velocities) - 1

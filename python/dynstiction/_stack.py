@@ -10,13 +10,13 @@ from .errors import UsageError
 __all__ = ["check_stack"]
 
 LEAST = 224 * 1024
-"""Bytes that the deepest call of the core takes, with some to spare."""
+"""Number of bytes that the deepest call of the core needs, with a margin."""
 
 _of_thread = threading.local()
 
 
 def check_stack() -> None:
-    """Refuse a thread whose stack is too small for the core: it would end the interpreter."""
+    """Refuse a thread whose stack is too small for the core: an overflow would end the interpreter."""
     if not hasattr(_of_thread, "size"):
         _of_thread.size = _stack_size()
     if _of_thread.size < LEAST:
@@ -27,7 +27,7 @@ def check_stack() -> None:
 
 
 def _stack_size() -> int:
-    """Bytes of the stack of this thread; of those that no limit is known of, enough."""
+    """Number of bytes of the stack of this thread; a sufficient number if the limit is not known."""
     library = ctypes.CDLL(None)
     attributes, size = ctypes.create_string_buffer(256), ctypes.c_size_t(LEAST)
     try:

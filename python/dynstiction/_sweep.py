@@ -33,7 +33,7 @@ __all__ = ["open_sweep", "sweep"]
 Floats: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Floats | NDArray[np.int32]
 Axis: TypeAlias = tuple[Info, Floats]
-"""A parameter and its values: along one side of a grid, or of each case of a list."""
+"""A parameter and its values: along one side of a grid, or for each case of a list."""
 
 CYCLE_COUNT = Info("cycle_count", "1", "cycles that are kept of the case")
 
@@ -58,29 +58,30 @@ def sweep(
         Path of a deck, text of a deck, or a scene.
     parameters : mapping, optional
         Values by key, ``{"misalignment_deg": phi, "drive.velocity": V}``, in the deck's units: the sides
-        of a grid; the group of a key may be left out. Without it the grid, or the list of points, is that of the deck's ``&sweep``.
+        of a grid. The group of a key may be left out. Without `parameters` the grid, or the list of points, is that of the deck's
+        ``&sweep``.
     points : bool
-        Whether the values, all of one length, are those of the cases one by one, not the sides of a grid.
+        Whether the values, all of one length, are those of the single cases, not the sides of a grid.
     threads : int, optional
-        Cores to use, at least 1; all by default. The results do not depend on it.
+        Number of cores, at least 1; by default all. The results do not depend on it.
     executor : concurrent.futures.Executor, optional
-        What runs the cases, in place of threads of this process: a ``ProcessPoolExecutor``, the ``client.get_executor()`` of
-        dask.distributed, an ``MPIPoolExecutor`` of mpi4py, .... The package has to be installed where it runs them, and a
-        file that the deck names has to be there. The results do not depend on it either.
+        Executor that runs the cases, in place of threads of this process: a ``ProcessPoolExecutor``, the
+        ``client.get_executor()`` of dask.distributed, an ``MPIPoolExecutor`` of mpi4py, .... The package must be installed where
+        the executor runs the cases, and files that the deck names must exist there. The results do not depend on the executor.
     progress : bool, optional
-        Whether to show the number of cases done as a bar; by default as for `dynstiction.run`.
+        Whether to show a bar with the number of finished cases; by default as for `dynstiction.run`.
     **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
         Overrides of the deck, as for `dynstiction.run`.
 
     Returns
     -------
     xarray.Dataset
-        Summary of every case [SI units] with the parameters as coordinates (of a list: along ``case``),
+        Summary of every case [SI units] with the parameters as coordinates (for a list along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
-        What a case does not have is NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
-        key as used. With ``sweep.keep = 'cycles'`` there are ``cycle_period``, ``cycle_peak_force``, ... with one
-        dimension more, ``cycle``: the last cycles that the means are over, the oldest first, at most ``sweep.cycles`` of
-        them, and ``cycle_count``, how many they are. Time series are not kept.
+        Values that a case does not have are NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
+        key as used. With ``sweep.keep = 'cycles'`` there are also ``cycle_period``, ``cycle_peak_force``, ... with the
+        additional dimension ``cycle``: the last cycles that the means include, the oldest first, at most ``sweep.cycles`` of
+        them, and their number ``cycle_count``. Time series are not kept.
 
     Warns
     -----
@@ -94,10 +95,10 @@ def sweep(
     FileError
         If the list of points of the deck cannot be read.
     UsageError
-        If nothing is varied, a list is not one of numbers, the lists of points have different lengths, `threads`
-        is not positive, `executor` is none, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
+        If nothing is varied, a list does not contain numbers, the lists of points have different lengths, `threads`
+        is not positive, `executor` is not an executor, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
     KeyboardInterrupt
-        On Ctrl-C; its attribute ``partial`` is the dataset, with the cases that are done.
+        On Ctrl-C; its attribute ``partial`` is the dataset with the finished cases.
     PackageError
         If xarray is not installed.
     MemoryError
@@ -105,10 +106,10 @@ def sweep(
 
     Notes
     -----
-    The model 'auto' is refused: a map would mix models. Other threads of the interpreter go on meanwhile.
+    The model 'auto' is refused: a map would mix models. Other threads of the interpreter continue during the sweep.
 
-    An executor gets tasks that last about half a second each, three for each of its workers at a time. On Ctrl-C those that wait are cancelled;
-    those that another process or machine is running end there by themselves.
+    An executor gets tasks that last about half a second each, three for each of its workers at a time. On Ctrl-C waiting tasks
+    are cancelled; tasks that run in another process or on another machine end there without being stopped.
 
     Examples
     --------
@@ -157,7 +158,7 @@ def sweep(
 
 
 def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
-    """What the cases came to."""
+    """Results of the cases."""
     columns = [(info, work.values[:, i]) for i, info in enumerate(core.quantities)]
     if core.most_cycles > 0:
         columns.append((CYCLE_COUNT, work.counts))
@@ -170,14 +171,14 @@ def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
 
 
 def _of_cycle(info: Info) -> Info:
-    """A quantity of a single cycle, whose name in the summary is that of the mean."""
+    """A quantity of a single cycle, named like its mean in the summary."""
     return info._replace(name=f"cycle_{info.name}")
 
 
 def _key(key: str) -> str:
-    """``group.key`` of a key that is named so, or without its group."""
+    """``group.key`` of a key that is given with or without its group."""
     if not isinstance(key, str) or not key.isprintable():
-        raise UsageError(f"{shown(key)} is no key: name it like misalignment_deg or system.misalignment_deg")
+        raise UsageError(f"{shown(key)} is not a key: write it like misalignment_deg or system.misalignment_deg")
     group = _native.group_of(key)
     if not group:
         raise DeckError(_native.unknown_key(key))
@@ -244,9 +245,9 @@ def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
     Raises
     ------
     FileError
-        If the file is missing, damaged, or of something else.
+        If the file is missing or damaged, or does not hold a sweep.
     UsageError
-        If `path` is no path.
+        If `path` is not a path.
     PackageError
         If xarray is not installed.
     """

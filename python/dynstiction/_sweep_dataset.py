@@ -13,10 +13,10 @@ from .record import headed
 __all__ = ["SweepDataset"]
 
 MOST_CASES = 60
-"""A sweep with more is shown as xarray shows it."""
+"""A sweep with more cases is shown as xarray shows it."""
 
 SHOWN = ("cycles", "period", "peak_force", "valley_force", "swing", "slip_length", "result_code")
-"""Values that are shown, as far as a case has them."""
+"""Values that are shown, if a case has them."""
 
 
 class SweepDataset(xarray.Dataset):  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""The cases of a sweep, dealt out a few at a time: to threads of this process, or to an executor."""
+"""The cases of a sweep, given a few at a time to threads of this process or to an executor."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ if TYPE_CHECKING:
 __all__ = ["MOST_THREADS", "Work"]
 
 LONGEST_PIECE = 64
-"""Cases that a thread takes at once, at most."""
+"""Largest number of cases that a thread takes at once."""
 
 SHORTEST_PIECE = 4
-"""Where cases run side by side, each place is used so often before a thread fetches more."""
+"""If several cases run side by side in a thread, each place is used this many times before the thread fetches more."""
 
 MOST_THREADS = 1024
-"""More threads do nothing for any machine."""
+"""Largest number of threads; more are useful on no machine."""
 
 PIECE_SECONDS = 0.02
-"""Time that the cases which a thread takes at once last, as far as can be foreseen."""
+"""Estimated duration of the cases that a thread takes at once."""
 
 TASK_SECONDS = 0.5
-"""The same of a task of an executor: sending it may take milliseconds, and a deck is read for it."""
+"""The same for a task of an executor: sending it may take milliseconds, and a deck is read for it."""
 
 LONGEST_TASK = 4096
-"""Cases of a task, at most."""
+"""Largest number of cases in a task."""
 
 TASKS_PER_WORKER = 3
-"""Tasks that wait or run, for each worker."""
+"""Number of tasks that wait or run, for each worker."""
 
 UNKNOWN_WORKERS = 128
-"""Workers that an executor is taken to have if it does not say how many."""
+"""Assumed number of workers if the executor does not give it."""
 
 
 class Work:
-    """The cases of a sweep and what they came to.
+    """The cases of a sweep and their results.
 
     Attributes
     ----------
     values, codes, cycles, counts : ndarray
-        Of each case: summary (case, value), result code, cycles that are kept (case, cycle, quantity), and their number.
+        For each case: summary (case, value), result code, kept cycles (case, cycle, quantity), and their number.
     messages : dict
         Why a case failed, by its number from 0.
     stopped : bool
@@ -75,7 +75,7 @@ class Work:
 
     def run(self, n_threads: int, show: Callable[[float], None]) -> None:
         """Run all cases in threads of this process; Ctrl-C ends it early."""
-        # A Ctrl-C in Thread.join lets a thread look ended that is not (Python 3.11).
+        # After a Ctrl-C in Thread.join a running thread seems to have ended (Python 3.11).
         ends = [threading.Event() for _ in range(n_threads)]
         threads = [
             threading.Thread(target=self._one_thread, args=(n_threads, end), daemon=True) for end in ends
@@ -95,12 +95,12 @@ class Work:
             raise self._error
 
     def stop(self) -> None:
-        """Give up what is not done, from any thread."""
+        """Stop the unfinished cases, from any thread."""
         self.stopped = True
         self._core.stop()
 
     def _wait(self, ends: list[threading.Event]) -> None:
-        """Let the threads end, whatever has happened: they use the core, which is freed afterwards."""
+        """Wait for the end of the threads in any case: they use the core, which is freed afterwards."""
         while not all(end.is_set() for end in ends):
             try:
                 self._core.stop()
@@ -116,7 +116,7 @@ class Work:
                 with self._lock:
                     first = self._next
                     left = self._core.cases - first
-                    # The fewer are left, and the longer a case takes, the smaller the pieces; but not so small that
+                    # The pieces are smaller if fewer cases are left and if a case takes longer, but not so small that
                     # places for cases side by side stay empty.
                     count = min(count, LONGEST_PIECE, left // (4 * n_threads))
                     count = min(left, max(1, count, self._fewest()))
@@ -135,7 +135,7 @@ class Work:
             end.set()
 
     def _fewest(self) -> int:
-        """Cases with which every place for cases side by side is used."""
+        """Number of cases that fills every place for cases side by side."""
         return SHORTEST_PIECE * (self._core.at_once - 1)
 
     def _keep(self, first: int, cases: _native.Cases) -> None:
@@ -193,14 +193,14 @@ class Work:
         return _Task(deck, points, token)
 
     def warn(self, stacklevel: int) -> None:
-        """Say if cases failed."""
+        """Warn if cases failed."""
         if self.messages:
             case, message = min(self.messages.items())
             text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel + 1)
 
     def progress(self) -> str:
-        """How many cases are done."""
+        """Number of finished cases, as text."""
         return f"{np.count_nonzero(self.codes != _native.NOT_RUN)} of {self._core.cases} cases"
 
 
@@ -219,7 +219,7 @@ class _Task(NamedTuple):
     points: list[tuple[str, NDArray[np.float64]]]
     """Parameters and their values, one for each case."""
     token: str
-    """The same for all tasks of a sweep."""
+    """Token of the sweep, the same for all its tasks."""
 
 
 class _Answer(NamedTuple):
@@ -228,7 +228,7 @@ class _Answer(NamedTuple):
 
 
 _works: dict[str, set[Work]] = {}
-"""What runs in this process, by the token of its sweep; None of a sweep that has been given up."""
+"""Work that runs in this process, by the token of its sweep."""
 
 _given_up: set[str] = set()
 
@@ -242,14 +242,14 @@ def _run_task(task: _Task) -> _Answer:
         works.add(work)
         try:
             if task.token not in _given_up:
-                # In a thread of its own, so that Ctrl-C ends it in the main thread of a process too.
+                # In a separate thread, so that Ctrl-C also ends it in the main thread of a process.
                 work.run(1, lambda done: None)
         finally:
             works.discard(work)
             if not works:
                 _works.pop(task.token, None)
     if work.stopped:
-        # A Ctrl-C that all processes of a terminal get ends the tasks that this one has not begun too.
+        # A Ctrl-C that all processes of a terminal receive also ends the tasks that this process has not begun.
         _given_up.add(task.token)
         raise KeyboardInterrupt
     cases = _native.Cases(work.values, work.cycles, work.counts, work.codes, work.messages)
@@ -257,7 +257,7 @@ def _run_task(task: _Task) -> _Answer:
 
 
 def _give_up(token: str, futures: dict[Future[_Answer], int]) -> None:
-    """Cancel what has not begun, and end what runs in this process. What runs elsewhere ends by itself, unheard."""
+    """Cancel tasks that have not begun, and stop those in this process. Tasks elsewhere end later; their results are ignored."""
     if not futures:
         return
     _given_up.add(token)
@@ -269,7 +269,7 @@ def _give_up(token: str, futures: dict[Future[_Answer], int]) -> None:
 
 
 def _workers_of(executor: Executor) -> int:
-    """Workers of an executor, as far as it says."""
+    """Number of workers of an executor, if it gives it."""
     for name in ("num_workers", "_max_workers"):
         count = getattr(executor, name, None)
         if isinstance(count, int) and count > 0:

@@ -1,4 +1,4 @@
-"""Slow creep without inertia (Nakano & Popov 2020, Eqs. 6-8), for arrays; docs/theory.md derives it.
+"""Slow creep without inertia (Nakano & Popov 2020, Eqs. 6-8), for arrays; docs/theory.md derives the equations.
 
 Constant friction ``F_0 = mu_0 W``, ``l_x = F_0/k_x``, ``kappa = k_x/k_y``, ``tau = V t/l_x`` and ``u = 0`` at
 ``t = 0``. While the object creeps it is under full friction, ``|K u| = F_0``.
@@ -38,7 +38,7 @@ class Creep(NamedTuple):
     Y_rate: _Floats
     """Velocity across the drive over V [-], Eq. (6): ``Y' = -w_x sin(phi) + w_y cos(phi)``."""
     X: _Floats
-    """Way along the drive over l_x [-]."""
+    """Distance along the drive over l_x [-]."""
     deficit: _Floats
     """``1 - X'/V`` [-], computed without cancellation."""
 
@@ -56,7 +56,7 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
         Time V t/l_x [-], at least 0.
     phi : array_like
         Misalignment [rad] in (-pi/2, pi/2). A negative one mirrors the motion: theta, psi and Y' change sign.
-        At 0, the limit from above, only tau < 1.
+        At 0, which is the limit from above, tau must be < 1.
     kappa : array_like
         k_x/k_y [-] in [0, 1).
 
@@ -68,12 +68,13 @@ def creep_exact(tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike = 0.0) -> Creep
     Raises
     ------
     UsageError
-        If a point is out of range, or no number; the message gives the range. If the arguments do not broadcast.
+        If a point is out of range or is not a number (the message gives the range), or if the arguments do not broadcast.
 
     Notes
     -----
-    All are good to 2e-14 of themselves for 1e-6 deg <= phi <= 89 deg, X'/V and X to 2e-15, up to where 1 - X'/V = 1e-12.
-    With kappa > 0, X just after the release at tau_1 keeps about 2e-16 tau_1/(tau - tau_1) only: the rounding of phi shifts tau_1.
+    The relative errors are below 2e-14 for 1e-6 deg <= phi <= 89 deg, those of X'/V and X below 2e-15, up to where
+    1 - X'/V = 1e-12. With kappa > 0, the relative error of X just after the release at tau_1 is about 2e-16 tau_1/(tau - tau_1),
+    because the rounding of phi shifts tau_1.
     """
     return Creep(*finite("creep", _evaluate("exact", len(Creep._fields), tau, phi, kappa)))
 
@@ -84,12 +85,12 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     Parameters
     ----------
     tau : array_like
-        Time V t/l_x [-], in [0, 1). All forms fail once ``1 - tau`` comes down to about phi.
+        Time V t/l_x [-], in [0, 1). All forms fail when ``1 - tau`` decreases to about phi.
     phi : array_like
         Misalignment [rad] in (-pi/2, pi/2); the result is even in it.
     form : {'first_power', 'printed', 'third_order'}
-        'first_power': ``phi (phi + tau/sqrt(1 - tau^2))``, Eq. (8) as Eqs. (6) and (7) give it, with an error of order
-        phi^2. 'printed': ``phi (phi + tau^2/sqrt(1 - tau^2))``, as in the preprint, wrong by order phi.
+        'first_power': ``phi (phi + tau/sqrt(1 - tau^2))``, Eq. (8) as it follows from Eqs. (6) and (7), with an error of order
+        phi^2. 'printed': ``phi (phi + tau^2/sqrt(1 - tau^2))``, as in the preprint, with an error of order phi.
         'third_order': ``phi tau/sqrt(1 - tau^2) + phi^2 [1 + 1/(1 - tau^2) - (1 - tau^2)^(-3/2)]``, with an error of order
         phi^3.
 
@@ -101,7 +102,7 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     Raises
     ------
     UsageError
-        If a point is out of range, or no number, or the form is none of these. If the arguments do not broadcast.
+        If a point is out of range or is not a number, if the form is none of these, or if the arguments do not broadcast.
     """
     if not isinstance(form, str) or form not in FORMS:
         raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
@@ -118,7 +119,7 @@ def creep_velocity(
     mu_0: ArrayLike,
     normal_load: ArrayLike,
 ) -> _Floats:
-    """Velocity X' of slow creep along the drive, exact (`creep_exact`) and in SI units.
+    """Velocity X' of slow creep along the drive in SI units, exact (`creep_exact`).
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ def creep_velocity(
     misalignment : array_like
         phi [rad] in (-pi/2, pi/2).
     stiffness_x, stiffness_y : array_like
-        k_x < k_y [N/m] of the soft and the stiff principal axis; without `stiffness_y` the latter is rigid.
+        k_x < k_y [N/m] of the soft and the stiff principal axis; without `stiffness_y` the stiff axis is rigid.
     mu_0 : array_like
         Friction coefficient [-], positive.
     normal_load : array_like
@@ -143,7 +144,7 @@ def creep_velocity(
     Raises
     ------
     UsageError
-        If an argument is out of range, or no number; the message gives the range. If the arguments do not broadcast.
+        If an argument is out of range or is not a number (the message gives the range), or if the arguments do not broadcast.
     """
     stiff = np.inf if stiffness_y is None else stiffness_y
     scaled = dimensionless(
@@ -168,12 +169,12 @@ def dimensionless(
     mu_0: ArrayLike,
     normal_load: ArrayLike,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Arguments (tau, phi, kappa) of `creep_exact` for those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
+    """Arguments (tau, phi, kappa) of `creep_exact` from those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
     positive = (("velocity", velocity, "m/s"), ("stiffness_x", stiffness_x, "N/m"), ("mu_0", mu_0, "1"),
                 ("normal_load", normal_load, "N"))  # fmt: skip
     given = {name: reals(name, value, above=0.0, units=units) for name, value, units in positive}
     stiff = reals("stiffness_y", stiffness_y, checked=False)
-    # Infinity is a rigid axis.
+    # Infinity means a rigid axis.
     reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
     times = reals("t", t, least=0.0, units="s")
     phi = reals("misalignment", misalignment, checked=False)
@@ -190,7 +191,7 @@ def dimensionless(
 
 
 def _evaluate(form: str, n_values: int, tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike) -> _Floats:
-    """What the core gives for each point, in the broadcast shape with the values first."""
+    """Results of the core for each point, in the broadcast shape with the values first."""
     given = {
         name: reals(name, value, checked=False)
         for name, value in zip(("tau", "phi", "kappa"), (tau, phi, kappa), strict=True)
@@ -199,7 +200,7 @@ def _evaluate(form: str, n_values: int, tau: ArrayLike, phi: ArrayLike, kappa: A
     if 0 in shape:
         return np.empty((n_values, *shape))
     taus, phis, kappas = (
-        # The core need not look at a single value again.
+        # A single value need not be checked again by the core.
         array.reshape(1)
         if array.size == 1 and name != "tau"
         else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)

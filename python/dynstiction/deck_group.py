@@ -1,4 +1,4 @@
-"""What the dataclasses of the deck's groups have in common: their values are checked by the deck reader of the core."""
+"""Base of the dataclasses of the deck's groups, whose values are checked by the deck reader of the core."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["DeckGroup"]
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
 class DeckGroup:
-    """Base of the groups: a frozen dataclass with one field a key, in the deck's units.
+    """Base of the groups: a frozen dataclass with one field for each key, in the deck's units.
 
     A field that is not given has the key's default, or None if it has none. ``dataclasses.replace`` and
     ``copy.replace`` change fields; ``dataclasses.fields`` gives units and meanings as metadata.
@@ -22,8 +22,8 @@ class DeckGroup:
     Raises
     ------
     DeckError
-        If the deck reader would refuse a value: wrong kind, out of range, no such choice. What a scene lacks, or
-        what does not go together, is found when the scene is checked or run.
+        If the deck reader would refuse a value: wrong kind, out of range, no such choice. Missing keys and combinations
+        that are not valid are found when the scene is checked or run.
     """
 
     group: ClassVar[str]
@@ -36,7 +36,7 @@ class DeckGroup:
 
     def __post_init__(self) -> None:
         defaults = self._defaults()
-        # None stands for the default.
+        # None means the default.
         given = {name: plain(getattr(self, name)) for name in defaults}
         given = {n: v for n, v in given.items() if v is not None and v != defaults[n]}
         deck = deck_from({self.group: given}, type(self).__name__)
@@ -49,7 +49,7 @@ class DeckGroup:
 
     @classmethod
     def _read(cls, given: Mapping[str, _native.Value]) -> Self:
-        """Group of values that the core has read."""
+        """Group with the values that the core has read."""
         group = cls.__new__(cls)
         group._fill(cls._defaults() | dict(given))
         return group

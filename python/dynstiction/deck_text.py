@@ -17,7 +17,7 @@ VALUES_PER_LINE = 6
 
 
 def deck_from(groups: Mapping[str, Mapping[str, object]], name: str) -> DeckSource:
-    """Deck of some groups; None leaves a key out. Messages on it name the keys."""
+    """Deck of some groups; None leaves a key out. Messages about the deck name the keys."""
     lines: list[str] = []
     fields: dict[int, str] = {}
     for group, keys in groups.items():
@@ -34,7 +34,7 @@ def deck_from(groups: Mapping[str, Mapping[str, object]], name: str) -> DeckSour
 
 
 def setting_value(value: object) -> str:
-    """A value in one line; None is nothing, which takes a key out of the deck."""
+    """A value in one line; empty for None, which removes a key from the deck."""
     return "" if value is None else _namelist(value).replace("\n", "")
 
 
@@ -55,7 +55,7 @@ def _namelist(value: object) -> str:
         return _written(value)
     except UsageError:
         raise
-    except (RecursionError, ValueError) as error:  # a list in itself; a number of thousands of digits
+    except (RecursionError, ValueError) as error:  # a list that contains itself; a number of thousands of digits
         raise UsageError(f"a value of a deck is a number, a string, or a sequence of them: {error}") from None
 
 

@@ -1,4 +1,4 @@
-"""The equations of the model as functions of arrays (Nakano & Popov 2020, "Eq." as there)."""
+"""The equations of the model as functions of arrays; "Eq." refers to Nakano & Popov (2020)."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ LIMITS: dict[str, dict[str, Any]] = {
     "damping_x": {"least": 0.0, "units": "N s/m"},
     "damping_y": {"least": 0.0, "units": "N s/m"},
 }
-"""Of the parameters of a slider, as `_arguments.reals` takes them."""
+"""Limits of the parameters of a slider, as `_arguments.reals` takes them."""
 
 VELOCITY = 8
-"""Place of the drive velocity among the parameters of a slider."""
+"""Index of the drive velocity among the parameters of a slider."""
 
 
 def rhs(
@@ -65,8 +65,8 @@ def rhs(
         Elongation of the spring ``u_x, u_y`` [m] and slip velocity ``w_x, w_y`` [m/s], in the principal
         axes. Any leading dimensions.
     scene : str, PathLike or Scene, optional
-        Where parameters come from that are not given: a deck or a scene. Of a drive with several velocities the first one
-        counts that is held and is not 0.
+        A deck or a scene, for the parameters that are not given. If its drive has several velocities, the first constant one
+        that is not 0 is taken.
     mass : float
         m [kg].
     stiffness_x, stiffness_y : float
@@ -80,11 +80,11 @@ def rhs(
     normal_load : float
         W [N].
     velocity : float
-        V [m/s], of the drive.
+        Drive velocity V [m/s].
     v_smooth : float
         Smoothing velocity [m/s] of the direction of friction; 0 for the exact law.
     damping_x, damping_y : float
-        c_x, c_y [N s/m] of the dampers beside the springs.
+        c_x, c_y [N s/m] of the dampers parallel to the springs.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def rhs(
     ------
     UsageError
         If the last dimension of `state` is not 4, an argument is not finite or out of its range (m, k_x, k_y, v_f > 0;
-        mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. If a rate is not a
+        mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. Also if a rate is not a
         number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
     given = {
@@ -133,7 +133,7 @@ def jacobian(
     damping_x: float | None = None,
     damping_y: float | None = None,
 ) -> NDArray[np.float64]:
-    """Derivative of `rhs` by the state.
+    """Derivative of `rhs` with respect to the state.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def jacobian(
     Returns
     -------
     ndarray, shape (..., 4, 4), float64, C-contiguous
-        ``[..., i, j]`` = derivative of component i of the right-hand side by component j of the state, in
+        ``[..., i, j]`` is the derivative of component i of the right-hand side with respect to component j of the state, in
         the SI unit of that quotient.
 
     Raises
@@ -187,7 +187,7 @@ class SlipProblem:
     y0 : ndarray, shape (4,)
         The state in which the scene begins.
     corners : ndarray, shape (n,)
-        Times [s] of the corners and jumps of the drive inside of `t_span`.
+        Times [s] of the corners and jumps of the drive inside `t_span`.
     slider : ndarray, shape (12,)
         Parameters of the equations in the order of the keywords of `rhs`; the drive velocity is that at the beginning.
     drive_time, drive_velocity : tuple of float
@@ -202,7 +202,7 @@ class SlipProblem:
     drive_velocity: tuple[float, ...]
 
     def velocity(self, t: float) -> float:
-        """Drive velocity [m/s] at a time [s]; at a jump that after it.
+        """Drive velocity [m/s] at a time [s]; at a jump, the velocity after it.
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ class SlipProblem:
         return np.asarray(_evaluated(self._at(t), np.transpose(y), 1)[..., 0].T)
 
     def jac(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
-        """Derivative of `fun` by the state.
+        """Derivative of `fun` with respect to the state.
 
         Parameters
         ----------
@@ -269,7 +269,8 @@ def slip_problem(scene: DeckLike) -> SlipProblem:
     """The motion of a scene in slip, ready for ``scipy.integrate.solve_ivp``.
 
     With the smoothed contact (``contact="smoothed"``) it is the motion of the scene. With the exact contact it is
-    its slip between two stops: at ``w = 0``, where the scene comes to rest, friction has no direction and `SlipProblem.fun` raises.
+    its slip between two stops: at ``w = 0``, where the object comes to rest, friction has no direction and `SlipProblem.fun`
+    raises an error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions; every one of them is an `Error`."""
+"""The exceptions of the package; every one of them is an `Error`."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ __all__ = [
 
 
 def printable(text: str) -> str:
-    """Text as a terminal may get it: what controls it, and line breaks, as ``?``; names and files of strangers hold such."""
+    """Text that is safe to print: control characters and line breaks, which foreign names and files may contain, become ``?``."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def require_folder(path: str | os.PathLike[str]) -> None:
-    """Refuse a file to be written into a folder that is not there."""
+    """Refuse to write a file into a folder that does not exist."""
     folder = os.path.dirname(os.fspath(path))
     if folder and not os.path.isdir(folder):
         raise FileError(
@@ -38,12 +38,12 @@ def require_folder(path: str | os.PathLike[str]) -> None:
 
 
 class Error(Exception):
-    """Base of all errors of dynstiction.
+    """Base class of all errors of dynstiction.
 
     Attributes
     ----------
     exit_status : int
-        What a command that fails with this error returns to the shell.
+        Exit status of a command that fails with this error.
     """
 
     exit_status = 1
@@ -53,11 +53,11 @@ class Error(Exception):
 
 
 class UsageError(Error, ValueError):
-    """A function was called with arguments that cannot be meant."""
+    """A function was called with arguments that are not valid."""
 
 
 class ColumnError(UsageError, KeyError):
-    """A result has no column, or its summary no value, of the name that was asked for; the text names the nearest one."""
+    """A result has no column, or its summary has no value, with this name; the text gives the nearest name."""
 
     def __str__(self) -> str:  # KeyError would print the repr of the message
         return printable(Exception.__str__(self))
@@ -68,7 +68,7 @@ class PackageError(UsageError, ImportError):
 
 
 class DeckError(Error, ValueError):
-    """A deck was refused; the text names file, line, the fault and what would be right, one fault a line."""
+    """A deck was refused; each line of the text gives one fault with its file, its line and what would be right."""
 
     exit_status = 2
 
@@ -77,7 +77,7 @@ class DeckError(Error, ValueError):
 
 
 class FileError(Error, OSError):
-    """A file is missing, foreign, damaged, or already there."""
+    """A file is missing, damaged, of another program, or exists already."""
 
     exit_status = 3
 
@@ -89,9 +89,9 @@ class SolverError(Error):
     ----------
     code : int
         41 step underflow, 42 too many steps, 43 not finite, 44 too many rejections, 45 chattering,
-        46 slip that starts not smoothly enough for an explicit method.
+        46 slip that does not start smoothly enough for an explicit method.
     result : Result or None
-        What was computed until then.
+        The result until then.
     """
 
     exit_status = 4
@@ -106,10 +106,10 @@ class SolverError(Error):
 
 
 class OutOfMemoryError(SolverError, MemoryError):
-    """A run took more memory than there is; `code` is 47."""
+    """A run needed more memory than there is; `code` is 47."""
 
     def __new__(cls, *args: object) -> Self:
-        # MemoryError's own would refuse this class when a copy is made by __new__, as for another process.
+        # MemoryError's own __new__ would refuse this class when a copy is made, as for another process.
         return Exception.__new__(cls, *args)
 
 
@@ -121,11 +121,11 @@ class IncompleteWarning(UserWarning):
 
 
 class SamplingWarning(UserWarning):
-    """The samples of a run are too far apart to show its fast oscillation: a picture of them shows one that is not there."""
+    """The samples of a run are too far apart to show its fast oscillation: figures show an oscillation that does not exist."""
 
 
 class FitWarning(UserWarning):
-    """A fit is not to be trusted as it stands: the text says in which respect."""
+    """The result of a fit must be used with care: the text says why."""
 
 
 SOLVER_GAVE_UP = range(40, 50)

@@ -22,27 +22,27 @@ ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
 def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Write the tables of a run or a comparison, and yield the files as they are there.
+    """Write the tables of a run or a comparison, and yield each file when it is written.
 
-    Numbers are written so that they are read back as the same doubles; a column's head is ``name [unit]``. A text that a
+    Numbers are written so that they are read back as the same doubles. The heading of a column is ``name [unit]``. A text that a
     spreadsheet would take for a formula gets an apostrophe before it.
 
     Parameters
     ----------
     result : Result or Trade
-        Of a run NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv
-        (summary, statistics and parameters, one a line) are written, of a comparison NAME_trade.csv.
+        For a run, NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv
+        (summary, statistics and parameters, one in each line) are written, for a comparison NAME_trade.csv.
     folder : Path
-        Made if it is not there.
+        The folder; it is created if it does not exist.
     name : str
-        Begins the names of the files.
+        Begin of the names of the files.
     overwrite : bool
         Whether files may be replaced.
 
     Raises
     ------
     FileError
-        If a file is there already or cannot be written.
+        If a file exists already or cannot be written.
     """
     if isinstance(result, Trade):
         yield _write(folder / f"{name}_trade.csv", *_table(result.columns.info()), overwrite)
@@ -60,10 +60,10 @@ def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
 
 
 def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Write the tables of a sweep file, and yield the files as they are there.
+    """Write the tables of a sweep file, and yield each file when it is written.
 
-    Cases are one a row: parameters, summary, result code, wall time; and so are the cycles that are kept of them
-    (``sweep.keep = 'cycles'``): case, parameters, number of the cycle in the case, period, peak force, ....
+    There is one row for each case, with parameters, summary, result code and wall time. The cycles that are kept
+    (``sweep.keep = 'cycles'``) have a row each: case, parameters, number of the cycle in the case, period, peak force, ....
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
     Raises
     ------
     FileError
-        If the sweep file cannot be read, or a CSV file is there already or cannot be written.
+        If the sweep file cannot be read, or a CSV file exists already or cannot be written.
     """
     with open_file(path) as file:
         group = file["sweep"]
@@ -87,17 +87,17 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
 
 
 def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
-    """All that has one number a case: case, parameters, result code, wall time, then the summary."""
+    """Columns with one number for each case: case, parameters, result code, wall time, then the summary."""
     cases = group["case"].shape
     for table in (group, group["summary"]):
-        # What is sorted by name, but for the number of the case.
+        # Sorted by name, except the number of the case.
         for name in sorted(table, key=lambda name: name != "case"):
             if getattr(table[name], "shape", None) == cases:
                 yield info_of(name, table[name]), table[name][...]
 
 
 def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
-    """All that has one number a cycle that is kept: case, parameters, number of the cycle, then what it is told by."""
+    """Columns with one number for each kept cycle: case, parameters, number of the cycle, then its quantities."""
     cycles = group["cycles"]
     counts = cycles["count"][...]
     for name in ("case", *str(group.attrs["parameters"]).split()):
@@ -109,10 +109,10 @@ def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
 
 
 def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:
-    """Head and rows of a table of columns."""
+    """Headings and rows of a table of columns."""
     infos, values = zip(*columns, strict=True)
     head = [headed(info.name, info.units) for info in infos]
-    # As Python's numbers: they are written in the fewest digits that are read back as the same.
+    # As Python numbers, which are written with the fewest digits that are read back as the same number.
     return head, zip(*(np.asarray(column).tolist() for column in values), strict=True)
 
 
@@ -131,5 +131,5 @@ def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], ov
 
 
 def _harmless(cell: object) -> object:
-    """A text that a spreadsheet would take for a formula, with an apostrophe before it; numbers are no texts."""
+    """A text, with an apostrophe before it if a spreadsheet would take it for a formula; numbers are unchanged."""
     return f"'{cell}" if isinstance(cell, str) and cell.lstrip(" ").startswith(FORMULA_BEGINNINGS) else cell

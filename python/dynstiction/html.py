@@ -25,13 +25,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def page_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], fault: str = "") -> str:
-    """A titled table for a notebook, with what is wrong above it."""
+    """A table with a title for a notebook, and an error message above it."""
     warning = f"<pre style='color:#b00020'>{escape(fault)}</pre>" if fault else ""
     return f"<div><b>{escape(title)}</b>{warning}{table(head, rows) if rows else ''}</div>"
 
 
 def sparkline(time: NDArray[np.float64], values: NDArray[np.float64]) -> str:
-    """A line without axes, as inline SVG in the colour of the text around it."""
+    """A line without axes, as inline SVG in the colour of the surrounding text."""
     width, height = SPARKLINE
     span = float(time[-1] - time[0]) or 1.0
     low, high = float(np.min(values)), float(np.max(values))

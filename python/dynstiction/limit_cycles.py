@@ -1,4 +1,4 @@
-"""Limit cycles, and where stick-slip ends, without runs (docs/cycles.md, docs/closed_laws.md)."""
+"""Limit cycles, and the limits of stick-slip, without runs (docs/cycles.md, docs/closed_laws.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class LimitCycle(NamedTuple):
     period: float
     """Time from peak to peak of the load [s]."""
     peak_force: float
-    """Peak of the load [N]: of a stable cycle the apparent static friction."""
+    """Peak of the load [N]; the apparent static friction if the cycle is stable."""
     valley_force: float
     """Valley of the load [N]."""
     stick_duration: float
@@ -30,29 +30,29 @@ class LimitCycle(NamedTuple):
     slip_length: float
     """Advance in X from peak to valley [m], positive with the drive."""
     swing: float
-    """Peak less valley [N]."""
+    """Peak minus valley [N]."""
     log_multiplier: float
-    """Logarithm of the factor by which a cycle makes a small disturbance larger [-]; NaN where it is not known."""
+    """Logarithm of the factor by which a small disturbance grows in a cycle [-]; NaN if it is not known."""
     stable: bool
-    """Whether the object can stay at it."""
+    """Whether the cycle is stable, so that the motion can stay at it."""
 
     @property
     def multiplier(self) -> float:
-        """Factor by which a cycle makes a small disturbance larger [-]; 0 if it is below the smallest number."""
+        """Factor by which a small disturbance grows in a cycle [-]; 0 if it is below the smallest number."""
         return math.exp(min(self.log_multiplier, 700.0))
 
 
 class Regularity(NamedTuple):
-    """What the motion of a scene is like, from its own beginning on."""
+    """Regularity of the motion of a scene from its initial state."""
 
     verdict: Literal["regular", "irregular", "undecided"]
-    """Whether it comes to a cycle; if it is irregular, its cycles have a distribution and not a value."""
+    """Whether the motion reaches a cycle; if it is irregular, its cycles have a distribution, not one value."""
     exponent: float
     """Lyapunov exponent for a slow cycle [-]."""
     error: float
-    """Its standard error."""
+    """Standard error of the Lyapunov exponent."""
     slow_cycles: int
-    """Over how many slow cycles."""
+    """Number of slow cycles of the estimate."""
     mean: dict[str, float]
     """Mean of period, peak_force, ..., over the later half of the cycles; empty if there are none."""
     scatter: dict[str, float]
@@ -60,54 +60,54 @@ class Regularity(NamedTuple):
 
 
 class Cycles(NamedTuple):
-    """Every limit cycle of a scene, and steady sliding beside them."""
+    """Every limit cycle of a scene, and steady sliding."""
 
     model: str
     velocity: float
     """Drive velocity |V| [m/s]."""
     cycles: tuple[LimitCycle, ...]
-    """By growing swing."""
+    """The cycles by increasing amplitude."""
     sliding_load: float
     """k_x u_x in steady sliding [N]."""
     sliding_is_stable: bool
     eigenvalues: NDArray[np.complex128]
-    """Of a small disturbance of steady sliding [1/s], by falling real part; shape (2,), of the full model (4,)."""
+    """Eigenvalues of a small disturbance of steady sliding [1/s], by decreasing real part; shape (2,), for the full model (4,)."""
     regularity: Regularity | None
-    """Of the full model."""
+    """Regularity of the full model."""
 
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
-        """The cycles at which the object can stay."""
+        """The stable cycles, at which the motion can stay."""
         return tuple(cycle for cycle in self.cycles if cycle.stable)
 
     @property
     def unstable(self) -> tuple[LimitCycle, ...]:
-        """The others. One inside of which steady sliding is stable bounds what comes to it."""
+        """The other cycles. An unstable cycle around stable steady sliding bounds the motions that reach steady sliding."""
         return tuple(cycle for cycle in self.cycles if not cycle.stable)
 
 
 class End(NamedTuple):
-    """Where stick-slip ends."""
+    """A limit of stick-slip."""
 
     at: float
     """Misalignment [rad] or drive velocity [m/s]."""
     is_fold: bool
-    """Whether a stable and an unstable cycle meet there; if not, the swing is 5 % of mu_0 W there."""
+    """Whether a stable and an unstable cycle meet there; if not, the amplitude (peak to peak) is 5 % of mu_0 W there."""
 
 
 class StickSlipEnds(NamedTuple):
-    """Where the stick-slip of the slow motion ends. What does not exist is None."""
+    """Limits of the stick-slip of the slow motion. A limit that does not exist is None."""
 
     critical_misalignment: float | None
-    """Where steady sliding gains its stability at the scene's velocity [rad]; None if friction does not weaken."""
+    """Misalignment at which steady sliding becomes stable at the scene's velocity [rad]; None if friction does not weaken."""
     is_supercritical: bool | None
     """Whether the small cycles that begin there are stable."""
     misalignment: End | None
-    """Where stick-slip ends at the scene's velocity."""
+    """Misalignment at which stick-slip ends at the scene's velocity."""
     critical_velocity: tuple[float, float] | None
-    """Between which velocities steady sliding is unstable at the scene's misalignment [m/s]."""
+    """Velocities between which steady sliding is unstable at the scene's misalignment [m/s]."""
     velocity: tuple[End | None, End | None]
-    """Between which velocities there is stick-slip at the scene's misalignment."""
+    """Velocities between which there is stick-slip at the scene's misalignment."""
     bautin_point: tuple[float, float] | None
     """V [m/s] and phi [rad] at which small cycles change from stable to unstable."""
     slow_drive_law: float | None
@@ -115,9 +115,9 @@ class StickSlipEnds(NamedTuple):
     slow_drive_doubt: float | None
     """The last term of its series over the sum [-]."""
     fast_drive_law: float | None
-    """Misalignment [rad] at which harmonic swings end."""
+    """Misalignment [rad] at which harmonic oscillations end."""
     fast_drive_doubt: float | None
-    """The largest damping ratio in such a swing [-]."""
+    """The largest damping ratio in such an oscillation [-]."""
 
 
 def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
@@ -126,29 +126,30 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Parameters
     ----------
     scene : str, PathLike or Scene
-        A deck or a scene. Of a drive with several velocities the first one counts that is held and is not 0.
+        A deck or a scene. If its drive has several velocities, the first constant one that is not 0 is taken.
     model : str
-        Whose cycles; default: the scene's own model, which has to be 'full' or 'low_frequency'.
+        Model of the cycles, 'full' or 'low_frequency'; by default the scene's own model, which must be one of these.
 
     Returns
     -------
     Cycles
-        The cycles by growing swing, and steady sliding.
+        The cycles by increasing amplitude, and steady sliding.
 
     Raises
     ------
     DeckError, FileError
-        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the contact of the full model is smoothed.
+        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the full model has the smoothed
+        contact.
     UsageError
-        If the drive holds no velocity but 0.
+        If the drive has no constant velocity other than 0.
     SolverError
         If the motion cannot be followed.
 
     Notes
     -----
     The slow motion is planar, so that every cycle is a fixed point of its map from valley to valley, and the multiplier
-    follows from the divergence along it. The cycles of the full model are fixed points of its map from release to release;
-    where it has no releases, only the cycle to which it settles is known. docs/cycles.md.
+    follows from the divergence along the cycle. The cycles of the full model are fixed points of its map from release to release;
+    if it has no releases, only the cycle to which it settles is known. See docs/cycles.md.
     """
     with _native.Cycles(Scene(scene).source, model) as found:
         return Cycles(
@@ -179,17 +180,17 @@ def _regularity(found: _native.Cycles) -> Regularity:
 
 
 def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
-    """Where the stick-slip of the slow motion ends: in the misalignment, and in the drive velocity.
+    """Limits of the stick-slip of the slow motion in misalignment and drive velocity.
 
     Parameters
     ----------
     scene : str, PathLike or Scene
-        As for `cycles`. Its misalignment matters to the ends in velocity only, and its velocity to those in the angle.
+        As for `cycles`. Its misalignment is used only for the limits in velocity, and its velocity for the limits in the angle.
 
     Returns
     -------
     StickSlipEnds
-        The ends, and what the laws of slow and of fast drives say.
+        The limits, and those of the laws for slow and for fast drives.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The data of one run, described: the ground on which results, files and the core's answers stand."""
+"""The data of one run with units and meanings: the base of results, files and values from the core."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ C = TypeVar("C", bound=NDArray[np.generic])
 
 
 class Info(NamedTuple):
-    """What a column or a scalar is."""
+    """Name, unit and meaning of a column or a scalar."""
 
     name: str
     units: str
@@ -66,24 +66,24 @@ NOUNS = {
     "statistics": "statistic",
     "parameters": "parameter",
 }
-"""What a name stands for, by the table in which it is looked up."""
+"""What a name is, by the table that contains it."""
 
 REMEDIES = {"columns": ": name it in the deck's output.fields and run again"}
-"""What to do about a name that a run could have, and has not."""
+"""What to do about a name that a run could have, but does not have."""
 
 
 def unit_shown(units: str) -> str:
-    """A unit as people read it: nothing for a number without dimension, or for a text."""
+    """A unit for people: empty for a number without dimension, or for a text."""
     return "" if units == "1" else units
 
 
 def headed(name: str, units: str) -> str:
-    """Head of a column: its name, and its unit in brackets if it has one."""
+    """Heading of a column: its name, and its unit in brackets if it has one."""
     return f"{name} [{units}]" if unit_shown(units) else name
 
 
 def si_units(units: str) -> str:
-    """A unit in the grammar of this package, ``m/s``; older files have ``m s-1``."""
+    """A unit in the notation of this package, ``m/s``; older files have ``m s-1``."""
     above = [part for part in units.split() if "-" not in part]
     below = [part.replace("-", "").removesuffix("1") for part in units.split() if "-" in part]
     if not below or not all(part[:1].isalpha() for part in below):
@@ -92,7 +92,7 @@ def si_units(units: str) -> str:
 
 
 def number_shown(value: object) -> str:
-    """A value as people read it: six digits of a real number."""
+    """A value for people: six digits of a real number."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -105,7 +105,7 @@ class Described(Mapping[str, T], Generic[T]):
         Name, unit and meaning of each value, and the value.
     table : str
         What the values are, for messages on missing names: ``"columns"``, ``"summary"``, ``"statistics"`` or
-        ``"parameters"`` of a run, or ``"table"``, columns of another table.
+        ``"parameters"`` of a run, or ``"table"`` for the columns of another table.
     """
 
     def __init__(self, entries: Iterable[tuple[Info, T]], table: str = "") -> None:
@@ -122,12 +122,12 @@ class Described(Mapping[str, T], Generic[T]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each value like ``"m/s"``; ``"1"`` where it has none."""
+        """Unit of each value, like ``"m/s"``; ``"1"`` if it has none."""
         return {name: info.units for name, (info, _) in self._entries.items()}
 
     @property
     def long_names(self) -> dict[str, str]:
-        """What each value is, in words."""
+        """Meaning of each value, in words."""
         return {name: info.long_name for name, (info, _) in self._entries.items()}
 
     def __getitem__(self, name: str) -> T:
@@ -140,7 +140,7 @@ class Described(Mapping[str, T], Generic[T]):
         return name in self._entries
 
     def _why_missing(self, name: object) -> str:
-        """What to say of a name that is not here: a slip of the pen, or something that another run has."""
+        """Message for a name that does not exist here: it may be mistyped, or exist in other runs."""
         noun, possible = NOUNS.get(self._table, "value"), self._possible()
         there = f"there are {', '.join(self._entries)}" if self._entries else "there are none"
         near = nearest(name, self._entries) or nearest(name, possible)
@@ -178,7 +178,7 @@ class Described(Mapping[str, T], Generic[T]):
 
 
 class Table(Generic[C]):
-    """Columns of one length under their names: ``table["u_x"]``, ``dict(table)``, ``for name in table``.
+    """Columns of equal length by name: ``table["u_x"]``, ``dict(table)``, ``for name in table``.
 
     Tables are equal only to themselves.
 
@@ -215,7 +215,7 @@ class Table(Generic[C]):
         return iter(self.columns)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The table as a `pandas.DataFrame`, one row a line; ``frame.attrs["units"]`` has the units.
+        """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Table(Generic[C]):
         return frame_of(self.columns)
 
     def _dataset(self, index: str, attributes: Mapping[str, object]) -> xarray.Dataset:
-        """The table as an `xarray.Dataset` over one of its columns, or over the number of the row."""
+        """The table as an `xarray.Dataset` over one of its columns, or over the row number."""
         needed("xarray", "to_xarray")
         import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
 
@@ -237,7 +237,7 @@ class Table(Generic[C]):
         return xarray.Dataset(variables, coordinates, dict(attributes))
 
     def _values(self) -> tuple[str, str, Described[float]]:
-        """What a notebook shows: a title, what is listed, and the list."""
+        """What a notebook shows: a title, the kind of values, and the values."""
         raise NotImplementedError
 
     def _repr_html_(self) -> str:
@@ -246,7 +246,7 @@ class Table(Generic[C]):
 
 
 def frame_of(columns: Described[C]) -> pandas.DataFrame:
-    """Columns as a `pandas.DataFrame` that knows their units."""
+    """Columns as a `pandas.DataFrame` with their units."""
     needed("pandas", "to_pandas")
     import pandas  # noqa: PLC0415  (optional)
 
@@ -270,7 +270,7 @@ def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
-    """What one run has brought: its time series as a mapping of columns, events, summary, statistics, provenance.
+    """The results of one run: its time series as a mapping of columns, events, summary, statistics, provenance.
 
     Attributes
     ----------
@@ -280,15 +280,15 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     events : structured ndarray, shape (n_events,)
         ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
     summary : Described of float or int
-        Period, peak force, …, as far as the run has them; counts are integers.
+        Period, peak force, …, if the run has them; counts are integers.
     statistics : Described of int or float
-        The work done: steps, evaluations, factorisations, wall time [s], ….
+        Counts of the work: steps, evaluations, factorisations, wall time [s], ….
     parameters : Described
-        Every key of the deck as used.
+        Every key of the deck with the value used.
     attributes : dict
         Provenance and outcome: program, version, model, method, result_code, ….
     deck, resolved_deck : str
-        The deck as read, and with every key as used.
+        The deck as read, and the deck with the values used of all keys.
     """
 
     columns: Described[NDArray[np.float64]]
@@ -310,7 +310,7 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
 
     @property
     def result_code(self) -> int:
-        """0 done, 40 to 49 the solver gave up, 75 stopped early."""
+        """0: done, 40 to 49: the solver gave up, 75: stopped early."""
         return int(self.attributes.get("result_code", 0))
 
     @property

@@ -28,7 +28,7 @@ SPARKLINE_BINS = 220
 
 
 class Result(Record):
-    """What `dynstiction.run` returns and `dynstiction.open` reads.
+    """The results of a run, as `dynstiction.run` returns them and `dynstiction.open` reads them.
 
     A read-only mapping of the columns of the time series by name: ``result["u_x"]``, ``dict(result)``,
     ``for name in result``, ``"theta" in result``, ``len(result)`` columns. Events, summary, statistics and provenance are
@@ -36,17 +36,17 @@ class Result(Record):
     """
 
     def sticks(self, until: float = np.inf) -> int:
-        """Number of sticks that began, the first one included.
+        """Number of sticks that began, including the first one.
 
         Parameters
         ----------
         until : float
-            Later ones are not counted [s].
+            Time [s] after which sticks are not counted.
 
         Raises
         ------
         UsageError
-            If `until` is no number.
+            If `until` is not a number.
         """
         latest = number("until", until, checked=False)
         if np.isnan(latest):
@@ -57,8 +57,8 @@ class Result(Record):
     def to_xarray(self) -> xarray.Dataset:
         """Time series as an `xarray.Dataset` over ``time`` [s], with units and provenance.
 
-        The same variables as ``xarray.open_dataset(file, group="time_series", engine="h5netcdf")`` gives
-        of the saved result, and the attributes of the whole file.
+        It has the same variables as ``xarray.open_dataset(file, group="time_series", engine="h5netcdf")`` gives
+        for the saved result, and the attributes of the whole file.
 
         Raises
         ------
@@ -97,38 +97,39 @@ class Result(Record):
         Parameters
         ----------
         kind : str, optional
-            ``"history"``, ``"velocities"``, ``"path"``, …: a name in `dynstiction.plot.KINDS`, by default what the model is for.
+            ``"history"``, ``"velocities"``, ``"path"``, …: a name in `dynstiction.plot.KINDS`; the default depends on the model.
         **options
             As for `dynstiction.plot.draw`.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Also one of pyplot's, if that has been imported, so that ``plt.show()`` shows it; not with inline figures of a notebook.
+            If pyplot has been imported, it manages the figure, so that ``plt.show()`` shows it; except with inline figures of a
+            notebook.
 
         Raises
         ------
         UsageError
-            If there is no such kind, or the result has not what it shows.
+            If there is no such kind, or the result lacks the data for it.
         """
         return _plot_package()(self, kind, **options)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the HDF5 file that the executable writes; it appears under its name only when it is whole.
+        """Write the same HDF5 file as the executable; it appears under its name only when it is complete.
 
         Parameters
         ----------
         path : str or PathLike
             The file.
         overwrite : bool
-            Whether it may replace a file that is there, if that is one of dynstiction.
+            Whether it may replace an existing file, if that is a file of dynstiction.
 
         Raises
         ------
         FileError
-            If the file exists, or is not one of dynstiction, or cannot be written; what was there is then kept.
+            If the file exists, is not a file of dynstiction, or cannot be written; the existing file is then kept.
         UsageError
-            If `path` is no path.
+            If `path` is not a path.
         """
         from . import _save  # noqa: PLC0415  (h5py is slow to import)
 
@@ -168,7 +169,7 @@ class Result(Record):
 
 
 def _plot_package() -> PlotModule:
-    """The package of the figures, which is imported when it is used."""
+    """The package of the figures, which is imported at its first use."""
     return cast("PlotModule", import_module(".plot", __package__))
 
 
@@ -183,14 +184,14 @@ def open(path: str | os.PathLike[str]) -> Result:
     Warns
     -----
     IncompleteWarning
-        If the run did not reach its end; what it wrote is returned.
+        If the run did not reach its end; the result until then is returned.
 
     Raises
     ------
     FileError
-        If the file is missing, damaged, of another program, or holds a sweep (`dynstiction.open_sweep`).
+        If the file is missing, damaged or of another program, or holds a sweep (`dynstiction.open_sweep`).
     UsageError
-        If `path` is no path.
+        If `path` is not a path.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 

@@ -1,6 +1,6 @@
-"""Scenes: immutable descriptions of what to compute.
+"""Scenes: immutable descriptions of runs.
 
-A scene is the text of a deck and a list of settings that override it. Neither is interpreted here:
+A scene is the text of a deck and a list of settings that override it. This module does not interpret them:
 the deck reader of the Fortran core merges, checks and completes them.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["DeckLike", "Group", "Scene"]
 
 Group: TypeAlias = DeckGroup | GroupValues
-"""What a keyword for a group takes: its dataclass, which replaces the group, or a mapping, which changes keys."""
+"""Value of a keyword for a group: its dataclass, which replaces the group, or a mapping, which changes keys."""
 
 G = TypeVar("G", bound=DeckGroup)
 
@@ -34,19 +34,19 @@ G = TypeVar("G", bound=DeckGroup)
 class Scene(SceneGroups):
     """Immutable description of a run.
 
-    Scenes are equal if they give every key the same value, wherever it stands. They can be hashed, pickled, and
+    Scenes are equal if they give every key the same value, in the deck or in a setting. They can be hashed, pickled, and
     changed with `replace` or ``copy.replace``. The attributes ``scene``, ``system``, ``friction``, ``drive``,
     ``initial``, ``integrator``, ``output`` and ``sweep`` are the groups as dataclasses.
 
     Parameters
     ----------
     deck : str, PathLike or Scene, optional
-        Path of a deck, or the text of one (what contains a line break, or an ``&`` and is no file).
-        Without it the scene is made of the keyword groups alone.
+        Path of a deck, or the text of one (a string with a line break, or with an ``&`` if there is no such file).
+        Without it the scene consists of the keyword groups alone.
     **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
         Keys of the deck, ``misalignment_deg=2.0`` or ``**{"system.misalignment_deg": 2.0}``, and groups,
         ``system={"misalignment_deg": 2.0}`` or ``system=ds.System(mass=0.25, …)``. With a `deck` a
-        dataclass replaces the group, all else overrides keys; a key that is None is used as if the deck did
+        dataclass replaces the group, and other values override keys; a key that is None is used as if the deck did
         not set it.
 
     Raises
@@ -54,7 +54,7 @@ class Scene(SceneGroups):
     FileError
         If the deck cannot be read. Its content is checked by `check` and by `dynstiction.run`.
     UsageError
-        If `deck` is nothing of these, a name is no key or group, or a group is no mapping of keys to values.
+        If `deck` is none of these, a name is not a key or group, or a group is not a mapping of keys to values.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Scene(SceneGroups):
     _fields: Mapping[int, str]
     _settings: dict[str, str]
     _cache: dict[object, Any]
-    """What the core has made of the deck, which never changes: its values, and its groups as dataclasses."""
+    """Values and groups (as dataclasses) that the core has read from the deck, which never changes."""
 
     def __init__(self, deck: DeckLike | None = None, /, **changes: Unpack[Changes]) -> None:
         given = _by_group(changes)
@@ -89,7 +89,7 @@ class Scene(SceneGroups):
             return
         elif isinstance(deck, Mapping):
             raise UsageError(
-                f"{shown(deck)}: a mapping is no deck: write Scene.from_dict(groups), or Scene(**groups)"
+                f"{shown(deck)}: a mapping is not a deck: write Scene.from_dict(groups), or Scene(**groups)"
             )
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
@@ -127,7 +127,7 @@ class Scene(SceneGroups):
 
     @classmethod
     def from_dict(cls, groups: Mapping[str, object]) -> Scene:
-        """Scene of a dictionary, as `groups` gives it or JSON, TOML or f90nml read it.
+        """Scene of a dictionary, as `groups` returns it, or as JSON, TOML or f90nml read it.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Scene(SceneGroups):
         Raises
         ------
         UsageError
-            If it is no mapping, or a name in it is no group or key.
+            If `groups` is not a mapping, or a name in it is not a group or key.
         """
         if not isinstance(groups, Mapping) or not all(isinstance(name, str) for name in groups):
             raise UsageError(
@@ -148,7 +148,7 @@ class Scene(SceneGroups):
 
     @classmethod
     def of_command(cls, path: str, settings: Iterable[str]) -> Scene:
-        """Scene of the deck in a file, with settings ``group.key=value`` of a command line, where text has no quotes.
+        """Scene of the deck in a file, with settings ``group.key=value`` as on the command line, where text has no quotes.
 
         Parameters
         ----------
@@ -176,21 +176,21 @@ class Scene(SceneGroups):
 
     @property
     def name(self) -> str:
-        """Where the deck comes from, as error messages show it."""
+        """Origin of the deck, as error messages show it."""
         return self._name
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """Overrides of the deck, ``group.key=value`` each."""
+        """Overrides of the deck, each as ``group.key=value``."""
         return tuple(f"{name}={value}" for name, value in self._settings.items())
 
     @property
     def source(self) -> _native.DeckSource:
-        """What the core reads."""
+        """The input of the core."""
         return _native.DeckSource(self._text, self._name, self.settings, self._fields)
 
     def groups(self) -> dict[str, dict[str, _native.Value]]:
-        """Every key that the scene gives, by group, overrides included: a scene is ``Scene(**scene.groups())``.
+        """Every key that the scene gives, by group, with overrides: ``Scene(**scene.groups())`` is equal to the scene.
 
         Raises
         ------
@@ -206,7 +206,7 @@ class Scene(SceneGroups):
         return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
 
     def to_deck(self) -> str:
-        """Text of a deck with every key that the scene gives, overrides included.
+        """Text of a deck with every key that the scene gives, with overrides.
 
         Raises
         ------
@@ -216,31 +216,31 @@ class Scene(SceneGroups):
         return deck_from(self.groups(), self._name).text
 
     def replace(self, **changes: Unpack[Changes]) -> Scene:
-        """Scene with some keys or groups changed, ``scene.replace(mass=0.5)``; also of ``copy.replace``.
+        """Scene with some keys or groups changed, ``scene.replace(mass=0.5)``; ``copy.replace`` does the same.
 
         Parameters
         ----------
         **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, Sweep, or mapping
-            As for `Scene`: keys ``mass=0.5`` or ``**{"system.mass": 0.5}``; of the groups a mapping
-            changes keys, and a dataclass replaces the group.
+            As for `Scene`: keys, ``mass=0.5`` or ``**{"system.mass": 0.5}``, and groups, for which a mapping
+            changes keys and a dataclass replaces the group.
         """
         return Scene(self, **changes)
 
     __replace__ = replace
 
     def check(self) -> str:
-        """Every key of the scene as it will be used, defaults included: a deck.
+        """A deck with every key of the scene as it will be used, with defaults.
 
         Raises
         ------
         DeckError
-            If the scene is refused; all its faults are named.
+            If the scene is refused; the text lists all its faults.
         """
         with _native.Run(self.source) as run:
             return run.resolved_deck
 
     def stability(self) -> Stability:
-        """Whether steady sliding is stable, and above which misalignment it is.
+        """Whether steady sliding is stable, and above which misalignment it is stable.
 
         Returns
         -------
@@ -252,12 +252,12 @@ class Scene(SceneGroups):
         DeckError
             If the scene is refused.
         UsageError
-            If its drive holds no velocity but 0, or its model has no mass or only one stiffness.
+            If its drive has no constant velocity other than 0, or its model has no mass or only one stiffness.
 
         See Also
         --------
         critical_misalignment, steady_sliding_eigenvalues : the same for arrays of parameters.
-        cycles : what the motion comes to where steady sliding is unstable.
+        cycles : the motion that the object reaches where steady sliding is unstable.
         """
         from .stability import stability  # noqa: PLC0415  (it uses this module)
 
@@ -269,7 +269,7 @@ class Scene(SceneGroups):
         return cast(G, self._cache[kind])
 
     def _identity(self) -> object:
-        """What makes two scenes the same: the values, or of one that cannot be read its text."""
+        """Key for the comparison of scenes: the values, or the text if the scene cannot be read."""
         try:
             given = self._given()
         except DeckError:
@@ -334,14 +334,14 @@ DeckLike: TypeAlias = str | os.PathLike[str] | Scene
 
 
 def _is_text(deck: str) -> bool:
-    # Unlike Path.is_file, os.path.isfile takes a long text without complaint.
+    # Unlike Path.is_file, os.path.isfile accepts a long text.
     return "\n" in deck or ("&" in deck and not os.path.isfile(deck))
 
 
 def _read(path: str) -> str:
     try:
         return _native.text_from(Path(path).read_bytes())
-    except (OSError, ValueError) as error:  # ValueError: no path at all
+    except (OSError, ValueError) as error:  # ValueError: not a path
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path}: {reason}: give the path of a deck") from error
 
@@ -371,7 +371,7 @@ def _settings(groups: Iterable[tuple[str, Group]]) -> dict[str, str]:
 
 
 def _changes(group: str, keys: Group) -> Mapping[str, object]:
-    """Keys that a group changes in a deck; a dataclass takes out those that it does not give."""
+    """Keys that a group changes in a deck; a dataclass removes the keys that it does not give."""
     given = _given(group, keys)
     if isinstance(keys, DeckGroup):
         return {field.name: given.get(field.name) for field in fields(keys)}
@@ -389,7 +389,7 @@ def _given(group: str, keys: Group) -> Mapping[str, object]:
         )
     for name in (group, *keys):
         if not (isinstance(name, str) and name.isprintable() and "=" not in name):
-            raise UsageError(f"{shown(name)}: is no name of a group or key of a deck")
+            raise UsageError(f"{shown(name)}: is not the name of a group or key of a deck")
     return keys
 
 

@@ -27,11 +27,11 @@ BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining
 
 
 MOST_EXPECTED = 1_000_000
-"""Rows that are made room for before they are there, at most."""
+"""Largest number of rows for which memory is reserved in advance."""
 
 
 class _Samples:
-    """Columns that grow; each is contiguous. Memory is touched once, which is most of what long series cost."""
+    """Columns that grow; each is contiguous. Memory is touched once, which is most of the cost of long series."""
 
     def __init__(self, n_columns: int, expected: int) -> None:
         self._values = np.empty((n_columns, max(expected, 1)))
@@ -54,11 +54,12 @@ class _Samples:
 
 
 class Simulation(Closing):
-    """A run that goes on when it is told to; in the end it is what `dynstiction.run` returns, bit for bit.
+    """A run that you advance step by step; at the end its result is the one of `dynstiction.run`, bit for bit.
 
-    A context manager; what the core holds is freed at its end, and what was computed stays. One thread at a time uses it: a
-    second one gets a `UsageError`, and `close` from another thread ends a run that is going on in the same way. It is not
-    copied or pickled: the `scene` and the `result` are. In a process that is forked its copy goes on by itself.
+    It is a context manager: at the end of the block the memory of the core is freed, and the computed results stay. One thread at
+    a time can use it: a second thread gets a `UsageError`, and `close` from another thread ends a running call in the same way. A
+    simulation cannot be copied or pickled, but its `scene` and its `result` can. In a forked process its copy continues
+    independently.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class Simulation(Closing):
     FileError
         If the deck cannot be read.
     UsageError
-        If a name is no key or group, or `times` do not ascend within the run.
+        If a name is not a key or group, or `times` do not ascend within the run.
 
     Examples
     --------
@@ -93,7 +94,7 @@ class Simulation(Closing):
         self._core = _native.Run(self._scene.source)
         self._parameters = Described(self._core.parameters(), "parameters")
         if self._times is not None and self._parameters["interval"] == 0.0:
-            # The core takes samples at given times only where it takes them at intervals.
+            # The core takes samples at given times only if it takes them at intervals.
             self._core = _native.Run(self._scene.replace(interval=float(self._parameters["t_end"])).source)
             self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
@@ -110,12 +111,12 @@ class Simulation(Closing):
                 raise UsageError(
                     f"times end at {self._times[-1]:g} s, and the run at {self._t_end:g} s: give t_end={self._times[-1]:g}"
                 )
-            # The sample at the beginning has been taken, and one at the end ends the list.
+            # The sample at the beginning has been taken; the list ends with a sample at the end.
             between = self._times[(self._times > 0.0) & (self._times < self._t_end)]
             self._sample_at(np.concatenate([[0.0], between, [self._t_end]]))
 
     def close(self) -> None:
-        """Free what the core holds; a run that is not finished can then not go on."""
+        """Free the memory of the core; a run that is not finished then cannot be continued."""
         self._core.close()
 
     @property
@@ -140,7 +141,7 @@ class Simulation(Closing):
 
     @property
     def state(self) -> Described[float]:
-        """What a sample at `time` holds: the columns of the time series, interpolated as samples are.
+        """The values of a sample at `time`: the columns of the time series, interpolated as samples are.
 
         Raises
         ------
@@ -170,7 +171,7 @@ class Simulation(Closing):
 
     @property
     def result(self) -> Result:
-        """What there is up to `time`; summary and statistics are there when the run has ended.
+        """The result up to `time`; it has a summary and statistics when the run has ended.
 
         Raises
         ------
@@ -187,7 +188,7 @@ class Simulation(Closing):
             columns = [values[asked_for] for values in columns]
         if not self.finished:
             n = int(np.searchsorted(columns[0], self._time, side="right"))
-            # The run goes on in what the core has filled; this does not.
+            # The run continues in the arrays that the core fills; this result must not change.
             columns = [values[:n].copy() for values in columns]
         return Result(
             columns=Described(zip(self._core.columns, columns, strict=True), "columns"),
@@ -203,18 +204,18 @@ class Simulation(Closing):
     def step_to(self, time: float) -> None:
         """Integrate up to a time.
 
-        The steps are those of an undisturbed run: the last one may end later, and what lies beyond `time` is kept
-        back until the run gets there.
+        The steps are those of an undisturbed run: the last one may end later, and samples and events after `time` are held
+        back until the run reaches them.
 
         Parameters
         ----------
         time : float
-            Simulated time [s], from the one reached to `t_end`; that ends the run.
+            Simulated time [s], between the time reached and `t_end`; `t_end` ends the run.
 
         Raises
         ------
         UsageError
-            If the time lies in the past or beyond the end, the simulation is closed, or another thread is using it.
+            If the time is before the time reached or beyond the end, the simulation is closed, or another thread is using it.
         SolverError
             If the solver gave up; its ``result`` holds what was computed until then.
 
@@ -244,7 +245,7 @@ class Simulation(Closing):
         Returns
         -------
         Result
-            As of `dynstiction.run`.
+            The result of `dynstiction.run`.
 
         Raises
         ------
@@ -282,11 +283,11 @@ class Simulation(Closing):
             return self._result_so_far()
 
     def _sample_at(self, instants: NDArray[np.float64]) -> None:
-        """Sample at these instants [s], from 0 to the end, of a run that has not been told to go on yet."""
+        """Set the times of the samples [s], from 0 to the end, of a run that has not been advanced yet."""
         self._core.sample_at(instants)
 
     def _go_on(self, seconds: float) -> bool:
-        """Go on for at most `seconds` of wall time; whether the run has ended."""
+        """Advance for at most `seconds` of wall time; return whether the run has ended."""
         with self._alone:
             return self._advance(self._t_end, seconds)
 
@@ -294,12 +295,12 @@ class Simulation(Closing):
         return self._core.ending()[1]
 
     def _advance(self, until: float, seconds: float = _native.CHUNK_SECONDS) -> bool:
-        """Go on for a while, at most to `until`; whether that has been reached, or the run has ended before."""
+        """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
         reached = False
         if self._outcome is None:
-            # The end is more than a time that is reached: the run is summed up there.
+            # The end is more than a time that is reached: there the summary is computed.
             aim = until if until < self._t_end else np.inf
-            # Ctrl-C comes after what the core gives has been kept.
+            # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
                 outcome, reached, rows, time, kind = self._core.advance(seconds, aim)
                 self._samples.append(rows)
@@ -328,7 +329,7 @@ class Simulation(Closing):
         return int(min(self._t_end / interval + 2, MOST_EXPECTED))
 
     def _tell(self, stacklevel: int) -> None:
-        """Raise or warn if the run has ended badly."""
+        """Raise or warn if the run did not reach its end."""
         code, text = self._outcome or (0, "")
         if code == _native.STOPPED_EARLY:
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
@@ -359,12 +360,12 @@ class Simulation(Closing):
         }
 
     def __repr__(self) -> str:
-        state = "finished" if self.finished else "closed" if self._core.closed else "going on"
+        state = "finished" if self.finished else "closed" if self._core.closed else "running"
         return f"<Simulation {self._scene.name!r}: t = {self._time:g} of {self._t_end:g} s, {state}>"
 
 
 def _ascending(times: ArrayLike) -> NDArray[np.float64]:
-    """Times of samples [s], if they are a list that ascends from 0 or later."""
+    """Times of samples [s], if they are a list that starts at 0 or later and increases."""
     given = reals("times", times, least=0.0, units="s")
     if given.ndim != 1 or given.size == 0:
         raise UsageError(f"times of shape {given.shape}: give a list of times [s]")

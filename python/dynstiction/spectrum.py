@@ -1,4 +1,4 @@
-"""Spectrograms of slip velocities, and the frequency that they show in slow creep (Nakano & Popov 2020, Fig. 4)."""
+"""Spectrograms of slip velocities, and the frequency of the oscillation in slow creep (Nakano & Popov 2020, Fig. 4)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "
 
 _Floats = NDArray[np.float64]
 
-# Zeros are added to this multiple of the window: the peak then lies within three close points.
+# Windows are filled with zeros to this multiple of their length: the peak is then within three close points.
 PADDING = 2
 # How far the spacing of samples may be from uniform.
 SPACING_TOLERANCE = 1e-6
 
 
 class Spectrogram(NamedTuple):
-    """Power of a signal by time and frequency."""
+    """Power density of a signal over time and frequency."""
 
     time: _Floats
     """Middles of the windows [s], shape (n_t,)."""
@@ -33,30 +33,30 @@ class Spectrogram(NamedTuple):
 
 
 def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: int = 400) -> Spectrogram:
-    """Power spectral density in a Hamming window that slides over the signal; the mean of each window is taken out.
+    """Power spectral density in a Hamming window that slides over the signal; the mean of each window is subtracted.
 
     Parameters
     ----------
     time : array_like, shape (n,)
-        Times of the samples [s], uniform. The last one may be nearer than the others (the end of a run) and is then
+        Times of the samples [s], uniform. The last interval may be shorter (at the end of a run); the last sample is then
         left out.
     values : array_like, shape (n,)
         The signal.
     window : float
         Length of the window [s].
     count : int
-        About how many windows; fewer if they would be less than a sample apart.
+        Approximate number of windows; fewer if they would be less than a sample apart.
 
     Returns
     -------
     Spectrogram
-        Only windows that lie within the signal.
+        The spectrogram, with windows that are within the signal.
 
     Raises
     ------
     UsageError
-        If the samples are not uniform, not finite, too few for the window, or the window holds fewer than 8 of them. If
-        `count` is no whole number from 1 on, or the density is beyond the range of double precision.
+        If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, if
+        `count` is not a whole number of at least 1, or if the density is beyond the range of double precision.
     """
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
     window, count = number("window", window, checked=False), whole("count", count, least=1)
@@ -77,7 +77,7 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
             f"run again with output.interval = {window / 100:.1g} or less"
         )
     hop = max(1, (n - length) // count)
-    # The middles of the windows are multiples of the hop: the first and the last that lie within the signal.
+    # The middles of the windows are multiples of the hop, from the first to the last that is within the signal.
     half = length // 2
     first, last = -(-half // hop), (n - length + half) // hop + 1
     begins = hop * np.arange(first, last) - half
@@ -100,20 +100,20 @@ def _density(values: _Floats, padded: int, step: float) -> _Floats:
     window = np.hamming(values.size)
     spectrum = np.fft.rfft((values - values.mean()) * window, padded)
     density = step / np.sum(window**2) * np.abs(spectrum) ** 2
-    # Both signs of the frequency, which 0 and that of Nyquist have in one.
+    # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
     density[1 : -1 if padded % 2 == 0 else None] *= 2.0
     return np.asarray(density)
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
-    """Frequency of the highest peak at each time, between the points by a parabola through the logarithms.
+    """Frequency of the highest peak at each time, interpolated by a parabola through the logarithms.
 
     Parameters
     ----------
     spectrum : Spectrogram
         As `spectrogram` returns it.
     above : float
-        Lower frequencies [Hz] are passed over; with 4/window or more those of a slow drift.
+        Lower frequencies [Hz] are ignored; a value of 4/window or more excludes a slow drift.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
     Raises
     ------
     UsageError
-        If `spectrum` is no spectrogram, or `above` lies beyond its end.
+        If `spectrum` is not a spectrogram, or `above` is beyond its end.
     """
     spectrum = instance("spectrum", spectrum, Spectrogram, "give what spectrogram returns")
     frequency, density = reals("frequency", spectrum.frequency), reals("density", spectrum.density, least=0.0)
@@ -176,7 +176,7 @@ def oscillation_frequency(
     soft = reals("stiffness_x", stiffness_x, above=0.0, units="N/m")
     stiff = reals("stiffness_y", stiffness_y, above=0.0, units="N/m")
     shape_of(theta=angle, mass=inertia, stiffness_x=soft, stiffness_y=stiff)
-    # The root of the sum of squares, of which no square leaves the range of the numbers.
+    # The root of a sum of squares, computed so that no square leaves the range of the numbers.
     root = np.hypot(np.sqrt(stiff) * np.sin(angle), np.sqrt(soft) * np.cos(angle))
     with np.errstate(over="ignore"):
         return np.asarray(finite("the frequency", root / np.sqrt(inertia) / (2.0 * np.pi)))
@@ -228,7 +228,7 @@ def creep_frequency(
 
 
 def _uniform(times: _Floats) -> tuple[float, int]:
-    """Spacing [s], and how many samples keep it."""
+    """Spacing [s], and the number of samples with this spacing."""
     steps = np.diff(times)
     if steps.size == 0:
         raise UsageError("a spectrogram needs more than one sample: lower output.interval and run again")

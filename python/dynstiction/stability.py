@@ -43,9 +43,9 @@ class CriticalMisalignment(NamedTuple):
     frequency: NDArray[np.float64]
     """Angular frequency [rad/s] of the oscillation at the critical angles, shape (..., 2)."""
     window: NDArray[np.float64]
-    """Steady sliding is stable between these angles [rad], shape (..., 2); NaN where it is at none."""
+    """Steady sliding is stable between these angles [rad], shape (..., 2); NaN where it is stable at no angle."""
     limit: NDArray[np.float64]
-    """Critical angle [rad] of the slow mode for ``k_y`` to infinity, shape (...); 0 if friction does not weaken."""
+    """Critical angle [rad] of the slow mode in the limit of infinite ``k_y``, shape (...); 0 if friction does not weaken."""
 
 
 class CreepEnd(NamedTuple):
@@ -56,9 +56,9 @@ class CreepEnd(NamedTuple):
     speed: NDArray[np.float64]
     """Mean slip speed [m/s], shape (...)."""
     load: NDArray[np.float64]
-    """``|k_x u_x|`` [N], the largest that quasi-static creep reaches, shape (...)."""
+    """Largest ``|k_x u_x|`` [N] that quasi-static creep reaches, shape (...)."""
     decay: NDArray[np.float64]
-    """D [-]: before slip the fast oscillation decays by ``exp(-D)``; 0 if it grows up to slip. Shape (...)."""
+    """D [-]: the fast oscillation decays by a factor ``exp(-D)`` before slip; 0 if it grows until slip. Shape (...)."""
 
 
 class Stability(NamedTuple):
@@ -67,13 +67,13 @@ class Stability(NamedTuple):
     stable: bool
     """Whether every disturbance decays, so that steady sliding can be seen."""
     velocity: float
-    """Drive velocity |V| [m/s] for which this holds: of several the first one that is held and is not 0."""
+    """Drive velocity |V| [m/s] of this analysis: the first constant velocity of the drive that is not 0."""
     misalignment: float
     """Misalignment of the scene [rad]."""
     critical_misalignment: float
-    """Misalignment [rad] above which steady sliding is stable at this velocity; NaN if it is at none."""
+    """Misalignment [rad] above which steady sliding is stable at this velocity; NaN if it is stable at no angle."""
     eigenvalues: NDArray[np.complex128]
-    """Of a small disturbance [1/s], by falling real part; shape (4,)."""
+    """Eigenvalues of a small disturbance [1/s], by decreasing real part; shape (4,)."""
 
     def __str__(self) -> str:
         verdict = "stable" if self.stable else "unstable"
@@ -117,31 +117,30 @@ def steady_sliding_eigenvalues(
 
     ``m u'' + D u' + K u = 0`` with ``D = F'(V) s s^T + F(V)/V n n^T + C``, ``s = (cos phi, sin phi)``, n normal
     to s, ``C = diag(c_x, c_y)``, and ``F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W``. Steady sliding is stable if
-    all real parts
-    are negative.
+    all real parts are negative.
 
     Parameters
     ----------
     scene : str, PathLike or Scene, optional
-        Where parameters come from that are not given: a deck or a scene. Of a drive with several velocities the first one
-        counts that is held and is not 0. If no keyword is given the scene may have any friction law, else constant or weakening
+        A deck or a scene, for the parameters that are not given. If its drive has several velocities, the first constant one
+        that is not 0 is taken. Without keywords the scene may have any friction law, with keywords only constant or weakening
         friction.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
-        As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which is not 0,
-        and the smoothing velocity [m/s].
+        As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which must not be
+        0, and the smoothing velocity [m/s].
     damping_x, damping_y : array_like
-        c_x, c_y [N s/m] of the dampers beside the springs.
+        c_x, c_y [N s/m] of the dampers parallel to the springs.
 
     Returns
     -------
     ndarray, shape (..., 4), complex128, C-contiguous
-        Eigenvalues [1/s] by falling real part, the positive imaginary part of a pair first.
+        Eigenvalues [1/s] by decreasing real part; of a pair, the one with the positive imaginary part is first.
 
     Raises
     ------
     UsageError
-        If a parameter is out of its range or no number, the parameters do not broadcast, or only one of `mu_inf` and
-        `v_f` is given. If a result is beyond the range of double precision.
+        If a parameter is out of its range or is not a number, if the parameters do not broadcast, if only one of `mu_inf` and
+        `v_f` is given, or if a result is beyond the range of double precision.
 
     Notes
     -----
@@ -187,12 +186,12 @@ def critical_misalignment(
     damping_x: ArrayLike | None = None,
     damping_y: ArrayLike | None = None,
 ) -> CriticalMisalignment:
-    """All misalignments between 0 and 90 degrees at which steady sliding changes its stability.
+    """Misalignments between 0 and 90 degrees at which the stability of steady sliding changes.
 
     With weakening friction there are two, one for each branch, if ``|F'| < F/V`` and
     ``|F'| F/V < m (sqrt(k_y) - sqrt(k_x))^2`` at V; otherwise none, and steady sliding is unstable at every angle.
-    With constant or strengthening friction there are none, and it is stable at every angle between. With dampers one branch
-    may have an angle and the other none.
+    With constant or strengthening friction there are none, and steady sliding is stable at every angle in between. With dampers
+    one branch may have an angle and the other none.
 
     Parameters
     ----------
@@ -201,7 +200,7 @@ def critical_misalignment(
     mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : array_like
         As for `steady_sliding_eigenvalues`.
     misalignment : array_like
-        Without effect but on the shape; taken so that the keywords of `steady_sliding_eigenvalues` serve here too.
+        Has an effect on the shape only. It is accepted so that the same keywords can be used as for `steady_sliding_eigenvalues`.
 
     Returns
     -------
@@ -235,7 +234,7 @@ def critical_misalignment(
 
 
 def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
-    """What the core says of critical misalignments (..., 9)."""
+    """Critical misalignments (..., 9), from the core."""
     exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=-1)
     return CriticalMisalignment(
         np.where(exists == 1.0, angle, np.nan),
@@ -261,9 +260,9 @@ def creep_end(
 ) -> CreepEnd:
     """Where slow creep ends in slip, and how far the fast oscillation has decayed by then.
 
-    During creep ``v = V sin(phi)/sin(theta)`` and ``k_x u_x = F(v) cos(theta)``, whose maximum is the end. The fast
+    During creep ``v = V sin(phi)/sin(theta)`` and ``k_x u_x = F(v) cos(theta)``; creep ends at the maximum of k_x u_x. The fast
     oscillation grows at ``sigma = [-F'(v)/m - v k_y cos^2(theta)/F(v)]/2``; D is the integral of ``-sigma`` over the time
-    from its zero to the end. Where D is large slip does not know of the fast oscillation; where it is small slow cycles
+    from its zero to the end. Where D is large, slip does not depend on the fast oscillation; where D is small, slow cycles
     need not repeat.
 
     Parameters
@@ -277,7 +276,7 @@ def creep_end(
     -------
     CreepEnd
         Angle [rad], speed [m/s], load [N] and decay [-]. NaN where friction does not weaken, where the misalignment is a
-        multiple of pi/2, and where creep goes over into steady sliding.
+        multiple of pi/2, and where creep becomes steady sliding.
 
     Raises
     ------
@@ -330,7 +329,7 @@ def damping_ratio(
     mass, stiffness_x, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
         As for `steady_sliding_eigenvalues`; ``V sin(phi)`` must not be 0.
     stiffness_y : array_like
-        Without effect but on the shape: the stiff axis is taken as rigid.
+        Has an effect on the shape only: the stiff axis is taken as rigid.
 
     Returns
     -------
@@ -365,7 +364,7 @@ def _sliders(
     scene: DeckLike | None, given: Mapping[str, ArrayLike | None], **others: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Parameter rows of the core, and the shape that they and `others` broadcast to."""
-    # The core checks their ranges.
+    # The core checks the ranges.
     parameters = {n: reals(n, v, checked=False) for n, v in slider_parameters(scene, given).items()}
     shape = shape_of(**parameters, **others)
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)

@@ -19,20 +19,21 @@ from .scene import Scene
 __all__ = ["StickSlip", "first_release", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
-"""Of the static limit mu_0 W: what the load must fall or rise by to count."""
+"""Share of the static limit mu_0 W by which the load must fall or rise to count."""
 KEPT = 100
-"""Cycles over which means are taken, at most."""
+"""Largest number of cycles over which means are taken."""
 RING_DOWN, RING_DOWN_OF_ONE, RIPPLE = 0.9, 0.5, 0.01
-"""What swings shrink to, at least, where they ring down (one cycle alone), and by how much they may grow meanwhile."""
+"""An oscillation dies out if its last amplitude is below RING_DOWN times its first one (RING_DOWN_OF_ONE in a single cycle), and no
+amplitude exceeds the one before by more than the share RIPPLE."""
 TELLING = 4
-"""Cycles from which on shrinking swings are no chance."""
+"""Number of cycles from which shrinking amplitudes are not a coincidence."""
 PATIENCE, LONG = 3.0, 10.0
-"""Lengths of the longest cycle without a turn after which the cycles are over, or a new motion begins."""
+"""Time without a turn, in lengths of the longest cycle, after which the cycles are over, or a new motion begins."""
 
 _Floats = NDArray[np.float64]
 
 COLUMNS = (
-    Info("peak_time", "s", "time of the peak of the load: the slip begins"),
+    Info("peak_time", "s", "time of the peak of the load, where the slip begins"),
     Info("peak_force", "N", "peak of the load: k_x u_x, positive where the drive pulls"),
     Info("valley_time", "s", "time of the valley that follows"),
     Info("valley_force", "N", "valley of the load"),
@@ -40,7 +41,7 @@ COLUMNS = (
     Info("slip_length", "m", "advance in X from peak to valley, positive with the drive"),
     Info("stick_duration", "s", "from valley to the next peak: dynamic stiction"),
     Info("period", "s", "from peak to the next peak"),
-    Info("rests", "1", "times that the object came to rest, from peak to the next peak"),
+    Info("rests", "1", "number of times that the object came to rest, from peak to the next peak"),
     Info("rest_time", "s", "time at rest, from peak to the next peak"),
 )
 
@@ -57,10 +58,10 @@ class StickSlip(Table[_Floats]):
     columns : Described of ndarray, shape (n,)
         ``peak_time`` [s], ``peak_force`` [N], ``valley_time`` [s], ``valley_force`` [N], ``slip_duration`` [s],
         ``slip_length`` [m], ``stick_duration`` [s], ``period`` [s], ``rests``, ``rest_time`` [s]; NaN where the run ends,
-        or the drive stands still or reverses, before the next peak.
+        or the drive stops or reverses, before the next peak.
     settled : ndarray of bool, shape (n,)
-        The rows of which `means` and `scatter` are: the later half of the complete cycles, at least two and at most 100;
-        none where the motion rings down.
+        The rows that `means` and `scatter` use: the later half of the complete cycles, at least two and at most 100;
+        none if the oscillation dies out.
     """
 
     columns: Described[_Floats]
@@ -70,11 +71,11 @@ class StickSlip(Table[_Floats]):
         return int(self.columns["peak_time"].size)
 
     def means(self) -> Described[float]:
-        """Mean of each column but the times, over the settled cycles; nothing if there are none."""
+        """Mean of each column except the times, over the settled cycles; empty if there are none."""
         return Described((info, float(np.mean(values))) for info, values in self._settled_columns(1))
 
     def scatter(self) -> Described[float]:
-        """Standard deviation (n - 1) of each column but the times, over the settled cycles; nothing if there are fewer than two."""
+        """Standard deviation (n - 1) of each column except the times, over the settled cycles; empty for fewer than two."""
         return Described((info, float(np.std(values, ddof=1))) for info, values in self._settled_columns(2))
 
     def _settled_columns(self, least: int) -> list[tuple[Info, _Floats]]:
@@ -93,10 +94,10 @@ class StickSlip(Table[_Floats]):
 def stick_slip_statistics(result: Result) -> StickSlip:
     """Stick-slip cycles of a run.
 
-    The load is the longitudinal spring force k_x u_x, positive in the direction in which the drive pulls the spring. A cycle goes from
-    a peak of the load over a valley to the next peak, each a turn by more than 1 % of the static limit mu_0 W. A drive that
-    stands still or reverses breaks off the cycle under way. The summary of the core has the same definitions, and finds
-    extremes between the samples too: the means agree with it within the distance of the samples.
+    The load is the longitudinal spring force k_x u_x, positive in the direction in which the drive pulls the spring. A cycle goes
+    from a peak of the load over a valley to the next peak; at each of them the load must turn by more than 1 % of the static limit
+    mu_0 W. A drive that stops or reverses ends the current cycle. The summary of the core has the same definitions, and also
+    finds extremes between the samples: the means agree with the summary within the distance of the samples.
 
     Parameters
     ----------
@@ -106,14 +107,14 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     Returns
     -------
     StickSlip
-        One row a peak.
+        One row for each peak.
 
     Raises
     ------
     ColumnError
         If the result lacks a column.
     UsageError
-        If this is no result, or one that does not say what mu_0 and W are.
+        If this is not a result, or the result does not contain mu_0 and W.
     """
     result = instance("result", result, Result, "give what run or open returns")
     force, position, time = result["spring_force_x"], result["X"], result.time
@@ -134,7 +135,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         else:
             since_turn = 0.0
     at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
-    # Peaks and valleys alternate: after a peak of the same stretch comes its valley, and then the next peak.
+    # Peaks and valleys alternate: in a stretch, a peak is followed by its valley, and then by the next peak.
     peak = np.flatnonzero(kind > 0)
 
     def has(turn: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -176,7 +177,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
 def first_release(force: _Floats) -> int:
     """Index of the sample where the first stick phase ends: the first peak of the spring force.
 
-    Without a fall by 5 % there is no slip, and the phase ends where the force comes within 1 % of its
+    Without a fall by 5 % there is no slip, and the phase ends where the force reaches 99 % of its
     largest value.
     """
     size = np.abs(force)
@@ -187,7 +188,7 @@ def first_release(force: _Floats) -> int:
 
 
 def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
-    """Signs of V and of V cos(phi) from each sample to the next, 0 where nothing is pulled; and cos(phi)."""
+    """Signs of V and of V cos(phi) from each sample to the next, 0 where the drive does not pull; and cos(phi)."""
     angle = float(result.parameters.get("misalignment_deg", 0.0))
     cosine = 0.0 if angle % 180.0 == 90.0 else float(np.cos(np.radians(angle)))
     if result.parameters.get("model") in ("high_frequency", "creep", "creep_asymptotic"):
@@ -205,7 +206,7 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
 
 
 def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float, float]:
-    """Advance and time of the drive in which a cycle is due: what loads the spring to the limit, and the free period."""
+    """Distance and time of the drive in which a cycle is expected: that which loads the spring to the limit, the free period."""
     try:
         stiffness, mass = float(result.parameters["stiffness_x"]), float(result.parameters["mass"])
     except KeyError:
@@ -217,7 +218,7 @@ def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float,
 def _last_motion(
     linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
 ) -> tuple[list[int], list[int]]:
-    """Rows of the cycles since the last long steady slide, and of the slides: each ends one motion and begins another."""
+    """Rows of the cycles since the last long steady sliding, and of such slidings: each ends one motion and begins another."""
     cycles, slides = list[int](), list[int]()
     for i in np.flatnonzero(linked).tolist():
         is_long = travel[i] > LONG * length and period[i] > LONG * time
@@ -230,7 +231,7 @@ def _last_motion(
 
 
 def _later_half(cycles: list[int]) -> list[int]:
-    """At least two if there are two, at most `KEPT`."""
+    """Number of rows for means: at least two if there are two, at most `KEPT`."""
     return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
 
 
@@ -241,7 +242,7 @@ def _settled(
     later = _later_half(cycles)
     if not later or since_turn > PATIENCE * travel[later].max():
         return []
-    # Of these the last without a break between: falls and rises in turn.
+    # Of these, the last ones without a break in between: falls and rises in turn.
     row = np.split(cycles, np.flatnonzero(np.diff(cycles) > 1) + 1)[-1]
     chain = row[-max(TELLING, len(later)) :]
     swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
@@ -251,8 +252,8 @@ def _settled(
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:
-    """Samples of peaks (1) and valleys (-1) in turn that are more than `least` apart. The ends are no turns."""
-    # Of a level stretch both ends: the last of equal extremes is the one that counts.
+    """Samples of alternating peaks (1) and valleys (-1) that are more than `least` apart. The ends are not turns."""
+    # Both ends of a level stretch: the last of equal extremes is the one that counts.
     side_of = np.sign(np.diff(load))
     local = np.flatnonzero(side_of[1:] != side_of[:-1]) + 1
     candidates = np.unique(np.concatenate([[0], local, [load.size - 1]])) if load.size else local
@@ -289,11 +290,11 @@ def _vertex(time: _Floats, force: _Floats, at: NDArray[np.intp]) -> tuple[_Float
 
 
 def _rests(events: NDArray[np.void], edges: _Floats) -> tuple[_Floats, _Floats]:
-    """Of each interval between edges: how often a rest begins in it, and how long the object is at rest."""
+    """For each interval between edges: how often a rest begins in it, and how long the object is at rest."""
     times, kinds = events["time"], events["kind"]
     begins = times[kinds == STICK_BEGINS]
     ends = times[kinds == SLIP_BEGINS]
-    # A slip that begins before any rest ends none.
+    # A slip that begins before any rest does not end a rest.
     ends = ends[ends >= begins[0]] if begins.size else ends[:0]
     counts = np.diff(np.searchsorted(begins, edges)).astype(np.float64)
     if begins.size > ends.size:

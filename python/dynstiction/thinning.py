@@ -1,4 +1,4 @@
-"""Fewer samples that draw the same line."""
+"""Fewer samples for the same drawn line."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ __all__ = ["extremes"]
 def extremes(
     time: NDArray[np.float64], values: NDArray[np.float64], bins: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Smallest and largest value of each stretch of time, in their order.
+    """Smallest and largest value in each interval of time, in their order.
 
-    The drawn line covers the same dots as that of all samples, however fast they oscillate. There are `bins` stretches of
-    equal length; the first and the last sample are kept too.
+    The drawn line covers the same dots as the line through all samples, however fast they oscillate. There are `bins` intervals of
+    equal length; the first and the last sample are also kept.
     """
     if time.size <= 2 * bins:
         return time, values
@@ -25,7 +25,7 @@ def extremes(
     keep = [0, time.size - 1]
     for extreme in (np.fmin, np.fmax):
         reached = values == np.repeat(extreme.reduceat(values, starts), sizes)
-        # The first sample of each bin that reaches its extreme; none where all are NaN.
+        # The first sample of each bin with its extreme value; none if all are NaN.
         reaching = np.flatnonzero(reached)
         bin_of = np.searchsorted(starts, reaching, side="right")
         keep.extend(reaching[np.unique(bin_of, return_index=True)[1]])

@@ -18,13 +18,13 @@ __all__ = ["QUANTITIES", "Trace", "pull_force"]
 _Floats = NDArray[np.float64]
 
 QUANTITIES = ("time", "force", "displacement", "lateral_force")
-"""What a trace may hold: time and force always."""
+"""Quantities of a trace; time and force are required."""
 
 GAP = 5.0
-"""A time between two samples that is so many usual ones long is a gap."""
+"""A time between two samples that is this many times the usual one is a gap."""
 
 NEEDED = 3
-"""Samples, at least."""
+"""Least number of samples."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,16 +43,16 @@ class Trace:
     lateral_force : array_like, shape (n,), optional
         Force across the pull [N].
     name : str
-        Of the trace, as messages and figures show it.
+        Name of the trace, as messages and figures show it.
     lines : array_like of int, shape (n,), optional
         Lines of the file that the samples come from, for messages.
 
     Raises
     ------
     UsageError
-        If these are no arrays of one length, or there are too few samples.
+        If the arguments are not arrays of one length, or there are too few samples.
     FileError
-        If the samples are not usable: one is no number, times do not increase, or there is a gap. The text names the
+        If the samples are not usable: one is not a number, times do not increase, or there is a gap. The text names the
         sample, or the line of the file.
 
     Examples
@@ -99,7 +99,7 @@ class Trace:
         return {quantity: values for quantity, values in columns.items() if values is not None}
 
     def place(self, sample: int) -> str:
-        """Where a sample comes from: the file and line, or the trace and the sample's number, from 0.
+        """Origin of a sample: the file and line, or the trace and the number of the sample, from 0.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class Trace:
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last [s]."""
+        """Time from the first sample to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
     def part(self, start: float | None = None, end: float | None = None) -> Trace:
@@ -163,7 +163,7 @@ class Trace:
         Raises
         ------
         UsageError
-            If fewer than three samples are there.
+            If there are fewer than three samples.
         """
         low = -np.inf if start is None else number("start", start)
         high = np.inf if end is None else number("end", end)
@@ -177,7 +177,7 @@ class Trace:
         return Trace(**columns, name=self.name, lines=None if self.lines is None else self.lines[inside])
 
     def regular(self, interval: float | None = None) -> Trace:
-        """The same at regular times, by linear interpolation; itself, if it is regular and no interval is given.
+        """The trace at regular times, by linear interpolation; the trace itself if it is regular and no interval is given.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Trace:
         Raises
         ------
         UsageError
-            If fewer than three samples would be there.
+            If fewer than three samples would be left.
         """
         step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
@@ -203,14 +203,14 @@ class Trace:
         return Trace(time, **columns, name=self.name)
 
     def with_noise(self, deviation: float, seed: int = 0) -> Trace:
-        """The same with white noise on the force.
+        """The trace with white noise added to the force.
 
         Parameters
         ----------
         deviation : float
             Standard deviation of the noise [N].
         seed : int
-            Of the noise: the same seed gives the same noise.
+            Seed of the noise: the same seed gives the same noise.
         """
         size = number("deviation", deviation, least=0.0, units="N")
         noise = np.random.default_rng(whole("seed", seed, least=0)).standard_normal(self.time.size)
@@ -221,13 +221,14 @@ class Trace:
     def of(cls, result: Result, interval: float | None = None) -> Trace:
         """The force that a load cell along the drive would show in a run, with displacement X and the force across.
 
-        The force along the drive is k_x u_x cos phi + k_y u_y sin phi, positive where the drive pulls, with dampers the column
-        ``pull_force``; across it k_y u_y cos phi - k_x u_x sin phi, and none with dampers.
+        The force along the drive is k_x u_x cos phi + k_y u_y sin phi, positive where the drive pulls; with dampers it is the
+        column ``pull_force``. The force across is k_y u_y cos phi - k_x u_x sin phi; with dampers there is none.
 
         Parameters
         ----------
         result : Result
-            A run with the columns ``spring_force_x``, ``spring_force_y``, for dampers ``pull_force`` and, for the displacement, ``X``.
+            A run with the columns ``spring_force_x``, ``spring_force_y``, with dampers ``pull_force``, and, for the displacement,
+            ``X``.
         interval : float, optional
             Time between two samples [s], by linear interpolation; by default that of the result.
 
@@ -236,7 +237,7 @@ class Trace:
         ColumnError
             If the result lacks a column.
         UsageError
-            If this is no result.
+            If `result` is not a `Result`.
         """
         result = instance("result", result, Result, "give what run or open returns")
         along, across = pull_force(result), _lateral_force(result)
@@ -251,7 +252,7 @@ class Trace:
         time = result.time[keep]
         name = str(result.parameters.get("title", "")) or "run"
         if interval is not None or not np.allclose(np.diff(time), np.median(np.diff(time)), rtol=1e-3):
-            # Samples at every step of the method are no regular ones: what is between them is a gap only of the samples.
+            # Samples at every step of the method are not regular: a long time between two of them is not a gap.
             step = (
                 float(np.median(np.diff(time)))
                 if interval is None
@@ -274,7 +275,7 @@ class Trace:
 
 
 def pull_force(result: Result) -> _Floats:
-    """Force along the drive [N], shape (n,): of springs and dampers, as a load cell in line with both shows it."""
+    """Force along the drive [N], shape (n,), of springs and dampers, as a load cell in line with both shows it."""
     if "pull_force" in result.columns:
         return result["pull_force"]
     if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
@@ -284,7 +285,7 @@ def pull_force(result: Result) -> _Floats:
 
 
 def _lateral_force(result: Result) -> _Floats | None:
-    """Force across the drive [N]; None with dampers, whose part no column shows."""
+    """Force across the drive [N]; None with dampers, because no column contains their part."""
     if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
         return None
     cosine, sine = _axes(result)
@@ -298,7 +299,7 @@ def _axes(result: Result) -> tuple[float, float]:
 
 
 def _sense(result: Result) -> float:
-    """-1 of a drive that goes backwards only."""
+    """-1 for a drive that moves only backwards."""
     velocity: object = result.parameters.get("velocity")
     if velocity is None and result.resolved_deck:
         velocity = Scene.from_deck(result.resolved_deck).groups()["drive"]["velocity"]
@@ -312,7 +313,7 @@ def _column(quantity: str, values: ArrayLike) -> _Floats:
         if array.dtype.kind not in "biuf":
             array = array.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise UsageError(f"{quantity} is no array of real numbers: {error}") from None
+        raise UsageError(f"{quantity} is not an array of real numbers: {error}") from None
     if np.ma.is_masked(values):
         raise UsageError(f"{quantity} has masked elements: take them out, or fill them")
     if array.ndim != 1:

@@ -1,4 +1,4 @@
-"""A measured trace beside a scene: the cycles of both by one code, with their scatter (docs/howto/measured_traces.md)."""
+"""A measured trace and a scene: the cycles of both from the same code, with their scatter (docs/howto/measured_traces.md)."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
 __all__ = ["Statistic", "TraceComparison", "compare", "simulate_like"]
 
 FEWEST, MOST = 12, 60
-"""Cycles that are compared of a run: at least, and at most, where the trace has not more."""
+"""Number of cycles of a run that are compared: the least, and the largest unless the trace has more."""
 FACTOR = 2
-"""Of the cycles of the trace: so many of the run, that the run adds little to the doubt."""
+"""Cycles of the run for each cycle of the trace: so many that the run adds little to the uncertainty."""
 CHUNK = 10.0
-"""Measured periods that a run goes on before its cycles are counted."""
+"""A run continues for this many measured periods at a time; then its cycles are counted."""
 LONGEST = 100.0
-"""Measured periods after which a run without enough cycles ends, if the deck does not say longer."""
+"""Measured periods after which a run without enough cycles ends, if `t_end` of the deck is not later."""
 MOST_SAMPLES = 50_000_000
-"""Of a run."""
+"""Largest number of samples of a run."""
 POINTS = 500
 """Phases of the mean waveforms."""
 DIFFERENT = 3.0
-"""Standard errors from which on two means differ."""
+"""Standard errors above which two means differ."""
 SURE = 1e-6
-"""What no standard error is smaller than, relative to the value: roundoff of runs and files."""
+"""Least standard error, relative to the value: roundoff of runs and files."""
 FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
-"""Columns of a run of which a trace is made."""
+"""Columns of a run that a trace needs."""
 SEED = 20201209
-"""Of the noise that a run gets, so that a comparison repeats itself."""
+"""Seed of the noise that a run gets, so that a comparison gives the same result each time."""
 
 
 class Statistic(NamedTuple):
@@ -59,9 +59,9 @@ class Statistic(NamedTuple):
     simulated_scatter: float
     simulated_error: float
     difference: float
-    """Simulated less measured."""
+    """Simulated minus measured."""
     deviation: float
-    """The difference over the standard error of both together; NaN where one is not told."""
+    """The difference over the standard error of both together; NaN where one of them is not known."""
 
     @property
     def differs(self) -> bool:
@@ -78,13 +78,13 @@ class TraceComparison:
     trace : Trace
         The measured trace.
     run : Trace
-        The settled part of the run, sampled like the trace, with noise like its.
+        The settled part of the run, sampled like the trace and with similar noise.
     scene : Scene
-        What was run.
+        The scene of the run.
     measured, simulated : TraceCycles
         Their cycles.
     statistics : tuple of Statistic
-        Means, scatter and differences, one a column of the cycles.
+        Means, scatter and differences, one for each column of the cycles.
     measured_waveform, simulated_waveform : Waveform
         Mean force over the phase from slip to slip.
     measured_slip, simulated_slip : Waveform
@@ -114,7 +114,7 @@ class TraceComparison:
 
     @property
     def waveform_rms(self) -> float:
-        """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
+        """Root mean square of the difference of both waveforms over the phase, relative to the measured amplitude."""
         difference = self.simulated_waveform.force - self.measured_waveform.force
         return float(np.sqrt(np.mean(difference**2))) / self["swing"].measured
 
@@ -140,7 +140,7 @@ class TraceComparison:
             )
             lines.append("  ".join([first, *others]).rstrip())
         lines.append("")
-        lines.append(f"waveforms: {self.waveform_rms:.3g} of the swing apart (root mean square over a cycle)")
+        lines.append(f"waveforms differ by {self.waveform_rms:.3g} of the amplitude (root mean square over a cycle)")
         told = ", ".join(self.differing)
         lines.append(
             f"differ by more than {DIFFERENT:g} standard errors: {told}"
@@ -205,8 +205,9 @@ def compare(
 ) -> TraceComparison:
     """Compare a scene with a measured trace.
 
-    The scene is run until it has twice as many cycles as the trace, and as many before them, which do not count; its force along the
-    pull is sampled like the trace and gets white noise like its. So every statistic comes from the same code under the same conditions.
+    The scene is run until it has twice as many cycles as the trace, after as many cycles that do not count. Its force along the
+    pull is sampled like the trace and gets similar white noise. So every statistic comes from the same code under the same
+    conditions.
 
     Parameters
     ----------
@@ -222,7 +223,7 @@ def compare(
     Returns
     -------
     TraceComparison
-        Statistics of both with scatter and standard errors, aligned mean waveforms; `TraceComparison.plot` draws them.
+        Statistics of both with scatter and standard errors, and aligned mean waveforms; `TraceComparison.plot` draws them.
 
     Raises
     ------
@@ -231,7 +232,7 @@ def compare(
     FileError
         If the trace is not usable (`find_cycles`).
     UsageError
-        If the scene has no stick-slip to compare, or `trace` is no trace.
+        If the scene has no stick-slip to compare, or `trace` is not a trace.
     """
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
@@ -265,10 +266,10 @@ def compare(
 
 
 def _without_cycles(scene: Scene, fault: FileError | None) -> UsageError:
-    """What is wrong with a run, without what could be done about a trace."""
+    """What is wrong with a run, without the advice that applies to traces."""
     reason = str(fault).partition(": ")[2].rpartition(": ")[0]
     return UsageError(
-        f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability tells where it "
+        f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability shows where it "
         "has stick-slip"
     )
 
@@ -306,24 +307,24 @@ def simulate_like(
 ) -> Trace:
     """The force of a settled run of a scene, sampled like a trace, without noise.
 
-    Under a steady drive the run goes on until it has twice as many cycles as are wanted, whatever the deck's `t_end` says, and the
-    later half is returned; under another drive it ends at `t_end`, and the later half of its cycles is returned.
+    With a constant drive velocity the run continues until it has twice as many cycles as are wanted, whatever the deck's `t_end`
+    is, and the later half is returned. With another drive the run ends at `t_end`, and the later half of its cycles is returned.
 
     Parameters
     ----------
     scene : Scene
-        What is run.
+        The scene to run.
     trace : Trace
         The trace, for its sampling interval.
     cycles : TraceCycles, optional
         Its cycles, by default from `find_cycles`.
     count : int, optional
-        Cycles that are wanted; by default twice those of the trace, at least 12, and at most 60 if the trace has not more.
+        Number of cycles; by default twice that of the trace, at least 12, and at most 60 unless the trace has more.
 
     Returns
     -------
     Trace
-        From somewhat before the first of the slips on.
+        The trace from somewhat before the first slip.
 
     Raises
     ------
@@ -361,7 +362,7 @@ def simulate_like(
             until *= 1.5
     if found is None:
         raise _without_cycles(scene, fault)
-    # The last slips of the later half, and what lies before the first of them.
+    # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept
     start = run.time[0] if first <= 0 else 0.5 * (found.slips[first - 1] + found.slips[first])

@@ -1,4 +1,4 @@
-"""Does a force trace show dynamic stiction, or static friction? By the creep before its slips (docs/fit.md)."""
+"""Does a force trace show dynamic stiction or static friction? The creep before its slips decides (docs/fit.md)."""
 
 from __future__ import annotations
 
@@ -13,45 +13,45 @@ from .trace_cycles import find_cycles
 __all__ = ["CreepTest", "creep_test"]
 
 INERTIA = 0.17
-"""What inertia rounds a slip that begins at a sharp limit by: of slip duration over period, at most. Measured: 0.15 to 0.17 over
-misalignment 0 and static limits from mu_0 to 1.5 mu_0 (docs/fit.md)."""
+"""Inertia rounds the peak of a slip that begins at a sharp limit, by at most this share of slip duration over period. Measured:
+0.15 to 0.17 for misalignment 0 and static limits from mu_0 to 1.5 mu_0 (docs/fit.md)."""
 
 
 class CreepTest(NamedTuple):
     """Whether an object creeps before it slips."""
 
     creep_share: float
-    """What the force lacks before slip to the straight line of the loading, over the swing: mean over the cycles."""
+    """How far the force before slip is below the straight line of the loading, over the amplitude: mean over the cycles."""
     error: float
     """Its standard error."""
     of_inertia: float
-    """What it would be, at most, with static friction: slip takes its time to begin."""
+    """The largest value that it can have with static friction: slip does not begin at once, because of inertia."""
     cycles: int
     probability: float
-    """Probability of so much creep if there is static friction alone."""
+    """Probability of this much creep if there is only static friction."""
 
     @property
     def creeps(self) -> bool:
-        """Whether that is below one in a thousand."""
+        """Whether this probability is below one in a thousand."""
         return self.probability < 1e-3
 
     def __str__(self) -> str:
         verdict = (
-            "it creeps before it slips: dynamic stiction, or friction that grows as it rests"
+            "the object creeps before it slips: dynamic stiction, or friction that grows at rest"
             if self.creeps
             else "no creep before slip is seen: static friction, or creep that is too small for this trace"
         )
         return (
-            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the swing, inertia alone {self.of_inertia:.4f}; "
+            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the amplitude, inertia alone {self.of_inertia:.4f}; "
             f"by chance with probability {self.probability:.1e}: {verdict}"
         )
 
 
 def creep_test(trace: Trace) -> CreepTest:
-    """Tell dynamic stiction from static friction by the creep before the slips of a trace.
+    """Distinguish dynamic stiction from static friction by the creep before the slips of a trace.
 
     With static friction the load rises along a straight line until it slips; only the inertia of the slip rounds its peak. With
-    dynamic stiction the object creeps while the friction vector turns, and the load falls behind the line.
+    dynamic stiction the object creeps while the friction vector turns, and the load stays below the line.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def creep_test(trace: Trace) -> CreepTest:
     Returns
     -------
     CreepTest
-        How much the load falls behind, and how probable that is with static friction alone (Student's distribution, one-sided).
+        How far the load is below the line, and how probable that is with static friction alone (Student's distribution, one-sided).
 
     Raises
     ------

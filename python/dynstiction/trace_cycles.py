@@ -1,8 +1,8 @@
-"""Stick-slip cycles of a force trace: one code for measured traces and for runs, made for noise.
+"""Stick-slip cycles of a force trace: the same code for measured traces and for runs, robust against noise.
 
-A slip is a fall of the force. Falls are found on a smoothed trace, by turns of more than 30 % of the usual fall; what is told of
-them comes from the samples themselves. Times are means over a band of the fall, peaks and valleys are values of parabolas fitted
-beside the fall: none hangs on an extreme sample, which noise would push outwards.
+A slip is a fall of the force. Falls are found on a smoothed trace, by turns of more than 30 % of the usual fall; their values
+come from the samples themselves. Times are means over a band of the fall; peaks and valleys are values of parabolas fitted
+on either side of the fall. No value depends on a single extreme sample, which noise would push outwards.
 """
 
 from __future__ import annotations
@@ -35,59 +35,59 @@ __all__ = [
 _Floats = NDArray[np.float64]
 
 FEWEST_CYCLES = 3
-"""Whole cycles below which a scatter says nothing."""
+"""Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
-"""Samples in a cycle, at least."""
+"""Least number of samples in a cycle."""
 THRESHOLD = 0.3
-"""Of the usual fall: what the force must turn by to count."""
+"""Share of the usual fall by which the force must turn to count."""
 QUIET = 0.02
-"""Noise that is left for finding falls, relative to the range of the force."""
+"""Noise that remains after smoothing, where falls are searched, relative to the range of the force."""
 ABOVE_NOISE = 12.0
-"""Of the noise that is left: what a fall must be, at least. White noise alone makes 8 to 9 over a million samples."""
+"""Least size of a fall over the remaining noise. White noise alone reaches 8 to 9 over a million samples."""
 WHOLE_PART = 1.0 / 20.0
-"""Of the trace: the longest window to smooth over."""
+"""Longest window to smooth over, as a share of the trace."""
 BACKWARDS = 3.0
-"""A force that rises so many times faster than it falls has the wrong sign."""
+"""A force that rises this many times faster than it falls has the wrong sign."""
 MID_BAND, END_BAND = 0.25, 0.05
-"""Of the fall: half of the bands over which times at its middle and at its ends are means."""
+"""Half widths, as shares of the fall, of the bands over which the times at its middle and at its ends are averaged."""
 NEAR_END = 0.1
-"""Of the fall: its ends, where the slip's duration and the windows of the parabolas begin."""
+"""Ends of the fall, as a share of it, between which the slip lasts, and where the windows of the parabolas begin."""
 BEYOND = 0.7
-"""Of the time from an end to the middle of the fall: how far outwards a harmonic fall has its extreme."""
+"""Distance of the extreme of a harmonic fall from an end of the fall, over the time from this end to its middle."""
 FEWEST_FITTED, PARABOLA = 5, 8
-"""Samples that a line, and from how many on a parabola, is fitted to."""
+"""Least numbers of samples to which a line and a parabola are fitted."""
 CURVED = (0.1, 0.6)
-"""Shares of the loading time between which the parabola is fitted that tells from where the loading starts."""
+"""Shares of the loading time between which the parabola is fitted that gives the start of the loading."""
 STRAIGHT = (0.3, 0.6)
 """Shares of the loading time between which the straight line of the loading is fitted."""
 FINE = 64
-"""Samples that a fall is refined to by linear interpolation, at least."""
+"""Least number of samples in a fall, after refinement by linear interpolation."""
 DRIFTS = 4.0
-"""Standard errors of the drift that are worth a note."""
+"""Drift, in standard errors, above which there is a note."""
 
 CYCLE_COLUMNS = (
     Info("slip_time", "s", "middle of the slip that begins the cycle"),
     Info("period", "s", "from slip to slip"),
     Info("peak_force", "N", "peak of the force before the next slip"),
     Info("valley_force", "N", "force from which the loading starts after the slip"),
-    Info("swing", "N", "peak less valley"),
-    Info("slip_duration", "s", "in which the force falls from 90 % to 10 % of the fall"),
+    Info("swing", "N", "peak minus valley"),
+    Info("slip_duration", "s", "time in which the force falls from 90 % to 10 % of the fall"),
     Info("loading_rate", "N/s", "slope of the force from 30 % to 60 % of the loading"),
     Info(
         "creep_share",
         "1",
-        "what the force lacks before slip to the straight line of the loading, over the swing",
+        "how far the force before slip is below the straight line of the loading, over the amplitude",
     ),
 )
 """Quantities of a cycle."""
 SLIP_LENGTH = Info("slip_length", "m", "displacement in the slip that begins the cycle")
-"""Of a trace with a displacement."""
+"""Column of a trace with a displacement."""
 LATERAL_CHANGE = Info(
     "lateral_change",
     "N",
     "increase of the lateral force: mean of the last tenth of the loading minus mean of the first",
 )
-"""Of a trace with a lateral force."""
+"""Column of a trace with a lateral force."""
 TENTH = 0.1
 
 INSTANTS = ("slip_time",)
@@ -101,20 +101,20 @@ class TraceCycles(Table[_Floats]):
     ----------
     columns : Described of ndarray, shape (n,)
         ``slip_time`` [s], ``period`` [s], ``peak_force`` [N], ``valley_force`` [N], ``swing`` [N], ``slip_duration`` [s]
-        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``; of a trace with a
-        displacement ``slip_length`` [m], with a lateral force ``lateral_change`` [N].
+        (NaN where the fall takes less than two sampling intervals), ``loading_rate`` [N/s], ``creep_share``; with a
+        displacement also ``slip_length`` [m], with a lateral force ``lateral_change`` [N].
     slips : ndarray, shape (n + 1,)
         Middles of all slips [s].
     onsets : ndarray, shape (n + 1,)
-        Where the slips begin [s]: as in a harmonic fall, from the times at 90 % and at its middle.
+        Times at which the slips begin [s], as in a harmonic fall, from the times at 90 % and at the middle of the fall.
     noise : float
         Standard deviation of the noise from sample to sample [N].
     drift : float
         Slope of the middle of the force over time [N/s].
     drift_error : float
-        Its standard error [N/s].
+        Standard error of the drift [N/s].
     notes : tuple of str
-        What is to be borne in mind.
+        Cautions about the values.
     """
 
     columns: Described[_Floats]
@@ -129,15 +129,15 @@ class TraceCycles(Table[_Floats]):
         return int(self.slips.size) - 1
 
     def means(self) -> Described[float]:
-        """Mean of each column but the times of slip."""
+        """Mean of each column except the times of slip."""
         return self._each(lambda values: float(np.mean(values)))
 
     def scatter(self) -> Described[float]:
-        """Standard deviation (n - 1) of each column but the times of slip."""
+        """Standard deviation (n - 1) of each column except the times of slip."""
         return self._each(lambda values: float(np.std(values, ddof=1)))
 
     def errors(self) -> Described[float]:
-        """Standard error of each mean, as of independent cycles; of the period of a regular motion it is too large."""
+        """Standard error of each mean if cycles are independent; for the period of a regular motion it is too large."""
         return self._each(lambda values: float(np.std(values, ddof=1) / np.sqrt(values.size)))
 
     def _each(self, of: object) -> Described[float]:
@@ -161,9 +161,9 @@ class Waveform(NamedTuple):
     force: _Floats
     """Mean force [N]."""
     error: _Floats
-    """Its standard error [N], from the scatter of the cycles."""
+    """Standard error of the mean [N], from the scatter of the cycles."""
     cycles: int
-    """How many cycles the mean is taken over."""
+    """Number of cycles of the mean."""
 
 
 def noise_level(force: _Floats) -> float:
@@ -191,7 +191,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
     Returns
     -------
     TraceCycles
-        One row a whole cycle, from slip to slip.
+        One row for each whole cycle, from slip to slip.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
         If the force is constant, there is no stick-slip above the noise, there are fewer than three whole cycles, too few
         samples in a cycle, or the force seems to have the wrong sign. The text says what to do.
     UsageError
-        If this is no trace.
+        If this is not a trace.
     """
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     noise = noise_level(trace.force)
@@ -216,13 +216,13 @@ def find_cycles(trace: Trace) -> TraceCycles:
     if unresolved.any():
         columns[5][:] = np.nan
         notes.append(
-            f"slips take less than two sampling intervals ({interval:.3g} s): their duration is not told"
+            f"slips take less than two sampling intervals ({interval:.3g} s): their duration is not given"
         )
     drift, drift_error = _slope(columns[0], 0.5 * (columns[2] + columns[3]))
     swing = float(np.mean(columns[4]))
     if abs(drift) > DRIFTS * drift_error and abs(drift) * trace.duration > 0.05 * swing:
         notes.append(
-            f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys have no one value"
+            f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys change with time"
         )
     return TraceCycles(
         Described([*zip(CYCLE_COLUMNS, columns, strict=True), *_optional_columns(trace, slips)], "table"),
@@ -236,7 +236,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
 
 
 def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
-    """Mean of the force over the phase, from the middle of a slip to that of the next.
+    """Mean of the force over the phase, from the middle of a slip to the middle of the next one.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
     cycles : TraceCycles
         Its cycles, from `find_cycles`.
     points : int
-        Phases, from 0 to 1.
+        Number of phases, from 0 to 1.
 
     Returns
     -------
@@ -255,14 +255,14 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
     Raises
     ------
     UsageError
-        If these are no trace and cycles, or too few points.
+        If the arguments are not a trace and its cycles, or there are too few points.
     """
     _refuse_others(trace, cycles)
     return _over_phase(trace, trace.force, cycles, points)
 
 
 def mean_lateral(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform | None:
-    """As `mean_waveform`, of the lateral force; None if the trace has none."""
+    """As `mean_waveform`, for the lateral force; None if the trace has none."""
     _refuse_others(trace, cycles)
     return None if trace.lateral_force is None else _over_phase(trace, trace.lateral_force, cycles, points)
 
@@ -279,17 +279,17 @@ def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, po
     before, after : float
         Times before and after the middle of the slip [s].
     points : int
-        Times.
+        Number of times.
 
     Returns
     -------
     Waveform
-        Times from the middle of the slip, mean force and its standard error; of the slips for which the trace has them.
+        Times from the middle of the slip, mean force and its standard error, from the slips that have all these times in the trace.
 
     Raises
     ------
     UsageError
-        If the trace has fewer than two such slips, or these are no trace and cycles.
+        If the trace has fewer than two such slips, or the arguments are not a trace and its cycles.
     """
     _refuse_others(trace, cycles)
     low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
@@ -333,7 +333,7 @@ def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
         )
     range_of = float(np.diff(np.percentile(force, (0.5, 99.5)))[0]) or extent
     usual = range_of
-    # The noise widens the range: a second look knows the falls.
+    # The noise widens the range of the force; the second pass uses the falls of the first.
     for _ in range(2):
         window = int(np.ceil((noise / (QUIET * usual)) ** 2))
         window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
@@ -359,7 +359,7 @@ def _pairs(smooth: _Floats, least: float) -> list[tuple[int, int, int, int]]:
 
 
 def _smoothed(force: _Floats, window: int) -> _Floats:
-    """Without spikes of one sample, and averaged over a window."""
+    """The force without spikes of one sample, averaged over a window."""
     low, high = np.minimum(force[:-2], force[2:]), np.maximum(force[:-2], force[2:])
     inner = np.clip(force[1:-1], low, high)
     quiet = np.concatenate([inner[:1], inner, inner[-1:]])
@@ -373,7 +373,7 @@ def _smoothed(force: _Floats, window: int) -> _Floats:
 
 
 def _usual_size(sizes: _Floats) -> float:
-    """The size that falls above and below it share the sum of all sizes: neither many small nor one large one count."""
+    """The size above and below which falls have equal sums of sizes: neither many small falls nor one large one change it much."""
     if sizes.size == 0:
         return 0.0
     ordered = np.sort(sizes)
@@ -390,12 +390,12 @@ class _Slip(NamedTuple):
     duration: float
     peak: float
     last: float
-    """Value of the parabola before the fall where that begins."""
+    """Value of the parabola before the fall, at the begin of the fall."""
     valley: float
 
 
 def _slips(trace: Trace, falls: list[tuple[int, int, int, int]]) -> list[_Slip]:
-    """What the samples say of each fall; first with the extremes of the samples, then with what is fitted beside the fall."""
+    """Values of each fall; first from the extremes of the samples, then from the fits on either side of the fall."""
     peaks = [float(np.median(trace.force[max(p - 2, first) : p + 1])) for first, p, _, _ in falls]
     bottoms = [float(np.median(trace.force[v : min(v + 3, last + 1)])) for _, _, v, last in falls]
     times = [_times(trace, *each) for each in zip(falls, peaks, bottoms, strict=True)]
@@ -444,12 +444,12 @@ def _times(
 def _time_above(
     time: _Floats, force: _Floats, around: slice, level: float, band: float, p: int, v: int
 ) -> float:
-    """When the force falls through a level: the mean over a band, so that noise has no say in it."""
+    """When the force falls through a level: the mean over a band, so that noise has little effect."""
     t, f = time[around], force[around]
     inner_p, inner_v = p - around.start, v - around.start
     fine = np.linspace(t[0], t[-1], max(FINE * (t.size // max(inner_v - inner_p, 1) + 1), 4 * t.size) + 1)
     share = _share_above(np.interp(fine, t, f), level, band)
-    # Before the peak the force is above, after the valley below, whatever the loading does there.
+    # Before the peak the force is above the level, after the valley below it, whatever the loading does there.
     share[fine <= t[inner_p]] = 1.0
     share[fine >= t[inner_v]] = 0.0
     return float(fine[0] + np.sum(0.5 * (share[1:] + share[:-1])) * (fine[1] - fine[0]))
@@ -462,7 +462,7 @@ def _share_above(force: _Floats, level: float, band: float) -> _Floats:
 def _peak(trace: Trace, first: int, onset: float, level: float, band: float) -> tuple[float, float]:
     """Largest value of the parabola through the samples before `onset` that are near the peak, and its value at `onset`."""
     stop = int(np.searchsorted(trace.time, onset, side="right"))
-    # As many samples as there are above the level, all told: noise on both sides of it cancels.
+    # As many samples as are above the level in total: noise on both sides of the level cancels.
     count = round(float(_share_above(trace.force[first:stop], level, band).sum()))
     inside = slice(max(first, stop - max(count, FEWEST_FITTED)), stop)
     t, f = trace.time[inside] - onset, trace.force[inside]
@@ -479,7 +479,7 @@ def _peak(trace: Trace, first: int, onset: float, level: float, band: float) -> 
 def _loading_begins(trace: Trace, end: float, onset: float, bottom: float, peak: float) -> float:
     """Force from which the loading starts: a parabola through a part of it, continued back to the end of the slip.
 
-    A dip at the end of the slip, where friction turns back, and what rings after it do not count.
+    A dip at the end of the slip, where friction turns back, and the oscillation after it do not count.
     """
     loading = onset - end
     inside = slice(*np.searchsorted(trace.time, [end + share * loading for share in CURVED]))
@@ -506,7 +506,7 @@ def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[fl
 
 
 def _optional_columns(trace: Trace, slips: list[_Slip]) -> Iterator[tuple[Info, _Floats]]:
-    """What the displacement and the lateral force say of each cycle."""
+    """Values of each cycle from the displacement and the lateral force."""
     if trace.displacement is not None:
         ends = np.array([(slip.onset, slip.end) for slip in slips[:-1]])
         yield SLIP_LENGTH, np.diff(np.interp(ends, trace.time, trace.displacement))[:, 0]

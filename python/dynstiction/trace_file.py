@@ -27,28 +27,28 @@ Column: TypeAlias = int | str
 """A column of a table by its number, from 0, or its name; a dataset of an HDF5 file by its path."""
 
 Units: TypeAlias = Mapping[str, str | float]
-"""Of a quantity the name of its unit, or the factor to SI."""
+"""Name of the unit of a quantity, or its factor to SI."""
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
     "force": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kN": 1e3},
     "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
 }
-"""What the units of a trace's file may be called, and their factors to SI."""
+"""Names of the units in the file of a trace, and their factors to SI."""
 UNITS["lateral_force"] = UNITS["force"]
 
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "time_series/time"),
     "force": ("force", "f", "pull_force", "friction_force"),
 }
-"""Names by which time and force are found where the user names none."""
+"""Column names by which time and force are found if the user gives none."""
 
 HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
 DELIMITERS = (";", "\t", ",", " ")
 SNIFFED = 20
-"""Lines by which the delimiter is found."""
+"""Number of lines from which the delimiter is found."""
 MOST_HEADS = 2
-"""Lines of names and units that a table may begin with."""
+"""Largest number of lines with names and units at the beginning of a table."""
 WORDS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
 
 
@@ -58,7 +58,7 @@ def unit_factor(quantity: str, unit: str | float) -> float:
     Raises
     ------
     UsageError
-        If there is no such unit; the text names those that there are.
+        If there is no such unit; the text lists the units.
     """
     if isinstance(unit, str):
         known = UNITS[quantity]
@@ -95,36 +95,36 @@ def read_trace(
 ) -> Trace:
     """Read a trace from a table of text or from an HDF5 file.
 
-    A table has a sample a line, with commas, semicolons, tabs or blanks between the columns; it may begin with a line of
-    names, ``force [mN]`` or ``force``, and one of units. Empty lines and what follows a ``#`` are left out; where the
-    delimiter is not a comma, a number may have a decimal comma.
+    A table has one sample in each line, with commas, semicolons, tabs or blanks between the columns. It may begin with a line of
+    names, ``force [mN]`` or ``force``, and a line of units. Empty lines and text after a ``#`` are ignored. If the delimiter is
+    not a comma, a number may have a decimal comma.
 
     Parameters
     ----------
     path : str or PathLike
         The file.
     time, force : int or str, optional
-        Their columns, by number from 0 or by name; of an HDF5 file the paths of the datasets. By default the columns named
-        ``time`` and ``force``, else the first and the second.
+        Columns of time and force, by number from 0 or by name; in an HDF5 file the paths of the datasets. By default the columns
+        named ``time`` and ``force``, else the first and the second.
     displacement, lateral_force : int or str, optional
         Columns of the object's displacement along the pull and of the force across it.
     units : mapping, optional
-        Units, ``{"time": "ms", "force": "mN"}``, or factors to SI, ``{"force": 9.81e-3}``; a negative factor turns the sign.
-        By default those that stand in brackets beside the names, or in the attribute ``units`` of a dataset, else SI.
+        Units, ``{"time": "ms", "force": "mN"}``, or factors to SI, ``{"force": 9.81e-3}``; a negative factor reverses the sign.
+        By default the units in brackets after the names, or in the attribute ``units`` of a dataset, else SI.
     delimiter : str, optional
-        Between the columns; by default it is found.
+        The delimiter between the columns; by default it is detected.
     interval : float, optional
-        Time between two samples [s]: then there is no column of times.
+        Time between two samples [s], if there is no column of times.
 
     Returns
     -------
     Trace
-        In SI units.
+        The trace in SI units.
 
     Raises
     ------
     FileError
-        If the file cannot be read or a sample is not usable; the text names file, line and remedy.
+        If the file cannot be read or a sample is not usable; the text gives the file, the line and what to do.
     UsageError
         If there is no such column or unit.
     """
@@ -188,7 +188,7 @@ class _Table:
 
     @property
     def names(self) -> list[str]:
-        """Names of the columns, if there are any."""
+        """Names of the columns; empty if there are none."""
         return self.heads[0][1] if self.heads else []
 
     @property
@@ -202,7 +202,7 @@ class _Table:
         return f"there are {self.width} columns without names, 0 to {self.width - 1}"
 
     def unit(self, column: int) -> tuple[str, bool]:
-        """Unit that the head names, '' if none, and whether it stands in square brackets or in a line of units."""
+        """Unit of a column in the head, '' if none, and whether it is in square brackets or in a line of units."""
         if len(self.heads) > 1 and column < len(self.heads[1][1]):
             return self.heads[1][1][column].strip("[]() "), True
         name = self.names[column] if column < len(self.names) else ""
@@ -259,7 +259,7 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
     elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
         raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
     rows = [(i, _fields(line, delimiter)) for i, line in lines]
-    # What delimiters at the ends of all lines make.
+    # Empty columns from delimiters at the ends of all lines.
     while all(len(fields) > 1 and fields[-1] == "" for _, fields in rows):
         rows = [(i, fields[:-1]) for i, fields in rows]
     heads: list[tuple[int, list[str]]] = []
@@ -292,7 +292,7 @@ def _text_of(name: str) -> str:
         if "\0" in text:
             break
         return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise FileError(f"{name}: is no text: give a table of text, or an HDF5 file")
+    raise FileError(f"{name}: is not text: give a table of text, or an HDF5 file")
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
@@ -307,11 +307,11 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 
 def _sniff(name: str, lines: Sequence[tuple[int, str]]) -> str:
-    """The delimiter that parts the last lines into the same columns, at least two of them numbers and none of them several."""
+    """The delimiter that splits the last lines into the same columns, of which at least two are single numbers."""
     sample = [line for _, line in lines[-SNIFFED:]]
     if len(lines) <= SNIFFED:
         sample = sample[min(len(sample) - 1, MOST_HEADS) :]
-    # One line may be damaged, and that is told later: what most lines agree on is enough.
+    # One line may be damaged, which is reported later: agreement of most lines is enough.
     for share in (1.0, 0.6):
         for delimiter in DELIMITERS:
             fields = [_fields(line, delimiter) for line in sample]
@@ -408,7 +408,7 @@ def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
         if column >= len(fields):
             raise FileError(
                 f"{table.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
-                f"take it out (columns are parted by {WORDS.get(table.delimiter, table.delimiter)})"
+                f"take it out (columns are separated by {WORDS.get(table.delimiter, table.delimiter)})"
             )
         field = fields[column]
         try:
@@ -441,7 +441,7 @@ def _read_hdf5(
                 values[quantity] = _dataset_values(dataset, name, quantity, factors)
     except (FileError, UsageError):
         raise
-    except Exception as error:  # whatever h5py and NumPy make of damaged files
+    except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
         raise FileError(f"{name}: cannot be read: {error}") from error
     if interval is not None:
         values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))

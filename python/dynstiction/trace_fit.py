@@ -32,27 +32,27 @@ __all__ = ["Fit", "FittedParameter", "fit"]
 _Floats = NDArray[np.float64]
 
 TOLD = 0.5
-"""Standard error of a logarithm up to which a trace tells the parameter."""
+"""Largest standard error of a logarithm at which a trace determines the parameter."""
 SEEN = 0.3
-"""Share in a direction, of the largest, from which on a parameter is named in it."""
+"""Least share of a parameter in a direction, relative to the largest, for which it is named."""
 COARSE = (0.02, 0.005, 0.001)
-"""Errors relative to swing and period that are added, one fit after another."""
+"""Errors relative to amplitude and period that are added, one fit after another."""
 CORRECTIONS = 6
-"""How often the difference between the full model and the slow one is taken anew, at most."""
+"""Largest number of times that the difference between the full model and the slow one is computed."""
 CORRECTED = 0.1
-"""Change of a parameter, in standard errors, that ends this."""
+"""Change of a parameter, in standard errors, below which this ends."""
 MISFIT = 1e-4
-"""Probability of a misfit as large by chance, below which it is told."""
+"""Probability of such a misfit by chance, below which there is a note."""
 BROAD_STEP = 0.02
 """Change of a logarithm for a derivative of the full model, whose runs are sampled."""
 RANDOM_STARTS = 6
 WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
 LAW_STEP = 0.01
-"""Of another law: change for a derivative, of the exponent and of the viscous term over the weakening. Twice: the same to 2 %."""
+"""For other laws: changes of the exponent and of the viscous term over the weakening, for a derivative. Twice: the same to 2 %."""
 HANGING = 3.0
-"""Standard errors that another law may change a parameter by before it is told."""
+"""Change of a parameter by another law, in standard errors, above which there is a note."""
 LEAST_DROP = 1e-3
-"""Of mu_0: the least weakening that a fit begins with."""
+"""Least weakening at the start of a fit, as a share of mu_0."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
@@ -60,20 +60,20 @@ BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """What a trace tells of a parameter.
+    """Value of a parameter from a trace, and its errors.
 
     Attributes
     ----------
     name : str
         ``group.key`` of the deck.
     value : float
-        Best value; NaN if the trace does not tell it.
+        Best value; NaN if the trace does not determine it.
     error : float
-        Standard error; infinite if the trace does not tell it.
+        Standard error; infinite if the trace does not determine the parameter.
     unit : str
-        Of the value.
+        Unit of the value.
     told : bool
-        Whether the trace tells it.
+        Whether the trace determines the parameter.
     law_error : float
         Standard error if friction need not fall exponentially: with an exponent of 1 to about 2, and a viscous term up to the
         weakening. NaN if the law is not 'weakening'.
@@ -89,35 +89,35 @@ class FittedParameter:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """Parameters behind a trace, and how well they are known.
+    """Parameters behind a trace, and their errors.
 
     Attributes
     ----------
     parameters : dict of str to FittedParameter
         By ``group.key``.
     correlation : ndarray, shape (p, p)
-        Of the logarithms of the parameters, in their order.
+        Correlation of the logarithms of the parameters, in their order.
     scene : Scene
-        The scene with the fitted values: ``fit.scene.to_deck()`` is a deck that runs. What the trace does not tell has one of the
-        values that fit.
+        The scene with the fitted values: ``fit.scene.to_deck()`` is a deck that runs. A parameter that the trace does not
+        determine has one of the values that fit.
     model : str
-        The model that the values belong to.
+        The model of the fitted values.
     misfit : float
-        Mean square of the residuals, over what the scatter of the cycles explains: 1 where the model is right.
+        Mean square of the residuals over that expected from the scatter of the cycles: 1 if the model is right.
     chance : float
         Probability of such a misfit if the model is right.
     cycles : TraceCycles
-        What was found in the trace.
+        The cycles of the trace.
     waveform : Waveform
         Mean of the cycles, and its errors.
     fitted : ndarray, shape (n,)
-        The model's force over the bins of the waveform [N].
+        Force of the model in the bins of the waveform [N].
     period : float
         The model's period [s].
     notes : tuple of str
-        What is to be borne in mind; also given as `FitWarning`.
+        Cautions about the result; also given as `FitWarning`.
     evaluations : int
-        How often a model has been run.
+        Number of model runs.
     logarithms : ndarray, shape (2, p)
         Logarithms of the parameters, and their standard errors.
     """
@@ -142,10 +142,10 @@ class Fit:
         return self.chance >= MISFIT and self.model == (self.scene.scene.model or "full")
 
     def __getitem__(self, name: str) -> float:
-        """Value of a parameter, NaN if the trace does not tell it."""
+        """Value of a parameter, NaN if the trace does not determine it."""
         if name not in self.parameters:
             raise UsageError(
-                f"{shown(name)}: is not free in this fit: there are {', '.join(self.parameters)}"
+                f"{shown(name)}: is not free in this fit: the free parameters are {', '.join(self.parameters)}"
             )
         return self.parameters[name].value
 
@@ -157,12 +157,12 @@ class Fit:
         name : str
             ``group.key``.
         level : float
-            Probability with which it holds the true value.
+            Probability with which the interval contains the true value.
 
         Returns
         -------
         low, high : float
-            Its ends; 0 and infinity of a parameter that the trace does not tell.
+            Ends of the interval; 0 and infinity for a parameter that the trace does not determine.
         """
         from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
@@ -179,7 +179,7 @@ class Fit:
         return ends[0], ends[1]
 
     def plot(self) -> Figure:
-        """Measured waveform beside the model's, and the residuals.
+        """Measured waveform and that of the model, and the residuals.
 
         Returns
         -------
@@ -206,7 +206,7 @@ class Fit:
                     f"95 %: {low:.6g} to {high:.6g}".replace(" 1 ", " ")
                 )
             else:
-                yield f"{each.name:{width}}  not told by this trace"
+                yield f"{each.name:{width}}  not determined by this trace"
         names = list(self.parameters)
         pairs = [
             (abs(self.correlation[i, j]), names[i], names[j], self.correlation[i, j])
@@ -228,36 +228,37 @@ def fit(
     seed: int = 0,
     progress: bool | None = None,
 ) -> Fit:
-    """Find the parameters of a scene behind a force trace.
+    """Find the parameters of a scene from a force trace.
 
-    The mean waveform of the trace's cycles and their period are fitted, first with the slow model, which costs a millisecond a
-    run; then the difference between the scene's own model and the slow one is added and the fit repeated until neither changes.
+    The mean waveform of the trace's cycles and their period are fitted, first with the slow model, which takes a millisecond for
+    each run. Then the difference between the scene's own model and the slow one is added, and the fit is repeated until neither
+    changes.
 
     Parameters
     ----------
     scene : str, PathLike or Scene
-        The rig: what is known of it, and values of the free parameters to begin with. A constant drive velocity.
+        The rig: its known parameters, and initial values of the free ones. The drive velocity must be constant.
     trace : Trace
         Force along the pull, from `read_trace`.
     free : sequence of str, or str
-        Parameters ``group.key`` to be found; a string has commas between them.
+        Parameters to be found, ``group.key``; in a string they are separated by commas.
     starts : int
-        Of how many starts the fit is carried through: the best of the scene's values, of several glances at the waveform, and of
-        random changes of both.
+        Number of starts from which the fit is completed: the best among the scene's values, several rough estimates from the
+        waveform, and random changes of both.
     seed : int
-        Of the random starts: the same seed gives the same bits.
+        Seed of the random starts: the same seed gives the same bits.
     progress : bool, optional
         Whether to show a bar; by default on a terminal, after a second.
 
     Returns
     -------
     Fit
-        Values, standard errors, correlations, notes, the fitted scene.
+        Values, standard errors, correlations, notes and the fitted scene.
 
     Raises
     ------
     UsageError
-        If a parameter cannot be free, or has no value in the scene to begin with, or no start has stick-slip.
+        If a parameter cannot be free, or has no initial value in the scene, or no start has stick-slip.
     FileError
         If the trace has no stick-slip to fit, see `find_cycles`.
     DeckError
@@ -266,12 +267,13 @@ def fit(
     Warns
     -----
     FitWarning
-        If the model does not explain the trace, or the trace does not tell a parameter.
+        If the model does not explain the trace, or the trace does not determine a parameter.
 
     Notes
     -----
-    Logarithms are fitted, so that values keep their sign. Standard errors follow from the scatter of the cycles: what each cycle alone
-    would change of the fit. They hold for noise that is correlated within a cycle, not for an error that all cycles share.
+    Logarithms are fitted, so that values keep their sign. Standard errors follow from the scatter of the cycles, by the effect of
+    each single cycle on the fit. They are valid for noise that is correlated within a cycle, but do not include an error that all
+    cycles share.
     """
     needed("scipy", "a fit")
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
@@ -293,17 +295,17 @@ class _Problem:
 
     @property
     def weakening(self) -> tuple[int, int, int] | None:
-        """Places of mu_0, mu_inf and v_f, if all three are free."""
+        """Indices of mu_0, mu_inf and v_f, if all three are free."""
         if not set(WEAKENING) <= set(self.names):
             return None
         i, j, k = (self.names.index(name) for name in WEAKENING)
         return i, j, k
 
     def logarithms(self, q: _Floats) -> _Floats:
-        """Logarithms of the parameters from the coordinates of the fit, in which mu_inf stands as ln((mu_0 - mu_inf)/v_f).
+        """Logarithms of the parameters from the coordinates of the fit, in which mu_inf is replaced by ln((mu_0 - mu_inf)/v_f).
 
-        Creep knows the slope of friction only, so that mu_inf and v_f are hardly told apart: in these coordinates the valley in which
-        they lie is straight.
+        Creep depends on the slope of friction only, which hardly distinguishes mu_inf from v_f: in these coordinates the valley of
+        good fits is straight.
         """
         z = q.copy()
         if self.weakening:
@@ -315,7 +317,7 @@ class _Problem:
         return z
 
     def coordinates(self, z: _Floats) -> _Floats:
-        """What `logarithms` turns into z."""
+        """The coordinates for which `logarithms` returns z."""
         q = z.copy()
         if self.weakening:
             i, j, k = self.weakening
@@ -362,14 +364,14 @@ class _Problem:
                 count += extra
             except NoCycleError as error:
                 notes.append(
-                    f"the model {model} has no stick-slip that repeats at these values ({error}): they belong to low_frequency"
+                    f"the model {model} has no stick-slip that repeats at these values ({error}): they are those of low_frequency"
                 )
                 model = "low_frequency"
         say(1.0)
         return self._told(slowly, found, offset, model, notes, count, self._of_other_laws(slow, heard, found))
 
     def _of_other_laws(self, slow: Scene, heard: Sequence[str], found: Solution) -> _Floats | None:
-        """What another exponent, and a viscous term as large as the weakening in the fastest slip, would change: shape (n + 1, 2)."""
+        """Effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (n + 1, 2)."""
         if slow.friction.law not in (None, "weakening"):
             return None
         here = self.with_values(slow, found.z[:-1], heard)
@@ -391,7 +393,7 @@ class _Problem:
     def _first(
         self, slowly: Model, own: Model | None, starts: int, seed: int, say: Callable[[float], None]
     ) -> Solution:
-        """The best of several fits with errors that shrink to those of the trace, the own model's difference taken anew each time."""
+        """The best of several fits with errors that shrink to those of the trace; each fit computes the difference again."""
         given = self.coordinates(np.log(np.abs(self.begin)))
         near = [given, *self._glances(np.log(np.abs(self.begin)))]
         random = np.random.default_rng(seed)
@@ -426,7 +428,7 @@ class _Problem:
         )
 
     def _difference(self, slowly: Model, own: Model | None, found: Solution) -> _Floats | float:
-        """The scene's own model less the slow one; 0 if it has no stick-slip there."""
+        """The scene's own model minus the slow one; 0 if the own model has no stick-slip there."""
         if own is None:
             return 0.0
         delay = float(found.z[-1]) * self.wave.fall
@@ -447,7 +449,7 @@ class _Problem:
     def _corrected(
         self, slowly: Model, fully: Model, found: Solution, mute: Sequence[int]
     ) -> tuple[Solution, _Floats, int]:
-        """The fit of the full model, whose derivatives are those of the slow one, but for what that does not know."""
+        """The fit of the full model with the derivatives of the slow one, except for parameters that the slow one does not have."""
         wave = self.wave
         count = 0
         for _ in range(CORRECTIONS):
@@ -464,7 +466,7 @@ class _Problem:
             count += new.evaluations + 2 + len(mute)
             change = new.z - found.z
             if mute:
-                # A step of all, with the columns that the slow model lacks.
+                # A step of all parameters, with the columns that the slow model lacks.
                 at = residuals(slowly, wave, weights, offset)(new.z)
                 change_of_all = -np.linalg.solve(_normal(jacobian), jacobian.T @ at)
                 new = Solution(new.z + np.clip(change_of_all, -0.5, 0.5), new.cost, jacobian, 0)
@@ -510,7 +512,7 @@ class _Problem:
         misfit = float(residual @ residual) / explained * used / max(used - p - 1, 1)
         chance = float(f.sf(misfit, max(used - p - 1, 1), used * (n - 1)))
         covariance *= max(1.0, misfit)
-        # Where the trace says nothing, the inverse is the prior's, and no scatter shows it.
+        # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
         broad = np.sqrt(np.diag(inverse))[:-1]
         error = np.sqrt(np.diag(covariance))[:-1]
         told = np.maximum(broad, error) < TOLD
@@ -521,9 +523,9 @@ class _Problem:
             notes += self._hanging_on_the_law(z, error, law_error, told)
         if chance < MISFIT:
             notes.append(
-                f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: another "
-                "friction law, a parameter that is held at a wrong value, or a rig that is another; the errors allow for the misfit, "
-                "the values may be wrong by more"
+                f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: "
+                "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
+                "errors include the misfit, but the values may be wrong by more"
             )
         notes += self.cycles.notes
         for note in notes:
@@ -564,12 +566,12 @@ class _Problem:
         if hanging:
             each = ", ".join(f"{self.names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
             yield (
-                f"{each} if friction need not fall exponentially (another exponent, a viscous term): the trace knows friction at the "
-                "speeds of its slips only, and laws that agree there fit alike"
+                f"{each} if friction need not fall exponentially (another exponent, a viscous term): the trace depends on friction "
+                "at the speeds of its slips only, and laws that agree there fit equally well"
             )
 
     def _flat(self, inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
-        """What the trace does not tell, by name."""
+        """Notes on the parameters that the trace does not determine."""
         if told.all():
             return
         sizes, directions = np.linalg.eigh(inverse)
@@ -581,17 +583,17 @@ class _Problem:
                 (name, power) for name, power in zip(self.names, direction, strict=True) if abs(power) > SEEN
             ]
             if len(seen) == 1:
-                yield f"the trace does not tell {seen[0][0]}: hold it at a known value"
+                yield f"the trace does not determine {seen[0][0]}: fix it at a known value"
             else:
                 powers = " ".join(f"{name}^{power:.2g}" for name, power in seen)
                 yield (
-                    f"the trace does not tell {', '.join(name for name, _ in seen)} apart: a common factor {powers} changes nothing that is "
-                    "measured: hold one of them at a known value"
+                    f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
+                    "nothing that is measured: fix one of them at a known value"
                 )
 
 
 def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
-    """Standard errors with coordinates of other laws, which are known to about 1, beside the parameters."""
+    """Standard errors of the parameters if the coordinates of other laws, which are known to about 1, are added."""
     extended = np.column_stack([jacobian, other_laws])
     prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(other_laws.shape[1]))
     errors: _Floats = np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))
@@ -599,7 +601,7 @@ def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
 
 
 def _normal(jacobian: _Floats) -> _Floats:
-    """Normal matrix, with the prior that a logarithm is known to a factor of ten."""
+    """Normal matrix, with the prior that each parameter is known to a factor of ten."""
     prior = np.append(np.full(jacobian.shape[1] - 1, PRIOR**-2), PRIOR**-2)
     matrix: _Floats = jacobian.T @ jacobian + np.diag(prior)
     return matrix
@@ -621,10 +623,10 @@ def _problem(scene: Scene, trace: Trace, free: Sequence[str] | str) -> _Problem:
             each.name for each in _native.schema() if each.group == group
         }:
             raise UsageError(
-                f"free: {shown(name)}: what can be found are keys of &system and &friction, like system.misalignment_deg"
+                f"free: {shown(name)}: only keys of &system and &friction can be found, like system.misalignment_deg"
             )
         if _native.key_info(group, key).kind != "real":
-            raise UsageError(f"free: {name} is no real number: hold it at one choice a fit")
+            raise UsageError(f"free: {name} is not a real number: choose one of its values for each fit")
         value = values.get(group, {}).get(key)
         if not isinstance(value, float) or value == 0.0:
             raise UsageError(

@@ -1,6 +1,6 @@
-"""Which exponent Eq. (8) has: its forms against the exact creep, and that against the full model.
+"""Which exponent Eq. (8) has: its forms are compared with the exact creep, and the exact creep with the full model.
 
-docs/creep_validation.md explains what is measured and why; docs/notebooks/creep.ipynb has further evidence.
+docs/creep_validation.md explains the method; docs/notebooks/creep.ipynb has further evidence.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ DECK = """\
 &output fields = 'u_y', 'X', 'X_rate' /
 """
 SAMPLES_PER_CYCLE = 48
-HALF_WIDTH = 0.02  # s, of the window of an average
+HALF_WIDTH = 0.02  # s, half width of the window of an average
 
 TAUS = (0.25, 0.5, 0.8)
 DEGREES = 4.0 / 2.0 ** np.arange(9)
@@ -55,11 +55,11 @@ TIME = 1.0  # s, where the forms are compared with the full model: tau = 0.5
 
 COLUMNS = ("table", "quantity", "phi_deg", "tau", "velocity_m_s", "mass_kg", "stiffness_y_N_m", "value", "expected",
            "tolerance", "holds")  # fmt: skip
-"""Of the table in CSV."""
+"""Columns of the table in CSV."""
 
 
 class Mean(NamedTuple):
-    """X'/V over whole high-frequency cycles about `time`, and the exact creep over the very same window."""
+    """X'/V over whole high-frequency cycles around `time`, and the exact creep over the same window."""
 
     degrees: float
     velocity: float
@@ -69,7 +69,7 @@ class Mean(NamedTuple):
     stiffness_y: float
     """k_y [N/m]."""
     time: float
-    """Middle of the window as asked for [s]; it begins and ends within a cycle of time -+ `HALF_WIDTH`."""
+    """Requested middle of the window [s]; the window begins and ends within a cycle of time -+ `HALF_WIDTH`."""
     cycles: int
     full: float
     """(X(t_2) - X(t_1))/(V (t_2 - t_1)) [-] of the full model."""
@@ -103,7 +103,7 @@ class Mean(NamedTuple):
 
 
 class Check(NamedTuple):
-    """A measured number beside what it must be."""
+    """A measured number and its expected value."""
 
     name: str
     value: float
@@ -112,13 +112,13 @@ class Check(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the value is within the tolerance; NaN is not."""
+        """Whether the value is within the tolerance; false for NaN."""
         return abs(self.value - self.expected) <= self.tolerance
 
 
 @dataclass(frozen=True)
 class Validation:
-    """What `validate_creep` measured: the forms of Eq. (8), and the full model at phi = 1 deg along one run."""
+    """Results of `validate_creep`: the forms of Eq. (8), and the full model at phi = 1 deg along one run."""
 
     forms: Mapping[str, Form]
     means: Sequence[Mean]
@@ -147,7 +147,7 @@ class Validation:
         return float(self.forms[form](self.one.tau, self.one.phi))
 
     def checks(self) -> tuple[Check, ...]:
-        """All that must hold for the finding."""
+        """All checks that the finding needs."""
         full = self.one.at_time
         return (
             *(
@@ -158,9 +158,9 @@ class Validation:
                 for tau in TAUS
             ),
             Check("X'/V of the full model at 1 s, 1 deg", full, 0.0103482, 1.0e-7),
-            Check("full model against the exact creep, relative difference", self.worst_difference, 0.0, 1e-4),
-            Check("first power off the full model at 1 s, 1 deg", self.at_one("first_power") / full - 1.0, 0.0032, 1e-3),
-            Check("printed form off it, as the exact creep has it", self.at_one("printed") / full - 1.0, -0.4837, 1e-3),
+            Check("full model and exact creep, relative difference", self.worst_difference, 0.0, 1e-4),
+            Check("error of the first power, full model at 1 s, 1 deg", self.at_one("first_power") / full - 1.0, 0.0032, 1e-3),
+            Check("error of the printed form there", self.at_one("printed") / full - 1.0, -0.4837, 1e-3),
         )  # fmt: skip
 
     @property
@@ -174,7 +174,7 @@ class Validation:
         return "\n".join([*self._tables(), "", *wrapped])
 
     def _tables(self) -> Iterator[str]:
-        yield "1. Error of X'/V after Eq. (8) against the exact creep (rigid stiff axis), tau = 0.5"
+        yield "1. Error of X'/V from Eq. (8) relative to the exact creep (rigid stiff axis), tau = 0.5"
         yield f"{'phi [deg]':>12}" + "".join(f"{form:>14}" for form in self.forms)
         for degrees, *errors in zip(DEGREES, *(self.error(form, 0.5) for form in self.forms), strict=True):
             yield f"{degrees:12g}" + "".join(f"{error:14.5e}" for error in errors)
@@ -183,13 +183,13 @@ class Validation:
                 f"{self.order(form, tau):14.3f}" for form in self.forms
             )
         yield ""
-        yield "2. X'/V of the full model, constant friction, phi = 1 deg, averaged over whole high-frequency cycles about t"
+        yield "2. X'/V of the full model, constant friction, phi = 1 deg, averaged over whole high-frequency cycles around t"
         yield f"{'t [s]':>12}{'cycles':>8}{'full model':>12}{'exact':>11}{'difference':>12}"
         for mean in self.means:
             yield f"{mean.time:12g}{mean.cycles:8d}{mean.full:12.7f}{mean.exact:11.7f}{mean.difference:12.2e}"
 
     def finding(self) -> tuple[str, ...]:
-        """The finding in sentences, or what fails."""
+        """The finding in sentences, or the checks that fail."""
         checks = self.checks()
         failed = [check for check in checks if not check.holds]
         if failed:
@@ -200,17 +200,17 @@ class Validation:
         return (
             "Finding: Eq. (8) holds with the first power of Vt/l_x, X' = V phi (phi + tau/sqrt(1 - tau^2)), "
             "tau = Vt/l_x. The square of Vt/l_x in the numerator, as the preprint prints it, is a misprint. Evidence:",
-            "1. Against the exact creep, Eqs. (6) and (7), the first power errs by the second order in phi; "
-            "the printed form errs by the first, that of the creep itself.",
+            "1. Compared with the exact creep, Eqs. (6) and (7), the first power has an error of second order in phi; "
+            "the printed form has an error of first order, which is the order of the creep itself.",
             f"2. The full model with inertia creeps at X'/V = {one.at_time:.7f} at t = {TIME:g} s, phi = 1 deg. "
             f"The exact creep gives {one.exact_at_time:.7f} ({rigid:.7f} with a rigid stiff axis), the first power "
-            f"{self.at_one('first_power'):.7f}, the printed form {self.at_one('printed'):.7f}. What is left between "
-            f"full model and exact creep, {self.worst_difference:.1e} of it at most, is inertia.",
+            f"{self.at_one('first_power'):.7f}, the printed form {self.at_one('printed'):.7f}. The remaining difference "
+            f"between full model and exact creep, at most {self.worst_difference:.1e} relative, is due to inertia.",
             f"All {len(checks)} checks hold.",
         )
 
     def write_csv(self, file: TextIO) -> None:
-        """Every number, one a line: table, quantity, where, value; checks with what they must be."""
+        """Every number in a line: table, quantity, where, value; checks with their expected values."""
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(self._rows())
@@ -231,7 +231,7 @@ class Validation:
 
 
 def validate_creep(forms: Mapping[str, Form] = LIBRARY_FORMS) -> Validation:
-    """Measure what tells Eq. (8)'s exponent, with its three forms; a check that fails is no exception: see `Validation.checks`."""
+    """Measure the exponent of Eq. (8), with its three forms. A check that fails raises no exception: see `Validation.checks`."""
     return Validation(forms, mean_creep(TIMES))
 
 
@@ -246,8 +246,9 @@ def mean_creep(
     """X' of the full model with constant friction, averaged over whole high-frequency cycles.
 
     A cycle begins where u_y rises through its value in the exact creep. There X, which oscillates opposite to u_y,
-    is on its mean, so that a decaying oscillation leaves no trace in the average. The times [s] are the middles of the
-    windows; a `UsageError` if the oscillation has died out at one of them. What is not given, in SI units, is Fig. 3's.
+    is at its mean, so that a decaying oscillation does not affect the average. The times [s] are the middles of the
+    windows; a `UsageError` is raised if the oscillation has died out at one of them. Parameters that are not given are those of
+    Fig. 3, in SI units.
     """
     cycle = 2.0 * math.pi * math.sqrt(mass / stiffness_y)
     # Late cycles are longer than `cycle`, by 1/sqrt(1 - tau^2).

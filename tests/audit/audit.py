@@ -141,7 +141,7 @@ def departure(case: Judged, result: ds.Result, near: float) -> float:
 
 def grazes(case: Judged, rtol: float, time: float) -> bool:
     """Whether, within a fast cycle of `time`, v passes a minimum below 30 rtol of the largest speed since the release, or rests so shortly that
-    it would have been negative by no more than that.
+    it would have been negative by at most this value.
     """
     cycle, truth = fast_cycle(case.scene), case.truth
     at, speed, peak = truth.dips.T
@@ -179,7 +179,7 @@ def compare(reference: tr.Reference, case: Judged, method: str, rtol: float) -> 
     whole = np.ones_like(truth.time, dtype=bool)
     judge_columns(case, verdict, result, whole)
     if verdict.error > FACTOR and grazing:
-        # Whether it stopped there is not for this tolerance to say; what comes after hangs on it.
+        # This tolerance does not decide whether it stopped there, and the later motion depends on that.
         verdict.excuse = verdict.excuse or "grazing"
         verdict.wrong, verdict.column, verdict.error = {}, "", 0.0
         judge_columns(case, verdict, result, truth.time < parted - fast_cycle(scene))

@@ -479,7 +479,7 @@ def compare_events(outcome: Outcome, ours: ds.Result, theirs: ds.Result, later: 
 def compare_summary(outcome: Outcome, ours: ds.Result, theirs: ds.Result, condition: Conditioning) -> None:
     """Every summary value to 30 rtol (1 + C) of its scale, where C is also its own conditioning.
 
-    The scales: forces F_0, times t_end, max_X_rate the fastest slip, slip_length the way slipped, works the sum of both.
+    The scales: forces F_0, times t_end, max_X_rate the fastest slip, slip_length the distance of slip, works the sum of both.
     """
     allowed = FACTOR * outcome.first.rtol
     scene = outcome.first.scene

@@ -82,7 +82,7 @@ def log_uniform(chance: random.Random, least: float, most: float) -> float:
 
 
 def random_scene(seed: int, number: int, profiles: bool = True) -> Scene:
-    """Scene `number` of the family `seed`: the same for ever, whatever the others are."""
+    """Scene `number` of the family `seed`: always the same, whatever the others are."""
     chance = random.Random(f"{seed}/{number}")
     while True:
         scene = _draw(chance, profiles)

@@ -53,10 +53,10 @@ DECKS = {
 }
 
 
-# The calls by which a file is removed: it is looked at first, and what cannot be told from a stranger's file stays.
+# The calls by which a file is removed: it is examined first, and a file that may be a stranger's is not removed.
 REMOVING = {"unlink", "unlinkat", "remove", "statx", "lstat"}
 
-# What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure tells something new.
+# What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure is not yet covered by others.
 CHANGES = "cowtuRsxlfki"
 KINDS: dict[str, tuple[str, str]] = {
     "kill": ("kill:all", CHANGES),
@@ -159,7 +159,7 @@ class Case:
 
 
 class Laboratory:
-    """Operations with faults, in folders made anew for each."""
+    """Operations with faults, each in a new folder."""
 
     def __init__(self, program: Program, room: Path) -> None:
         self.program, self.room = program, room
@@ -342,7 +342,7 @@ class Laboratory:
         return ["a lock" if name.endswith(".lock") else "a scratch file" for name in sorted(names)]
 
     def faults_of_sequel(self, case: Case, ended: Ended, before: dict, folder: Path) -> Iterator[str]:
-        """Without further faults it must go on to the end that it would have had."""
+        """Without further faults it must continue to the end that it would have had."""
         operation = OPERATIONS[case.operation]
         if operation.status == FILE_ERROR:
             return
@@ -356,9 +356,9 @@ class Laboratory:
                 return
             yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file))
         if not any(hit.name in REMOVING for hit in ended.hits):
-            yield from (f"{name} stays for ever" for name in self.litter(folder, shards=False))
+            yield from (f"{name} is never removed" for name in self.litter(folder, shards=False))
             if operation.resumable and (folder / f"{RESULT}.checkpoint").exists() and is_complete(file):
-                yield "the checkpoint stays for ever"
+                yield "the checkpoint is never removed"
         yield from (f"afterwards {what}" for what in self.faults_of_bystanders(before, folder))
 
     def go_on(self, operation: Operation, file: Path, before: dict) -> str:

@@ -79,7 +79,7 @@ class Running:
             time.sleep(0.0005)
 
     def release(self, fault: int = 0) -> None:
-        """Let go on what the fault at this place of the list holds."""
+        """Continue the process that the fault at this place of the list holds."""
         self.gates.append(self.log.with_suffix(f".gate{fault}"))
         self.gates[-1].touch()
 

@@ -231,7 +231,7 @@ class Sequence:
                 reasons = ("process", "exists") if is_placed else ("process", "no such file")
                 if not any(reason in ended.text for reason in reasons):
                     raise Wrong(f"a second program is refused for another reason: {ended.text.strip()[:120]}")
-            # The child of a program that waits for it, and other threads, go on.
+            # The child of a program that waits for it, and other threads, continue.
             is_still = not self.is_sweep and "waitpid" not in first.holds()[0]
             if is_still and snapshot(self.folder) != old:
                 raise Wrong("a second program changes files")

@@ -5,7 +5,7 @@ seed and number alone, so that ``--only NUMBER`` repeats one. What was found is 
 
 An oracle of its own for each call: a function may return what it documents, or raise an `Error` of the package, MemoryError, or
 TypeError where Python itself finds that an argument is missing or has no such name. Finite arguments give finite numbers where the
-documentation knows no NaN.
+documentation mentions no NaN.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ def object_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[],
             raise found[0]
 
     def forked() -> None:
-        """The child uses and frees its copies, the parent's go on."""
+        """The child uses and frees its copies; those of the parent continue."""
         child = os.fork()
         if child == 0:
             status = 1
@@ -446,7 +446,7 @@ def batch(seed: int, first: int, count: int) -> None:
 
 
 def findings(seed: int, calls: int) -> Iterator[str]:
-    """What is found in the calls, each batch in a process of its own; after a crash it goes on behind the call that crashed."""
+    """Findings in the calls, each batch in a separate process; after a crash it continues after the call that crashed."""
     first = 0
     while first < calls:
         count = min(BATCH, calls - first)

@@ -1,4 +1,4 @@
-"""Whatever befalls a rank, mpirun or the disk of a sweep over MPI, at whatever moment: it ends soon, says why once, and goes on.
+"""Faults of a rank, of mpirun or of the disk of a sweep over MPI at any moment: it ends soon, says why once, and can be continued.
 
     python tests/mpi/faults.py                                  # the whole matrix, with Open MPI and with MPICH
     python tests/mpi/faults.py --flavour mpich --every 10       # a tenth of it
@@ -153,7 +153,7 @@ def allowed(case: Case) -> Allowed:
 
 
 def is_harmless(case: Case) -> bool:
-    """Whether the sweep goes on, or stops if it has been asked to, as if nothing had happened."""
+    """Whether the sweep continues, or stops if it received a signal, as if nothing had happened."""
     if case.fault == "bad deck" and (case.moment != "launch" or case.who == "another"):
         # Rank 0 reads the deck, at the beginning.
         return True
@@ -168,7 +168,7 @@ def after_fault_of_files(case: Case) -> Allowed:
         # What rank 2 still writes may have room.
         codes.add(STOPPED)
     if case.who == "another" and case.fault == "file exists":
-        # Rank 1 is in a folder of its own: its shard stands there, and the others cannot know it.
+        # Rank 1 is in a separate folder with its shard, which the others cannot see.
         codes.add(STOPPED)
     if case.moment == "ending":
         codes.add(DONE)
@@ -231,7 +231,7 @@ class Launch:
             self.process = mpirun.start("run", deck, "-o", output, "--quiet", **own)
 
     def processes(self) -> dict[int, list[bytes]]:
-        """What is left of it: the environment of each process."""
+        """Remaining processes: the environment of each one."""
         found = {}
         for folder in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
@@ -280,7 +280,7 @@ class Launch:
         return started and all(map(self.is_held, held(self.case)))
 
     def open_gates(self) -> None:
-        """Let go on who is held."""
+        """Continue the held processes."""
         for number in range(4):
             (self.room / f"gate{number}").touch()
 
@@ -428,7 +428,7 @@ class Laboratory:
             os.kill(launch.rank(1), signal.SIGUSR1)
             time.sleep(0.1)
         lasting = self.strike_now(launch)
-        # A rank that is missing for ever hinders no signal that ends all. SIGUSR1 asks to stop, which is for all to do; and a
+        # A rank that never begins does not prevent a signal from ending all. SIGUSR1 asks to stop, which is for all to do; and a
         # rank that is held here does not see mpirun die.
         ends_all = case.fault in ("SIGKILL", "SIGTERM") and case.who != "mpirun"
         for_ever = case.moment in ("init", "finalizing") and ends_all

@@ -88,7 +88,7 @@ def sources() -> list[Source]:
 
 
 def choose(all_sources: list[Source], count: int, seed: int, modules: list[str]) -> dict[int, Mutant]:
-    """The mutants that rank highest; what is chosen in one file does not hang on another."""
+    """The mutants that rank highest; the choice in one file does not depend on another."""
     everything = [mutant for source in all_sources for found in source.mutants.values() for mutant in found]
     for mutant in everything:
         mutant.number = 0
@@ -119,7 +119,7 @@ def reject(mutants: list[Mutant]) -> None:
 
 
 def put(path: Path, text: str) -> None:
-    """Write what has changed only, so that ninja builds no more than that."""
+    """Write only the files that have changed, so that ninja builds only these."""
     if not path.exists() or path.read_text() != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)

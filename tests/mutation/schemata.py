@@ -41,7 +41,7 @@ Key = tuple[str, str, str, str, int]
 
 @dataclass
 class Mutant:
-    """One change of one statement. `part` tells which part of the statement `mutated` replaces."""
+    """One change of one statement. `part` is the part of the statement that `mutated` replaces."""
 
     file: str
     line: int
@@ -58,7 +58,7 @@ class Mutant:
         return (self.file, self.procedure, self.original, self.mutated, self.occurrence)
 
     def rank(self, seed: int, weight: float) -> float:
-        """A random number that hangs on seed and mutant alone: the choice elsewhere does not change it."""
+        """A random number that depends only on seed and mutant: the choice elsewhere does not change it."""
         digest = hashlib.sha256(repr((seed, self.key)).encode()).digest()
         uniform = (int.from_bytes(digest[:7], "big") + 1) / 2**56
         return uniform ** (1.0 / weight)

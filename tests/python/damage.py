@@ -39,4 +39,4 @@ def replaced(old: bytes, new: bytes) -> Callable[[bytes], bytes]:
 
 
 killed = replaced(rb"result_checksum \S+", b"result_checksum -")
-"""Makes of a stopped run's checkpoint that of a run under way: anybody can write one."""
+"""Turns the checkpoint of a stopped run into that of a running one: anybody can write such a file."""

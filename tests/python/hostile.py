@@ -13,7 +13,7 @@ import numpy as np
 
 CANARY = "CANARY-7f3a91"
 NUMBER = 4242.424242
-"""What stands in the other files that a hostile file points to."""
+"""Content of the other files that a hostile file points to."""
 
 Damage = Callable[[h5py.File, random.Random, Path], None]
 

@@ -26,7 +26,7 @@ DONE, FILE_ERROR, STOPPED = 0, 3, 75
 
 @dataclass(frozen=True)
 class Program:
-    """A command with its first words. Called with the others it runs to its end; `start` lets it go on meanwhile."""
+    """A command with its first words. Called with the others it runs to its end; `start` runs it in the background."""
 
     first: tuple[object, ...]
     folder: Path | None = None
@@ -38,7 +38,7 @@ class Program:
         return [*map(str, (*self.first, *arguments)), *(word for setting in settings for word in ("--set", setting))]
 
     def options(self, env: Mapping[str, str | None] | None = None, **options: object) -> dict[str, object]:
-        """What `subprocess` is told: text in UTF-8, in our folder, unless another thing is wanted."""
+        """Options of `subprocess`: text in UTF-8, in our folder, unless others are given."""
         variables = {k: v for k, v in {**self.base, **self.env, **(env or {})}.items() if v is not None}
         return {"cwd": self.folder, "encoding": "utf-8", "env": variables, **options}
 
@@ -57,7 +57,7 @@ class Program:
         return done
 
     def start(self, *arguments: object, settings: Iterable[str] = (), **options: object) -> subprocess.Popen[str]:
-        """A process that goes on; its errors can be read."""
+        """A process in the background; its errors can be read."""
         given = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, **self.options(**options)}
         return subprocess.Popen(self.words(*arguments, settings=settings), **given)
 

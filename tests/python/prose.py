@@ -59,16 +59,22 @@ def prose(text: str) -> str:
     return CODE.sub(lambda code: re.sub(r"[^\n]", "\u2007", code[0]), text)
 
 
+NAME_AND_TYPE = re.compile(r"^ *[*\w, ]+ : \S.*$")
+"""Line of a docstring with a parameter's name and type."""
+
+
 def python_prose(source: str) -> str:
-    """Comments and texts of a Python file, each in its place."""
+    """Comments and texts of a Python file, line by line, without the names and types of parameters and texts of one word."""
     lines = [[" "] * len(line) for line in source.split("\n")]
+    kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in (tokenize.COMMENT, tokenize.STRING):
+        if token.type in kinds and " " in token.string:
             row, column = token.start
             for i, line in enumerate(token.string.split("\n")):
                 begin = 0 if i else column
                 lines[row - 1 + i][begin : begin + len(line)] = line
-    return "\n".join(map("".join, lines))
+    # Without the indentation, which would make it code.
+    return "\n".join(NAME_AND_TYPE.sub("", "".join(line)).lstrip() for line in lines)
 
 
 def fortran_prose(source: str) -> str:

@@ -39,7 +39,7 @@ class Sweep:
         return self.program(*self.command(output, *arguments, command=command), env=env, timeout=300, **options)
 
     def start(self, output, *arguments, quiet=True, launcher=(), env=None, **options):
-        """A run that goes on meanwhile, in a process group of its own."""
+        """A run in the background, in a separate process group."""
         program = Program((*launcher, self.exe), env={"OMP_NUM_THREADS": "2", **(env or {})})
         return program.start(*self.command(output, *arguments, quiet=quiet), start_new_session=True, **options)
 
@@ -77,7 +77,7 @@ def checksum(words):
 
 
 def cases_in(shard):
-    """Numbers of the finished cases in a shard, in the order of the file; docs/sweeps.md tells its format."""
+    """Numbers of the finished cases in a shard, in the order of the file; docs/sweeps.md describes its format."""
     data = shard.read_bytes() if shard.exists() else b""
     found, place = [], HEADER_BYTES
     while place + 16 <= len(data):

@@ -1,4 +1,4 @@
-"""The folders of src/ are rooms: each uses only the rooms that it names, and the picture is that of the folders."""
+"""The folders of src/ are layers: each uses only the layers that it names, and the picture agrees with the folders."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_picture_is_that_of_the_folders(architecture: ModuleType) -> None:
     [
         ("src/physics/friction.f90", "  use dst_radau, only: radau_t", "physics/friction uses methods/radau"),
         ("src/numerics/collocation.f90", "  use dst_slider, only: slider_t", "numerics/collocation uses physics/slider"),
-        ("src/base/text.f90", "  use dst_nothing, only: nothing", "base/text uses nothing, which is in no room"),
+        ("src/base/text.f90", "  use dst_nothing, only: nothing", "base/text uses nothing, which is in no layer"),
     ],
 )
 def test_it_would_be_seen(architecture: ModuleType, tmp_path: Path, file: str, line: str, complaint: str) -> None:
@@ -54,4 +54,4 @@ def test_a_circle_would_be_seen(architecture: ModuleType, tmp_path: Path) -> Non
     (base / "meson.build").write_text(rule.replace("# Uses: nothing", "# Uses: deck"), encoding="utf-8")
     kinds = (base / "kinds.f90").read_text(encoding="utf-8")
     (base / "kinds.f90").write_text(kinds.replace("  use ", "  use dst_schema, only: schema\n  use ", 1), encoding="utf-8")
-    assert architecture.complaints(tmp_path / "src") == ["rooms use each other in a circle"]
+    assert architecture.complaints(tmp_path / "src") == ["layers use each other in a circle"]

@@ -1,4 +1,4 @@
-"""A run that is stopped or killed goes on from its checkpoint, and ends with the same bits; nothing damaged is gone on with."""
+"""A run that is stopped or killed resumes from its checkpoint, and ends with the same bits; damaged files are not resumed."""
 
 from __future__ import annotations
 
@@ -428,7 +428,7 @@ def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(program, shim, wri
     assert_same(file, references("radau9"))
 
 
-# What must not be gone on with.
+# Files that must not be resumed.
 
 
 @pytest.fixture(scope="module")
@@ -661,7 +661,7 @@ def bytes_of_structure(file: Path) -> list[int]:
 
 @pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.full)])
 def test_damage_of_a_killed_run_is_refused_or_does_no_harm(program, references, stopped, tmp_path, count):
-    """HDF5 itself crashes, hangs or reads other numbers on some of these files; the last part of the result is written anew."""
+    """HDF5 itself crashes, hangs or reads other numbers on some of these files; the last part of the result is written again."""
     file = tmp_path / "x.h5"
     whole, checkpoint = without_seal(stopped.read_bytes()), checkpoint_of(stopped).read_bytes()
     structure = bytes_of_structure(stopped)
@@ -771,7 +771,7 @@ def test_a_run_that_cannot_write_its_first_checkpoint_leaves_nothing(program, tm
 
 
 def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
-    """The file-size limit ends the run; with a higher limit it goes on."""
+    """The file-size limit ends the run; with a higher limit it continues."""
     file = tmp_path / "x.h5"
     limit = limited(resource.RLIMIT_FSIZE, 1_500_000)
     process = program.start(SCENES["every step"], file, "output.checkpoint_interval=0.02", preexec_fn=limit)

@@ -23,7 +23,7 @@ CASES = [
 
 @pytest.fixture(scope="module", params=CASES)
 def motion(request: pytest.FixtureRequest) -> tuple[ds.Result, float, float]:
-    """A swing of stretched springs at an angle at which no cosine is near 1; several samples a step."""
+    """An oscillation of stretched springs at an angle at which no cosine is near 1; several samples in each step."""
     angle, velocity, method = request.param
     fixed = {"step": 5e-5, "rtol": None} if method == "moreau_jean" else {}
     result = ds.run(

@@ -107,7 +107,7 @@ def test_arguments_of_python_s_commands(executable, catalogue):
     assert offered(executable, "dynstiction compare a.nml --set friction.law=st") == ["friction.law=stribeck"]
     assert offered(executable, "dynstiction animate a.h5 -o ") == ["*.gif", "*.mp4"]
     assert offered(executable, "dynstiction paper -o ") == ["*/"]
-    # Words in capitals are kinds of arguments. Those that are not completed are numbers and names that only a file or a person knows.
+    # Words in capitals are kinds of arguments. Those that are not completed are numbers, and names that only a file or a person can give.
     names = {"C", "COLUMN", "FILE", "I", "I/N", "N", "NAME", "S", "T", "A"}
     for option in catalogue["options"]:
         takes = option["argument"]

@@ -1,4 +1,4 @@
-"""The end of slow creep: the decay of the fast oscillation in runs, and who has it in the summary."""
+"""The end of slow creep: the decay of the fast oscillation in runs, and the models that have it in the summary."""
 
 import dynstiction as ds
 import numpy as np

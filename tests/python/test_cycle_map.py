@@ -87,7 +87,7 @@ def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
     scatter = distances(finer, by_steps)
     for name, distance in distances(by_map, by_steps).items():
         assert distance <= max(1e-6, 30 * scatter[name]), (name, distance, scatter[name])
-    # Only the map knows how a small difference grows.
+    # Only the map shows how a small difference grows.
     assert [name for name in by_map.summary if name not in GROWTH] == list(by_steps.summary)
     for name, value in by_steps.summary.items():
         if name == "energy_residual":
@@ -176,7 +176,7 @@ def test_an_excursion_that_has_just_been_dropped_is_not_reused() -> None:
 
 
 def test_slow_cycles_that_repeat_are_leapt_in_their_order() -> None:
-    """One stick a slow cycle, each like the one before: no drift between fast cycles tells when the next one slips."""
+    """One stick in each slow cycle, each like the one before: no drift between fast cycles predicts when the next one slips."""
     scene = ds.Scene(FIG3, system={"misalignment_deg": 6.65}, integrator={"method": "radau13", "rtol": 1e-6})
     leapt, stepped = (
         ds.run(scene, scene={"t_end": 50.0}, output={"interval": 1.0}, integrator={"cycle_map": how}) for how in ("auto", "off")

@@ -163,7 +163,7 @@ def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
     assert done.stderr.startswith("dynstiction: ")
     assert name.removesuffix(".checkpoint") in done.stderr
     assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines())
-    # Nothing else was changed, and no result made of it.
+    # Nothing else was changed, and no result was written.
     assert {path: path.read_bytes() for path in others} == others
     assert not (bench.folder / "deck.h5").exists()
 

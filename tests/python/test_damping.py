@@ -325,7 +325,7 @@ def test_fast_oscillation_of_fig_3() -> None:
 
 
 def linear(parameters: dict[str, float]) -> NDArray[np.complex128]:
-    """Eigenvalues of steady sliding from the Jacobian, written anew."""
+    """Eigenvalues of steady sliding from the Jacobian, written again."""
     p = parameters
     s = np.array([math.cos(p["misalignment"]), math.sin(p["misalignment"])])
     n = np.array([-s[1], s[0]])

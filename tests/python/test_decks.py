@@ -1,4 +1,4 @@
-"""Decks as a user meets them: the executable on good, odd and bad decks."""
+"""Decks as users write them: the executable on good, odd and bad decks."""
 
 from __future__ import annotations
 
@@ -412,7 +412,7 @@ def test_f90nml_reads_the_same(source, program, tmp_path):
         shutil.copy(points, tmp_path)
     used = f90nml.reads(resolved(program, text))
     given = f90nml.reads(text)
-    # Keys that are switched off stand in the template but are not used, nor are those of other laws.
+    # Keys that are switched off are in the template but are not used, nor are those of other laws.
     law = {"exponent", "viscous", "table_speed", "table_mu", "table"}
     for group, keys in given.items():
         for key in [k for k in keys if k not in used[group]]:

@@ -66,7 +66,7 @@ def test_the_message_names_the_page_and_the_file_the_code(program: Program, name
     assert codes()[name] == code
     done = program("run", DECK, "-o", "x.h5", "--quiet", settings=("scene.t_end=0.3", *settings))
     if done.returncode == -8:
-        pytest.skip("this build ends at an overflow by itself")
+        pytest.skip("this build stops at any overflow")
     assert done.returncode == (75 if code == 75 else 4), done
     assert done.stderr.count("\n") == 1
     assert HELP in done.stderr

@@ -127,7 +127,7 @@ def test_the_energy_balance_of_a_swing_back_to_rest(program, tmp_path):
 
 
 def test_moreau_jean_sticks_only_where_friction_can_hold(program, tmp_path):
-    """A swing of the springs far beyond the static limit turns many times before it sticks."""
+    """An oscillation of the springs far beyond the static limit turns many times before it sticks."""
     settings = ("integrator.method=moreau_jean", "integrator.step=1e-4", "integrator.rtol=", "initial.elongation_x=0.05",
                 "scene.t_end=2.0", "output.interval=0")  # fmt: skip
     program("run", INPUTS / "fig3.nml", "-o", "x.h5", "--quiet", settings=settings, status=0)

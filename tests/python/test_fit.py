@@ -1,4 +1,4 @@
-"""Fits find the parameters behind a trace, say what the trace does not tell, and do not trust a model that does not explain it."""
+"""Fits find the parameters behind a trace, name those that it does not determine, and warn if the model does not explain it."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_intervals_are_wider_for_more_confidence_and_more_noise(found: ds.Fit) -
 
 def test_a_product_is_not_told_apart() -> None:
     """Friction forces are products of coefficients and the normal load: only these are in a force trace."""
-    with pytest.warns(ds.FitWarning, match="apart"):
+    with pytest.warns(ds.FitWarning, match="does not distinguish"):
         found = ds.fit(RIG, trace_of(RIG), ("friction.mu_0", "friction.mu_inf", "friction.normal_load", "system.misalignment_deg"))
     for name in ("friction.mu_0", "friction.mu_inf", "friction.normal_load"):
         assert not found.parameters[name].told
@@ -146,7 +146,7 @@ def test_a_product_is_not_told_apart() -> None:
         assert found.interval(name) == (0.0, math.inf)
         assert any(name in note for note in found.notes)
     assert found.parameters["system.misalignment_deg"].told
-    assert "not told by this trace" in str(found)
+    assert "not determined by this trace" in str(found)
 
 
 @pytest.mark.parametrize("friction", [{"law": "stribeck", "exponent": 2.0}, {"law": "stribeck", "exponent": 1.5}])
@@ -182,7 +182,7 @@ def test_the_slow_model_is_fitted_alone_where_the_scene_says_so() -> None:
         ("", "name the parameters"),
         ("friction.mu_0,friction.mu_0", "named twice"),
         ("drive.velocity", "&system and &friction"),
-        ("friction.law", "no real number"),
+        ("friction.law", "not a real number"),
         ("friction.mu", "&system and &friction"),
         ("friction.exponent", "has no value"),
     ],

@@ -46,7 +46,7 @@ def defines(statement: str, name: str) -> bool:
 
 
 def has_comment(lines: list[str], number: int) -> bool:
-    """Whether line `number`, or the paragraph of declarations it stands in, has one."""
+    """Whether line `number`, or its paragraph of declarations, has a comment."""
     if "!!" in lines[number]:
         return True
     declaration = "::" in lines[number] and "procedure" not in lines[number]

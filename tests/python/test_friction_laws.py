@@ -469,7 +469,7 @@ def first_order(step: float) -> Deck:
 
 
 def test_moreau_jean_converges_to_the_closed_form() -> None:
-    """Rest and release fall on ends of steps, so the error hangs on where in a step they are: the largest of some drives counts."""
+    """Rest and release fall on ends of steps, so the error depends on where in a step they are: the largest of some drives counts."""
     steps = np.array([1.6e-4, 8e-5, 4e-5, 2e-5])
     errors = []
     for step in steps:

@@ -188,7 +188,7 @@ def unsealed(file: Path, folder: Path) -> Path:
 
 @pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.full)])
 def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) -> None:
-    """Of a file without a seal, as a killed run leaves it: HDF5 meets all of it."""
+    """Damage of a file without a seal, as a killed run leaves it: HDF5 reads all of it."""
     assert refusals(unsealed(sound, tmp_path), tmp_path, count) > count / 4
 
 

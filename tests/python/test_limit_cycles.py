@@ -15,7 +15,7 @@ LIMIT = 2.0
 TIGHT = {"method": "radau13", "rtol": 1e-12}
 
 # Angles [deg] at which the stick-slip of Fig. 3's slow model ends, by V [m/s], from another integration of the same equations
-# (scipy, Radau with rtol 1e-12), a fold or a swing of 5 % of F_0.
+# (scipy, Radau with rtol 1e-12), a fold or an amplitude of 5 % of F_0.
 ENDS = {
     1e-4: (2.740068864302916, False),
     1e-3: (8.18422726698844, False),
@@ -207,7 +207,7 @@ def test_an_irregular_scene_has_many_unstable_cycles() -> None:
     assert found.regularity.verdict == "irregular"
     assert len(found.cycles) > 5
     assert not found.stable
-    # Each has its own: the map falls and rises by turns where it meets the diagonal.
+    # Each has its own: the map alternately decreases and increases where it crosses the diagonal.
     assert len({round(cycle.log_multiplier, 3) for cycle in found.cycles}) == len(found.cycles)
     assert found.regularity.exponent > 5 * found.regularity.error
     mean, scatter = found.regularity.mean["period"], found.regularity.scatter["period"]
@@ -217,7 +217,7 @@ def test_an_irregular_scene_has_many_unstable_cycles() -> None:
 
 
 def test_several_stable_cycles_of_the_full_model_are_all_found() -> None:
-    """At k_y = 5e6 N/m the fast oscillation may make a whole number of swings more or less in a slow cycle."""
+    """At k_y = 5e6 N/m the fast oscillation may have one or more periods more or less in a slow cycle."""
     found = ds.cycles(FIG3.replace(system={"stiffness_y": 5e6}))
     cycles = sorted(found.cycles, key=lambda cycle: cycle.period)
     assert [cycle.stable for cycle in cycles] == [True, False, True]

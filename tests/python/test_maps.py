@@ -138,7 +138,7 @@ def test_stiction_fades_with_lambda(thinned):
 
 
 def test_true_rest_ends_where_tan_phi_is_kx_over_ky(thinned):
-    """k_y/k_x = 1e4: rest below the crossover at 0.0057 degrees, creep above it; the swing is the same."""
+    """k_y/k_x = 1e4: rest below the crossover at 0.0057 degrees, creep above it; the amplitude is the same."""
     data = thinned("map_anisotropy", "sweep.count=2,1", "sweep.first=5.7e-4,1e7", "sweep.last=0.57,1e7", "scene.t_end=4")
     rest = data["sticking_time"].values[:, 0] / 4.0
     assert rest[0] > 0.9 and rest[1] < 0.2

@@ -229,7 +229,7 @@ def test_what_the_fast_oscillation_may_do_to_creep(velocity: float, stiffness: f
 
 
 def test_small_cycles_are_sensitive() -> None:
-    """The estimate rises with the power 3/2 of how far the swing stays below 0.45 of the static limit."""
+    """The estimate rises with the power 3/2 of how far the amplitude is below 0.45 of the static limit."""
     estimate, swing = [], []
     for mu_inf in (0.15, 0.16):
         scene = FIG3 | {"mu_inf": mu_inf}

@@ -185,7 +185,7 @@ def test_profiles(method: str, times: list[float], velocities: list[float]) -> N
 
 
 def resampled(times: list[float], velocities: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Knots with jumps made ramps that no sample meets."""
+    """Knots with jumps replaced by ramps between two samples."""
     knots = np.array(times, dtype=float)
     knots[1:][np.diff(knots) == 0.0] += 1e-9
     return knots, np.array(velocities)
@@ -204,7 +204,7 @@ def test_rest_is_rest() -> None:
 
 
 def test_a_drive_that_turns_while_the_object_slips_is_no_event(low: ds.Result) -> None:
-    """For the instant in which the drive guides nothing across the object goes on along its line."""
+    """For the instant in which the drive guides nothing across the object continues along its line."""
     fastest = float(low.time[np.argmax(low["X_rate"])])
     drive = {"time": [0.0, fastest, fastest + 1e-3], "velocity": [1e-3, 1e-3, -1e-3]}
     result = run("low_frequency", drive=drive, scene={"t_end": fastest + 2e-3})

@@ -37,7 +37,7 @@ CREEP = {k: SLIDER[k] for k in ("velocity", "misalignment", "stiffness_x", "stif
 
 
 def process(script: str, deck: str, **how: object) -> str:
-    """What a script prints, which has the deck as DECK; it must end by itself, and well."""
+    """Output of a script, which has the deck as DECK; it must end without help and with exit status 0."""
     head = f"import faulthandler; faulthandler.enable()\nimport dynstiction as ds\nDECK = {deck!r}\n"
     return SCRIPT(head + script, status=0, **how).stdout
 
@@ -149,7 +149,7 @@ def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
     for look in ("result", "events", "state"):
         with pytest.raises(ds.UsageError, match="busy"):
             getattr(simulation, look)
-    assert "going on" in repr(simulation)
+    assert "running" in repr(simulation)
     simulation.close()
     user.join()
     assert simulation.result["X"].shape == simulation.result.time.shape

@@ -167,7 +167,7 @@ def test_unknown_kind_and_empty_result_are_refused() -> None:
         plot.draw(result_of(time=np.empty(0)))
 
 
-# The kind that a file is drawn as by itself, and several files
+# The default kind of a file, and several files
 
 
 def test_the_kind_follows_from_the_file(fig3: ds.Scene, fig4_result: ds.Result) -> None:

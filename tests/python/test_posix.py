@@ -63,7 +63,7 @@ def test_one_module_declares_what_the_system_has() -> None:
 def test_no_number_of_the_system_is_written_down() -> None:
     # HDF5's own constants are its callers' business.
     found = {file: hits for file, text in SOURCES.items() if not file.startswith("src/file/") and (hits := numbers(text))}
-    assert not found, "posix.c knows the headers' constants"
+    assert not found, "posix.c has the headers' constants"
 
 
 def test_what_is_declared_is_there_and_used() -> None:
@@ -195,7 +195,7 @@ def test_it_compiles_and_works(compiler: str, flags: str, tmp_path: Path) -> Non
 
 
 def test_faults_reach_every_call(tmp_path: Path) -> None:
-    """The shim of the fault tests stands in front of every call of posix.c that a file or a process could feel."""
+    """The shim of the fault tests intercepts every call of posix.c that affects a file or a process."""
     subprocess.run(["cc", "-D_FILE_OFFSET_BITS=64", "-O2", "-c", str(POSIX_C), "-o", str(tmp_path / "posix.o")], check=True)
     listing = subprocess.run(["nm", "-u", str(tmp_path / "posix.o")], check=True, capture_output=True, text=True).stdout
     imports = set(re.findall(r"\bU (\w+)", listing))
@@ -218,7 +218,7 @@ def test_faults_reach_every_call(tmp_path: Path) -> None:
     ],
 )
 def test_python_is_found_without_proc(executable: Path, tmp_path: Path, here: str, command: str, told: str) -> None:
-    """Where nobody tells a program its own file, the word that called it does; one that was looked up in PATH is no file here."""
+    """If the system does not give a program its own file, the word of its call is used; a word found in PATH is not a file here."""
     if subprocess.run(["unshare", "-rm", "mount", "-t", "tmpfs", "none", "/proc"], capture_output=True, check=False).returncode:
         pytest.skip("a user may not hide /proc here")
     for folder, word in (("program", "beside"), ("path", "of PATH"), ("trap", "of the folder here")):

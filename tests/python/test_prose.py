@@ -1,4 +1,4 @@
-"""README, manual and the comments and texts of the Fortran source use the words of docs/vocabulary.md."""
+"""README, manual and the comments and texts of the sources use the words of docs/vocabulary.md."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ if importlib.util.find_spec("proselint") is None:
 
 from prose import VOCABULARY, faults, faults_in, forbidden, pattern
 
-# Not yet rewritten, or made from texts in the source that are not.
-AWAITED = {DOCS / f"{name}.md" for name in ("deck", "errors", "figures", "file", "install", "python")}
-PAGES = sorted({ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")} - AWAITED)
-# Folders of finished sources.
+PAGES = sorted({ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")})
 FORTRAN = ("src", "python/core", "tests/unit")
-SOURCES = sorted(path for folder in FORTRAN for ending in ("f90", "inc") for path in (ROOT / folder).rglob(f"*.{ending}"))
+PYTHON = ("python/dynstiction", "bench", "docs", "tools", "tests")
+ENDINGS = {"f90": FORTRAN, "inc": FORTRAN, "py": PYTHON}
+# They contain the words to be found.
+EXCEPT = {"prose.py", "test_prose.py"}
+FOUND = {path for ending, folders in ENDINGS.items() for folder in folders for path in (ROOT / folder).rglob(f"*.{ending}")}
+SOURCES = sorted(path for path in FOUND if path.name not in EXCEPT)
 
 
 @pytest.mark.parametrize("page", [*PAGES, *SOURCES], ids=lambda page: page.relative_to(ROOT).as_posix())
@@ -45,6 +47,8 @@ def test_comments_and_texts_of_source_files_are_read() -> None:
     ]
     python = 'told = 1  # it tells\n"""A text.\n\nIt knows.\n"""\n'
     assert [place.split(":")[1:3] for place in faults_in(python, "x.py")] == [["1", " 'tells'"], ["4", " 'knows'"]]
+    indented = '    """The fit.\n\n    told : bool\n        It knows.\n    """\n    return "told"\n'
+    assert [place.split(":")[1:3] for place in faults_in("def f():\n" + indented, "x.py")] == [["5", " 'knows'"]]
 
 
 def test_a_check_of_proselint_is_used() -> None:

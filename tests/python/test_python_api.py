@@ -248,9 +248,9 @@ def test_missing_names_name_the_nearest(fig3: ds.Scene, fig3_result: ds.Result) 
             call()
         assert isinstance(missing.value, KeyError)
     for call, words in (
-        (lambda: fig3.replace(misalignmen_deg=2.0), "'misalignmen_deg' is no key of a deck: did you mean 'misalignment_deg'"),
+        (lambda: fig3.replace(misalignmen_deg=2.0), "'misalignmen_deg' is not a key of a deck: did you mean 'misalignment_deg'"),
         (lambda: fig3.replace(**{"system.mas": 2.0}), r"did you mean 'system\.mass'"),
-        (lambda: ds.run(fig3, systm=2.0), "no group of a deck: did you mean 'system'"),
+        (lambda: ds.run(fig3, systm=2.0), "not a group of a deck: did you mean 'system'"),
         (lambda: ds.run(fig3, qqqqq=2.0), r"nor a group \(scene, system, .*template"),
     ):
         with pytest.raises(ds.UsageError, match=words):
@@ -634,7 +634,7 @@ def test_interrupt_ends_a_run_within_a_second(fig3_text: str) -> None:
 
 
 def test_an_interrupt_waits_for_what_is_kept() -> None:
-    """It comes right after the block, which is whole; or, where one is being told already, not at all."""
+    """It is raised right after the complete block; or not at all, if another one is being raised."""
     steps: list[str] = []
     with pytest.raises(KeyboardInterrupt), held_back():
         os.kill(os.getpid(), signal.SIGINT)

@@ -256,7 +256,7 @@ def test_scenes_of_dictionaries(fig3: ds.Scene) -> None:
         with pytest.raises(ds.UsageError, match="a mapping of the groups"):
             ds.Scene.from_dict(wrong)
     for call in (ds.Scene, ds.run, ds.Simulation):
-        with pytest.raises(ds.UsageError, match=r"a mapping is no deck: write Scene\.from_dict"):
+        with pytest.raises(ds.UsageError, match=r"a mapping is not a deck: write Scene\.from_dict"):
             call(fig3.groups())
 
 

@@ -30,7 +30,7 @@ def cycle() -> dict[str, float]:
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("method", ["radau5", "radau9", "radau13", "dopri5"])
 def test_the_way_into_the_cycle_has_no_part(cycle: dict[str, float], method: str, rtol: float) -> None:
-    """The ramp passes the critical speed; when stick-slip sets in hangs on the method, what it is then does not."""
+    """The ramp passes the critical speed; the beginning of stick-slip depends on the method, its cycles do not."""
     summary = ds.run(scene_of(8.0, 200.0, RAMP), integrator={"method": method, "rtol": rtol}).summary
     assert summary["cycles"] > 50
     for name in MEANS:
@@ -71,7 +71,7 @@ def test_the_first_peak_stands_apart() -> None:
     assert stretched.summary["first_peak_force"] == pytest.approx(peak, rel=1e-4)
 
 
-# A start in which the swings shrink, all the way or before the run ends.
+# A start in which the oscillations shrink, to 0 or until the run ends.
 RINGING = [
     (14.0, 5.0, 30e-3),
     (13.0, 5.0, 30e-3),
@@ -126,7 +126,7 @@ def test_a_transition_out_of_stick_slip_has_no_period(model: str) -> None:
 
 @pytest.mark.parametrize("t_end", [2.0, 5.0])
 def test_a_small_cycle_that_lasts_has_a_period(t_end: float) -> None:
-    """The first swings are larger than the cycle, and stay above it."""
+    """The first oscillations are larger than the cycle, and stay above it."""
     summary = ds.run(scene_of(17.5, t_end, {"velocity": 10e-3})).summary
     assert summary["period"] == pytest.approx(0.10094, rel=1e-3)
 

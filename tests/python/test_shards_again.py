@@ -1,5 +1,5 @@
 """How a sweep is divided, and that every share can be run again: job arrays and launchers of all forms, wrong divisions refused with
-the right one, shards of other builds and divisions, partial results, and what `show` tells of all this.
+the right one, shards of other builds and divisions, partial results, and what `show` prints about them.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def test_shards_of_another_build_are_left_alone_and_used_never(sweep, tmp_path):
     theirs = tmp_path / "a.h5.shard-000001"
     of_another_build(theirs)
     before = theirs.read_bytes()
-    # Of another division too: it counts for nothing.
+    # A shard of another division, too: it does not count.
     done = sweep.program(*sweep.command("a.h5", "--shard", "1/3", quiet=False), status=0)
     assert done.stderr.count("of another build") == 1, done.stderr
     assert len(cases_in(tmp_path / "a.h5.shard-000001.1")) == 4
@@ -369,7 +369,7 @@ def test_shards_of_an_older_program_are_refused_as_such(sweep, tmp_path):
     sweep.run("a.h5", "--overwrite", status=0)
 
 
-# --- what is told
+# --- messages
 
 
 def show(sweep, *outputs):

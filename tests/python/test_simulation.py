@@ -89,7 +89,7 @@ def test_what_is_not_finished_says_so(fig3: ds.Scene) -> None:
         simulation.step_to(0.01)
         part = simulation.result
         assert not simulation.finished
-        assert "t = 0.01 of 0.05 s, going on" in repr(simulation)
+        assert "t = 0.01 of 0.05 s, running" in repr(simulation)
     assert (part.complete, part.result_code, len(part.summary)) == (False, -1, 0)
     assert part.parameters["mass"] == 0.25
     assert "closed" in repr(simulation)

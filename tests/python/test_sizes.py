@@ -171,7 +171,7 @@ def test_a_run_too_large_is_refused(call, tmp_path, settings, words):
 
 
 def test_the_limit_is_the_room_on_the_disk(call, tmp_path):
-    """Of the folder of the output; not where the run is limited in time. Large sizes are told."""
+    """Of the folder of the output; not where the run is limited in time. Large sizes are printed."""
     (tmp_path / "x.nml").write_text(FIG3)
     disk = os.statvfs(tmp_path)
     free = disk.f_bavail * disk.f_frsize

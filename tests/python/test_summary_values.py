@@ -73,7 +73,7 @@ def test_an_oscillation_without_friction(method: str) -> None:
     # The springs end as they began, and so does X'.
     assert abs(result.summary["drive_work"]) < 1e-6 * MASS * V**2
     assert abs(result.summary["energy_residual"]) < 1e-7
-    # A matrix is made anew and factorised in each iteration.
+    # A new matrix is computed and factorised in each iteration.
     statistics = result.statistics
     assert statistics["jacobians"] == statistics["factorisations"] == statistics["newton"]
     assert statistics["newton"] > statistics["steps"] + statistics["rejected"]

@@ -78,7 +78,7 @@ def test_they_are_the_cycles_of_the_single_run(model):
 
 @pytest.mark.parametrize("method", ["radau9", "rodas4p"])
 def test_a_settled_case_keeps_its_last_cycle(method):
-    """Which is what the motion goes on with; the cycles before have only led there."""
+    """These are the cycles with which the motion continues; the cycles before only led to them."""
     pytest.importorskip("xarray")
     deck = ds.Scene(INPUTS / "low_frequency.nml", scene={"t_end": 60.0}, integrator={"method": method, "rtol": 1e-7})
     angles = {"system.misalignment_deg": np.linspace(1.0, 7.0, 7)}

@@ -215,7 +215,7 @@ def test_a_cut_shard_loses_what_was_cut_only(sweep, tmp_path):
         shard.write_bytes(whole[:length])
         sweep.run("a.h5", "--overwrite", "--keep-shards", status=0)
         assert sorted(cases_in(shard)) == list(range(1, 13))
-        # A head that is written anew has another time.
+        # A head that is written again has another time.
         first = HEADER_BYTES if length < HEADER_BYTES else 0
         last = HEADER_BYTES + max(0, (length - HEADER_BYTES) // record) * record
         assert shard.read_bytes()[first:last] == whole[first:last]

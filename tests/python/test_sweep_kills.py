@@ -53,7 +53,7 @@ class Threads:
 
 
 class Array:
-    """Three processes with a shard each; one dies, the others go on."""
+    """Three processes with a shard each; one dies, the others continue."""
 
     longest_wait = 0.5
 
@@ -123,7 +123,7 @@ def finished(sweep, output):
 
 
 def check_partial_file(sweep, output, done):
-    """What `merge` makes of the shards at any time is readable and holds at least the cases that were done."""
+    """The file that `merge` makes from the shards at any time is readable and holds at least the finished cases."""
     merged = sweep.run(output, "--overwrite", "--keep-shards", command="merge")
     assert merged.returncode in (0, 75), merged.stderr
     with h5py.File(sweep.folder / output) as file:

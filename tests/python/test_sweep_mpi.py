@@ -94,7 +94,7 @@ def test_a_signal_to_one_rank_stops_all(launched, tmp_path, number):
     finally:
         end_group(process)
     done = {case for shard in launched.shards("m.h5") for case in cases_in(shard)}
-    # With another number of ranks it goes on, and repeats nothing.
+    # With another number of ranks it continues, and repeats nothing.
     launched.run("m.h5", *ENDLESS, "--set", "output.wall_limit=2", ranks=2, status=75)
     now = [case for shard in launched.shards("m.h5") for case in cases_in(shard)]
     assert done <= set(now) and len(now) == len(set(now))
@@ -330,7 +330,7 @@ def test_a_signal_stops_what_rank_0_does(launched, decks, tmp_path, command, num
     finally:
         end_group(process)
     assert len(messages(process.stderr.read())) <= 1
-    # The checkpoint is that of the stop: the run goes on from it.
+    # The checkpoint is that of the stop: the run resumes from it.
     assert (tmp_path / "one.h5.checkpoint").exists()
     with h5py.File(tmp_path / "one.h5") as file:
         assert file.attrs["result_code"] == 75

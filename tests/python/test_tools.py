@@ -187,7 +187,7 @@ def test_an_active_environment_is_not_what_the_next_one_is_made_of(checkout: Pat
 
 
 def test_ctrl_c_says_what_to_do(checkout: Path) -> None:
-    """Also when a command that was running ends by itself then, as compilers' drivers do."""
+    """Also if a running command then ends on its own, as compilers' drivers do."""
     lines = "busy build/x.log '' bash -c 'trap \"exit 1\" INT; echo begun > begun; sleep 30 & wait' || die failed"
     script = f"source tools/setup.sh\n{lines}"
     process = Program(("bash", "-c", script), checkout).start(start_new_session=True)

@@ -42,7 +42,7 @@ PERIOD, LOW, HIGH, FALL = 0.7312345, 1.3, 2.1, 0.04
 
 
 def sawtooth(cycles: float = 12.3, per_cycle: float = 400.3, noise: float = 0.0, seed: int = 0) -> ds.Trace:
-    """Force that rises along a straight line and falls along another; noise relative to its swing."""
+    """Force that rises along a straight line and falls along another; noise relative to its amplitude."""
     time = np.arange(0.0, cycles * PERIOD, PERIOD / per_cycle)
     phase = (time / PERIOD + 0.3) % 1.0
     force = LOW + (HIGH - LOW) * np.where(phase < 1.0 - FALL, phase / (1.0 - FALL), (1.0 - phase) / FALL)
@@ -215,7 +215,7 @@ BAD_LINES = {
     "names only": ("time,force\n", r":1: no columns of numbers are found: name the delimiter"),
     "prose": ("a force\nthat was\nmeasured\nby hand\n", r":4: no columns of numbers are found: name the delimiter"),
     "two samples": ("0,1\n1,2\n", r": has 2 samples: at least 3 are needed"),
-    "binary": ("\0\0\0", r": is no text: give a table of text, or an HDF5 file"),
+    "binary": ("\0\0\0", r": is not text: give a table of text, or an HDF5 file"),
 }
 
 
@@ -271,7 +271,7 @@ def test_arrays_are_checked_like_files() -> None:
         ds.Trace(time, time[1:])
     with pytest.raises(ds.UsageError, match=r"force has the shape \(5, 10\)"):
         ds.Trace(time, time.reshape(5, 10))
-    with pytest.raises(ds.UsageError, match="force is no array of real numbers"):
+    with pytest.raises(ds.UsageError, match="force is not an array of real numbers"):
         ds.Trace(time, ["a"] * 50)
     with pytest.raises(ds.UsageError, match="masked"):
         ds.Trace(time, np.ma.masked_equal(time, 3.0))
@@ -333,7 +333,7 @@ def test_cycles_of_straight_lines_are_known() -> None:
     means = cycles.means()
     assert means["period"] == pytest.approx(PERIOD, rel=1e-5)
     assert means["peak_force"] == pytest.approx(HIGH, abs=8e-3 * (HIGH - LOW))
-    # Peak and valley are told where a harmonic fall would have them: a sharp one has them within its own length.
+    # Peak and valley are given where a harmonic fall would have them: a sharp one has them within its own length.
     assert means["valley_force"] == pytest.approx(LOW, abs=8e-3 * (HIGH - LOW))
     assert means["slip_duration"] == pytest.approx(0.8 * FALL * PERIOD, rel=0.02)
     assert means["loading_rate"] == pytest.approx((HIGH - LOW) / (PERIOD * (1.0 - FALL)), rel=1e-9)
@@ -381,7 +381,7 @@ def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
 
 
 def test_slips_far_below_the_noise_of_a_sample_are_found() -> None:
-    """Where there are many samples: noise as large as half of the swing."""
+    """Where there are many samples: noise as large as half of the amplitude."""
     cycles = ds.find_cycles(sawtooth(cycles=8.3, per_cycle=20000.0, noise=0.5, seed=5))
     assert len(cycles) == 7
     assert cycles.means()["period"] == pytest.approx(PERIOD, rel=0.01)
@@ -412,7 +412,7 @@ def test_slips_between_two_samples_have_no_duration() -> None:
     time = np.arange(0.0, 10.0, 0.01)
     cycles = ds.find_cycles(ds.Trace(time, 1.0 + time % 0.7))
     assert np.all(np.isnan(cycles["slip_duration"]))
-    assert "their duration is not told" in cycles.notes[0]
+    assert "their duration is not given" in cycles.notes[0]
     assert cycles.means()["period"] == pytest.approx(0.7, rel=1e-3)
 
 
@@ -464,7 +464,7 @@ def result() -> ds.Result:
 
 @pytest.fixture(scope="module")
 def measured(result: ds.Result) -> ds.Trace:
-    """A trace of the bench's rig, with noise of 1 % of the swing."""
+    """A trace of the bench's rig, with noise of 1 % of the amplitude."""
     return ds.Trace.of(result).part(8.0).with_noise(0.01 * 0.6, seed=4)
 
 

@@ -130,7 +130,7 @@ def test_asymptotics_beyond_their_range(fig3):
 
 
 def test_creep_is_known_in_closed_form(creep):
-    """The closed form errs by what it leaves out, the printed exponent by far more."""
+    """The error of the closed form is what it leaves out; that of the printed exponent is far larger."""
     error = creep.error("creep_velocity")
     third = error[row(creep, form="third_order")]
     assert error[row(creep, model="creep", role="candidate")] < 2e-3
@@ -308,7 +308,7 @@ def test_a_short_scene_is_compared_and_advised_on(command, tmp_path):
 def test_unattainable_accuracy(command):
     result = command("trade", "deck.nml", "--budget", "1", "--quiet", "--accuracy", "1e-15")
     assert result.returncode == 75
-    assert "no setting that was measured meets" in result.stderr
+    assert "no measured setting reaches" in result.stderr
     assert result.stdout == ""
 
 

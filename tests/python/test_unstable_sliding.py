@@ -59,7 +59,7 @@ def test_slow_branch_from_a_push(angle, push):
 
 
 def test_the_lanes_of_a_sweep_follow_slow_growth():
-    """Just below the critical angle: the swing after 5 s hangs on how the growth of 0.1 1/s is followed, from pushes far below rtol."""
+    """Just below the critical angle: the amplitude after 5 s depends on the accuracy of the growth of 0.1 1/s, from pushes below rtol."""
     swings = {}
     for method in ("rodas4p", "radau9"):
         for rtol in (1e-3, 1e-5):
@@ -79,7 +79,7 @@ def test_fast_branch_from_a_push(angle):
 @pytest.mark.parametrize("method", [*METHODS, "dopri5"])
 @pytest.mark.parametrize("angle", [8.0, 83.0])
 def test_an_exact_equilibrium_is_named(angle, method):
-    """What becomes of it hangs on roundoff, and the summary says from when on."""
+    """The further motion depends on roundoff, and the summary says from when."""
     run = ds.run(pushed(angle, 0.0, 5.0 if angle < 10 else 1.0, method, 1e-6))
     assert 0.0 <= run.summary["undecided_from"] <= run.time[-1]
 

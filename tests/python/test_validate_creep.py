@@ -17,7 +17,7 @@ from dynstiction.__main__ import main
 from programs import ROOT
 
 FORMS = dict(validate.LIBRARY_FORMS)
-FIRST_POWER_OFF = "first power off the full model at 1 s, 1 deg"
+FIRST_POWER_OFF = "error of the first power, full model at 1 s, 1 deg"
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_a_wrong_full_model_is_noticed(validation: validate.Validation) -> None:
     fast = [mean._replace(full=mean.full * 1.0002) for mean in validation.means]
     failed = failures(dataclasses.replace(validation, means=fast))
     assert "X'/V of the full model at 1 s, 1 deg" in failed
-    assert "full model against the exact creep, relative difference" in failed
+    assert "full model and exact creep, relative difference" in failed
 
 
 def test_a_check_of_nan_fails() -> None:

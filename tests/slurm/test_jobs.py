@@ -1,7 +1,7 @@
 """Sweeps through a real Slurm of one node: the scripts of jobs/ as they are, and steps in which something goes wrong.
 
 tests/slurm/run.sh starts the Slurm and calls these tests. Whatever happens must end within 10 s of its cause, with the right status
-and one message, and the next start must go on to the bits of one process.
+and one message, and the next start must continue to the bits of one process.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Job:
         return self
 
     def facts(self, name: str) -> list[str]:
-        """A value of each task of the job, as scontrol tells it."""
+        """A value of each task of the job, as scontrol prints it."""
         shown = Program(("scontrol", "--oneliner", "show", "job", self.number))(status=0).stdout
         return re.findall(rf"\b{name}=(\S+)", shown)
 

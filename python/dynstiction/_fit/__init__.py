@@ -1,3 +1,3 @@
-"""How the parameters behind a measured force trace are found: waveform, models, least squares."""
+"""Finding the parameters behind a measured force trace: waveform, models, least squares."""
 
 __all__ = ["models", "solve", "starts", "waveform"]

@@ -21,19 +21,19 @@ __all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_sce
 _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6
-"""Two cycles that agree to this are the settled one."""
+"""The motion has settled if two cycles agree to this."""
 LONGEST = 100.0
-"""Of the measured period: how long the motion may take to settle. Leaps over cycles that repeat go on up to half of it."""
+"""Longest time to settle, in measured periods. Leaps over cycles that repeat cover at most half of it."""
 MOST_STEPS = 20_000
-"""Of a slow run. With stick-slip that repeats it takes 600 in the median, and 17 000 at most, in 4 fits."""
+"""Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
 TOLERANCE = 1e-7
-"""Of the slow model's steps: its error is far below what a thousandth of a parameter changes."""
+"""Relative tolerance of the slow model: its error is far below the effect of a change of a parameter by a thousandth."""
 SLOW_METHOD = "radau5"
-"""Its steps are close enough for cubic polynomials between their ends."""
+"""Method whose steps are short enough for cubic polynomials between their ends."""
 FINER = 4
-"""Samples of the full model between two of the trace."""
+"""Samples of the full model for each sample of the trace."""
 CYCLES = 2.3
-"""Cycles of the full model that are looked at."""
+"""Number of cycles of the full model that are used."""
 
 
 class NoCycleError(Error):
@@ -62,7 +62,7 @@ class _Curve:
     integral: Callable[[_Floats], _Floats]
 
     def means(self, wave: Waveform, delay: float) -> _Floats:
-        """Over the bins of a waveform, its phases kept; behind them the period."""
+        """Mean forces over the bins of a waveform, at the same phases, followed by the period."""
         edges = wave.edges * (self.period / wave.period) + self.slip + delay
         turns = np.floor((edges - self.begin) / self.period)
         whole = self.integral(np.array([self.begin + self.period]))[0]
@@ -78,9 +78,9 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     scene : Scene
         The scene.
     wave : Waveform
-        Whose bins are taken.
+        The waveform whose bins are used.
     delay : float
-        By which its slips come later than the model's [s].
+        Time by which the slips of the waveform are later than those of the model [s].
 
     Returns
     -------
@@ -102,8 +102,8 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     keep = np.append(True, np.diff(result.time) > 0.0)
     keep[: max(0, int(np.searchsorted(result.time, result.time[-1] - period)) - 2)] = False
     time = result.time[keep]
-    # The load is smooth; the force of the rigid spring jumps with the direction of friction, where steps are short. Dampers belong
-    # to the rest.
+    # The load is smooth; the force of the rigid spring jumps with the direction of friction, where steps are short. The forces of
+    # dampers are added to the force of the rigid spring.
     load = CubicHermiteSpline(
         time, stiffness * result["u_x"][keep], stiffness * (velocity * cosine - result["w_x"][keep])
     )
@@ -123,7 +123,7 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
 
 
 def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
-    """As `slow_means`, of any model, by runs that are sampled more finely than the trace."""
+    """As `slow_means`, for any model, from runs that are sampled more finely than the trace."""
     result = _settled(scene, wave, {"interval": LONGEST * wave.period, "fields": ["sticking"]})
     begin, period = float(result.time[-1]), float(result.summary["period"])
     end = begin + CYCLES * period
@@ -183,7 +183,7 @@ def _geometry(scene: Scene) -> tuple[float, float]:
 
 
 def _fall_through(level: float, grid: _Floats, load: Callable[[_Floats], _Floats]) -> float:
-    """Last time at which the load falls through a level; the first of the grid if it does so at the seam."""
+    """Last time at which the load falls through a level; the first time of the grid if it does so between two periods."""
     from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
     values = load(grid)

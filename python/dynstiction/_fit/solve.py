@@ -1,7 +1,7 @@
-"""Least squares of a scene's settled cycle against a measured waveform.
+"""Least squares fit of a scene's settled cycle to a measured waveform.
 
-The period is known a hundred times better than anything else, so that steps along the curved surface on which it is right would be
-short. While the waveform is fitted, one parameter is therefore not free: it is what makes the period right.
+The period is known a hundred times better than anything else, so that steps along the curved surface of the correct period would be
+short. While the waveform is fitted, one parameter is therefore not free: it is chosen so that the period is correct.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ Model = Callable[[_Floats, float], _Floats]
 """Mean forces [N] and the period [s] at the logarithms of the parameters and a delay [s]."""
 
 STEP = 1e-4
-"""By which a logarithm is changed for a derivative. A tenth and ten times: the same fits."""
+"""Change of a logarithm for a derivative. A tenth of it, and ten times it, give the same fits."""
 RANGE = 3.0
-"""How far a logarithm may go from its start."""
+"""Largest change of a logarithm from its start."""
 PRIOR = 2.3
-"""Standard deviation of a logarithm about its start, of which the trace alone must not know more: a factor of ten."""
+"""Standard deviation of the prior of a logarithm about its start: a factor of ten."""
 COARSE = 0.02
-"""Errors relative to the swing and the period with which starts are compared, and the first fit is made."""
+"""Errors relative to amplitude and period, for the comparison of starts and for the first fit."""
 PERIOD = 1e-8
-"""To which the period is made right, relative to it."""
+"""Relative tolerance of the period."""
 PERIOD_STEPS = 4
 FAILED = 1e3
-"""Residual of what has no stick-slip."""
+"""Residual of parameters without stick-slip."""
 MOST_STEPS = 30
 CONVERGED = 1e-6
 
@@ -53,7 +53,7 @@ class Solution:
 def residuals(
     model: Model, wave: Waveform, weights: _Floats, offset: _Floats | float = 0.0
 ) -> Callable[[_Floats], _Floats]:
-    """Weighted difference of a model and a waveform at z; bins that are not used are 0."""
+    """Weighted difference of a model and a waveform at z; 0 for bins that are not used."""
     measured = np.append(wave.mean, wave.period)
 
     def at(z: _Floats) -> _Floats:
@@ -68,7 +68,7 @@ def residuals(
 
 
 def weights_of(wave: Waveform, coarse: float) -> _Floats:
-    """One over the errors of the bins and the period, with a share of the swing and the period added."""
+    """Inverse errors of the bins and of the period, with shares of the amplitude and of the period added to the errors."""
     bins = wave.used / np.hypot(wave.error, coarse * wave.swing)
     return np.append(bins, 1.0 / np.hypot(wave.period_error, coarse * wave.period))
 
@@ -95,7 +95,7 @@ def derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats) -> 
 
 
 def central_derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats) -> _Floats:
-    """The same by central differences: the period's weight makes much of an error that is linear in the step."""
+    """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
     columns = derivatives(at, z, here)
     for i in range(z.size):
         there, back = z.copy(), z.copy()
@@ -121,17 +121,17 @@ def least_squares_of(
     Parameters
     ----------
     model : callable
-        Of the logarithms of the parameters, and of a delay.
+        Function of the logarithms of the parameters and of a delay.
     wave : Waveform
-        What is measured.
+        The measured waveform.
     start : ndarray, shape (p,)
         Logarithms of the parameters.
     coarse : float
-        Error relative to swing and period that is added.
+        Error relative to amplitude and period that is added.
     offset : ndarray or float
         Added to the model.
     delay : float
-        To begin with, over the fall.
+        Initial delay, over the fall.
     """
     from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
@@ -202,7 +202,7 @@ def least_squares_of(
     z, here = whole(found.x)
     if np.max(np.abs(here)) >= FAILED:
         raise NoCycleError("no stick-slip near this start")
-    # One step with all of them: the period's own error.
+    # One step with all parameters: it includes the error of the period.
     full = central_derivatives(at, z, here)
     step = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + step)

@@ -1,4 +1,4 @@
-"""Where a fit begins: what a waveform says at a glance."""
+"""Starts of a fit: rough estimates from a waveform."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ __all__ = ["glances"]
 ANGLES = (0.3, 0.8, 2.0, 4.0)
 """Misalignments that are tried [deg]."""
 WEAKENING = (0.1, 0.4, 1.2, 4.0)
-"""Velocities v_f that are tried, over the fastest slip."""
+"""Velocities v_f that are tried, over the speed of the fastest slip."""
 LAG = 0.4
-"""Part of the weakening that such a slip does not come to see, over v_f and the fastest slip."""
+"""Share of the weakening that such a slip does not reach, divided by the ratio of v_f to the speed of the fastest slip."""
 FALL = 0.494
-"""Of half a period of a harmonic motion: from 85 % to 15 % of its swing."""
+"""Share of half a period of a harmonic motion in which it falls from 85 % to 15 % of its amplitude (peak to peak)."""
 STEEPEST = 10
-"""Parts of a cycle, over one of which the load rises fastest."""
+"""Number of parts of a cycle; the load rises fastest over one of them."""
 
 
 def glances(wave: Waveform, velocity: float, normal_load: float) -> Iterator[Mapping[str, float]]:
-    """Parameters behind a waveform, roughly, for several misalignments and weakening velocities.
+    """Rough estimates of the parameters behind a waveform, for several misalignments and weakening velocities.
 
-    The load rises no faster than k_x V, falls like half a period of a harmonic motion, to as far below the friction in slip as it
-    was above.
+    The load rises no faster than k_x V. It falls like half a period of a harmonic motion, and ends as far below the friction in
+    slip as it began above it.
 
     Parameters
     ----------
     wave : Waveform
-        What is measured.
+        The measured waveform.
     velocity : float
         Drive velocity [m/s].
     normal_load : float

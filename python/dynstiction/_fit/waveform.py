@@ -1,4 +1,4 @@
-"""The mean waveform of a force trace about its slips, as means over bins: the same for a measurement and for a model."""
+"""The mean waveform of a force trace around its slips, as means over bins; the same for a measurement and for a model."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ __all__ = ["Waveform", "bin_means", "waveform_of"]
 _Floats = NDArray[np.float64]
 
 FEWEST = 3
-"""Cycles without which there is no scatter."""
+"""Least number of cycles for a scatter."""
 LEAD = 0.9
 """The window of a cycle begins this share of a period before its slip, and ends a period later."""
 CREEP_BINS = 40
-"""Bins of the creep before the slip. Twice: the standard errors change by less than 5 %."""
+"""Number of bins in the creep before the slip. With twice as many, the standard errors change by less than 5 %."""
 SLIP_BINS = 25
-"""Bins over the fall of the force at a slip, if there are as many samples."""
+"""Number of bins in the fall of the force at a slip, if there are as many samples."""
 CORNER = 0.1
-"""Around the valley, where the force along the pull jumps with the direction of friction and rings, this share of the fall is left
-out."""
+"""Share of the fall that is left out around the valley, where the force along the pull jumps with the direction of friction and
+oscillates."""
 SMOOTHED = 2
-"""Bins on either side over which the scatter of a bin is averaged."""
+"""Number of bins on either side over which the scatter of a bin is averaged."""
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,17 @@ class Waveform:
     Attributes
     ----------
     edges : ndarray, shape (n + 1,)
-        Of the bins, time since the slip [s].
+        Edges of the bins, time since the slip [s].
     cycles : ndarray, shape (cycles, n)
         Mean force of each bin in each cycle [N].
     error : ndarray, shape (n,)
         Standard error of a bin's mean over the cycles [N].
     used : ndarray of bool, shape (n,)
-        Bins that count in a fit.
+        Whether each bin counts in a fit.
     period, period_error : float
         Mean period and its standard error [s].
     fall : float
-        How long the force takes to fall from 85 % to 15 % of its swing [s].
+        Time in which the force falls from 85 % to 15 % of its amplitude, peak to peak [s].
     interval : float
         Time between two samples [s].
     """
@@ -69,18 +69,18 @@ class Waveform:
 
     @property
     def time(self) -> _Floats:
-        """Middles of the bins, since the slip [s], shape (n,)."""
+        """Middles of the bins, time since the slip [s], shape (n,)."""
         middle: _Floats = 0.5 * (self.edges[1:] + self.edges[:-1])
         return middle
 
     @property
     def swing(self) -> float:
-        """Highest bin less lowest [N]."""
+        """Highest bin minus lowest bin [N]."""
         return float(np.ptp(self.mean))
 
 
 def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
-    """Means of the straight lines between samples over bins.
+    """Means over bins of the straight lines between samples.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
     Raises
     ------
     UsageError
-        If fewer than three slips have their whole cycle around them in the trace.
+        If fewer than three slips have a whole cycle around them in the trace.
     """
     time, force, slips, noise = trace.time, trace.force, cycles.slips, cycles.noise
     interval = trace.interval
@@ -149,7 +149,7 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
-    """Mean time from 85 % to 15 % of the swing."""
+    """Mean time from 85 % to 15 % of the amplitude (peak to peak)."""
     low, high = np.quantile(force, [0.02, 0.98])
     lengths = []
     for slip in slips:
@@ -180,9 +180,9 @@ def _smoothed(variance: _Floats) -> _Floats:
 
 
 def _period_error(periods: _Floats, period: float) -> float:
-    """Standard error of the mean period: errors of the slips' times cancel from cycle to cycle, true changes do not.
+    """Standard error of the mean period: errors of the times of slips cancel from cycle to cycle, true changes do not.
 
-    Of n periods with the variance s^2 = d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
+    The n periods have the variance s^2 = d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
     """
     n = periods.size
     off = periods - period

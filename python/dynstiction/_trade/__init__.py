@@ -37,23 +37,23 @@ Column = NDArray[np.float64] | NDArray[np.str_]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Trade(Table[Any], Mapping[str, Any]):
-    """What `trade` has measured: a table with one row a point.
+    """Results of `trade`: a table with one row for each point.
 
-    Row 0 is the reference, row 1 the run whose difference from it is the reference's error, the others are
-    candidates in the order in which they were planned, those that were skipped or failed included.
+    Row 0 is the reference. Row 1 is the run whose difference from the reference is the reference's error. The other rows are
+    the candidates in the order in which they were planned, including those that were skipped or failed.
 
     Attributes
     ----------
     columns : Described of ndarray, shape (n,)
-        ``role``, ``model``, ``form``, ``method``, ``contact``, ``cycle_map``, ``text`` (str); ``rtol``, ``step`` [s], ``v_smooth`` [m/s],
-        ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
+        ``role``, ``model``, ``form``, ``method``, ``contact``, ``cycle_map``, ``text`` (str); ``rtol``, ``step`` [s],
+        ``v_smooth`` [m/s], ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
         there is none.
     report : str
         The table as the executable prints it; empty if it was read from a file.
     recommendation : str
-        Cheapest settings that meet the accuracy, as namelist groups; empty if there are none or none were asked for.
+        Cheapest settings that reach the accuracy, as namelist groups; empty if there are none or no accuracy was given.
     settings : dict
-        The same by group, for ``dynstiction.run(deck, **trade.settings)``.
+        The same settings by group, for ``dynstiction.run(deck, **trade.settings)``.
     shortfall : str
         Why there is no recommendation.
     """
@@ -75,7 +75,7 @@ class Trade(Table[Any], Mapping[str, Any]):
 
     @property
     def done(self) -> NDArray[np.bool_]:
-        """Which rows are candidates that were measured."""
+        """Whether each row is a candidate that was measured."""
         return np.asarray((self["role"] == "candidate") & (self["result_code"] == 0))
 
     def error(self, quantity: str) -> NDArray[np.float64]:
@@ -107,7 +107,7 @@ class Trade(Table[Any], Mapping[str, Any]):
         return np.asarray(column, dtype=np.float64)
 
     def floor(self, quantity: str) -> float:
-        """What an error must exceed to be measured: 100 times the reference's own.
+        """Smallest error that counts as measured: 100 times the error of the reference.
 
         Parameters
         ----------
@@ -160,32 +160,33 @@ def trade(
     budget : float
         Wall time [s].
     quantity : str
-        Of which quantity the accuracy is meant, or ``"all"``; by default final_elongation, period, peak_force and
-        creep_velocity, as far as the scene has them, and those of `quantities`.
+        The quantity to which the accuracy applies, or ``"all"``; by default final_elongation, period, peak_force and
+        creep_velocity, if the scene has them, and those of `quantities`.
     quantities : dict of callable, optional
-        Quantities of your own by name: each takes the `Result` of a run, with samples every ``output.interval``, and gives a
-        number or an array, whose error is the length of the difference over that of the reference. NaN, a `KeyError` and an
-        `Error` of the package (a column, a value of the summary that the run does not have) mean that the run has none.
+        Quantities of your own by name: each is a function that takes the `Result` of a run, with samples every
+        ``output.interval``, and returns a number or an array. The error is the norm of the difference from the reference over
+        the norm of the reference. If the function returns NaN, or raises a `KeyError` or an `Error` of the package (for a column
+        or a value of the summary that the run does not have), the run does not have this quantity.
     candidates : iterable of dict, optional
-        Settings of your own by group, as for `dynstiction.run`; they are tried first, with all else as in the scene.
+        Settings of your own by group, as for `dynstiction.run`; they are tried first, with everything else as in the scene.
     progress : bool, optional
-        Whether to show the time spent of the budget as a bar; by default as for `dynstiction.run`.
+        Whether to show a bar with the time used of the budget; by default as for `dynstiction.run`.
     **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
         Overrides of the deck, as for `dynstiction.run`.
 
     Returns
     -------
     Trade
-        All points, and the recommendation.
+        All points, and the recommended settings.
 
     Raises
     ------
     DeckError
         If the scene is refused.
     UsageError
-        If accuracy, budget, quantity, quantities or candidates cannot be meant.
+        If accuracy, budget, quantity, quantities or candidates are not valid.
     Error
-        If the budget does not suffice for the reference, or there is none.
+        If the budget is too small for the reference, or there is no reference.
 
     Examples
     --------
@@ -220,7 +221,7 @@ def begin(
     quantities: Mapping[str, Quantity] | None = None,
     candidates: Iterable[Settings] = (),
 ) -> Comparison:
-    """A comparison that is about to begin, if all that is wished for can be meant: see `trade`."""
+    """A comparison that has not begun, if all arguments are valid: see `trade`."""
     budget, quantity = number("budget", budget, above=0.0, units="s"), text("quantity", quantity)
     own = {} if quantities is None else quantities
     if not isinstance(own, Mapping):
@@ -254,9 +255,9 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
     Raises
     ------
     FileError
-        If the file is missing, damaged, or of something else.
+        If the file is missing or damaged, or does not hold points of `trade`.
     UsageError
-        If `path` is no path.
+        If `path` is not a path.
     """
     import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 

@@ -1,4 +1,4 @@
-"""The cheapest settings that `trade` has measured to meet an accuracy, ready to paste into the deck."""
+"""The cheapest settings that reach an accuracy, as `trade` measured them, ready to paste into the deck."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .report import short
 __all__ = ["advice", "advised_settings", "cheapest", "check_quantity"]
 
 USUAL_QUANTITIES = ("final_elongation", "period", "peak_force", "creep_velocity")
-"""What a user reads most."""
+"""The quantities that users need most often."""
 MARGIN = 3.0
-"""Errors scatter: a setting is trusted if its error is smaller than asked for by this factor."""
+"""Errors scatter: a setting is recommended if its error is smaller than the accuracy by this factor."""
 
 
 def check_quantity(quantity: str, own: Collection[str]) -> None:
-    """Refuse a name of no quantity; empty means the usual ones."""
+    """Refuse a name that is not a quantity; an empty name means the usual quantities."""
     names = ["all", *QUANTITIES, *own]
     if quantity in ("", *names):
         return
@@ -45,7 +45,7 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
     known = max(own[name] for name in wanted)
 
     def is_trusted(point: Point) -> bool:
-        """Whether a point meets the accuracy with the margin, and everything finer of its family meets it too."""
+        """Whether a point reaches the accuracy with the margin, and all finer points of its family reach it too."""
         here = point.candidate
         finer = (
             other
@@ -62,14 +62,14 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
         return min(trusted, key=lambda point: point.seconds)
     nearest = min(done, key=lambda point: largest[id(point)])
     raise StoppedEarlyError(
-        f"no setting that was measured meets {short(accuracy)} with a margin of {short(MARGIN)}: the best, "
-        f"{_described(nearest.candidate)}, errs by {short(largest[id(nearest)])}, known to {short(known)}: "
+        f"no measured setting reaches {short(accuracy)} with a margin of {short(MARGIN)}: the best one, "
+        f"{_described(nearest.candidate)}, has an error of {short(largest[id(nearest)])}, measured to {short(known)}: "
         "raise --budget or --accuracy"
     )
 
 
 def advice(comparison: Comparison, best: Point) -> str:
-    """The settings of a point as namelist groups, and as a command that also takes out what nothing uses any more."""
+    """The settings of a point as namelist groups, and as a command that also removes the keys that are no longer used."""
     errors = ", ".join(
         f"{name} {short(best.errors[name])}"
         for name in dict.fromkeys((*QUANTITIES, *best.errors))
@@ -91,7 +91,7 @@ def advice(comparison: Comparison, best: Point) -> str:
 
 
 def advised_settings(comparison: Comparison, best: Point) -> dict[str, dict[str, Any]]:
-    """The settings of a point by group; None takes out what the deck sets and nothing uses any more."""
+    """The settings of a point by group; None removes a key that the deck sets and that is no longer used."""
     given = best.candidate.settings()
     gone = {
         (key.group, key.name)
@@ -122,5 +122,5 @@ def _described(candidate: Candidate) -> str:
 
 
 def _written(value: object) -> str:
-    """A value as on the command line: as in a deck, but a text without quotes."""
+    """A value as on the command line: as in a deck, but text has no quotes."""
     return value if isinstance(value, str) else setting_value(value)

@@ -1,7 +1,7 @@
-"""``dynstiction trade``: compare on a deck's scene into a file, stopped by signals, with a line of progress.
+"""``dynstiction trade``: run the comparison for the scene of a deck, stop it on signals, print its progress and write the file.
 
-The file is like that of a run, its summary and statistics those of the reference; the group /trade has one row a point in place of
-the time series.
+The file is like the file of a run, with the summary and the statistics of the reference. In place of the time series, the group
+/trade has one row for each point.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ TERMINAL_INTERVAL, PLAIN_INTERVAL = 0.2, 10.0
 
 
 def compare(options: Namespace, say: Callable[[str], None]) -> None:
-    """Compare as the command line asks, write the file, print the table and a recommendation for an accuracy.
+    """Run the comparison of a command line, write the file, print the table and the recommended settings for an accuracy.
 
-    A comparison that was stopped, or has no reference, is written before the `Error` is raised.
+    A comparison that was stopped, or has no reference, is written to the file before the `Error` is raised.
     """
     accuracy, quantity, overwrite = options.accuracy, options.quantity, options.overwrite
     output = options.output or f"{Path(options.deck).stem}_trade.h5"
@@ -61,7 +61,7 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
 
 
 def _watch(comparison: Comparison, received: Sequence[str], label: str) -> Error | None:
-    """Compare until the end, a fault or a signal, and tell how far that is; without a label in silence. Gives the fault."""
+    """Run the comparison until its end, an error or a signal, and return the error. Progress is printed if there is a label."""
     terminal = sys.stderr is not None and sys.stderr.isatty()
     interval = TERMINAL_INTERVAL if terminal else PLAIN_INTERVAL
     budget, due = comparison.budget, interval
@@ -93,7 +93,7 @@ def _put(text: str) -> None:
 
 @contextmanager
 def _listening() -> Iterator[list[str]]:
-    """Names of the signals that asked to stop; a second SIGINT ends the process at once."""
+    """Names of the signals that were received; a second SIGINT ends the process at once."""
     received: list[str] = []
 
     def remember(number: int, _: FrameType | None) -> None:
@@ -101,7 +101,7 @@ def _listening() -> Iterator[list[str]]:
         if number == signal.SIGINT:
             signal.signal(number, signal.SIG_DFL)
 
-    # The shell lets a job in the background ignore SIGINT: what is ignored stays so.
+    # The shell lets a job in the background ignore SIGINT: an ignored signal stays ignored.
     all_of_them = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
     before = {n: signal.signal(n, remember) for n in all_of_them if signal.getsignal(n) is not signal.SIG_IGN}
     try:

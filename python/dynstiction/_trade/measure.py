@@ -1,8 +1,9 @@
 """Measured error against cost on one scene, in slices of wall time.
 
-A survey finds the time scales of the motion. The reference is radau13 at the smallest tolerance, its error what radau9 at ten times
-that tolerance differs from it. Then every candidate that is not costly runs in turn, after them the costly ones, the cheapest first,
-until the budget of wall time is used up. What does not fit is skipped or abandoned, and stays in the list with the reason.
+A survey finds the time scales of the motion. The reference is radau13 at the smallest tolerance; its error is the difference from
+radau9 at ten times that tolerance. Then the candidates that are not costly run in turn, and after them the costly ones, the
+cheapest first, until the budget of wall time is used up. A candidate that does not fit is skipped or abandoned, and stays in the
+list with the reason.
 """
 
 from __future__ import annotations
@@ -29,19 +30,19 @@ from .quantities import QUANTITIES, Observer, Quantity, of_distributions
 __all__ = ["RESOLUTION", "Comparison", "Point", "StoppedEarlyError"]
 
 RESOLUTION = 100.0
-"""An error counts as measured from this multiple of the reference's own on."""
+"""An error counts as measured if it exceeds the error of the reference by this factor."""
 WORST_REFERENCE = 1.0e-2
-"""A quantity that the reference itself knows no better is none."""
+"""A quantity whose error in the reference is larger than this is not used."""
 ROUNDOFF = 10.0 * float(np.finfo(float).eps)
-"""That two runs agree by chance to the last digit makes neither exact."""
+"""Smallest error of the reference: two runs may agree to the last digit by chance."""
 SMALLEST_RTOL, LOOSEST_REFERENCE = 1.0e-13, 1.0e-9
 SURVEY_RTOL, SURVEY_SAMPLES = 1.0e-6, 4000
 SHARE = 0.08
-"""Of the budget left, that one candidate may take before the costly ones have their turn."""
+"""Share of the remaining budget that one candidate may take before the costly ones run."""
 PROOF = 0.15
-"""Share of what a candidate may take after which its pace is looked at."""
+"""Share of its allowed time after which the speed of a candidate is estimated."""
 SHORT_RUN, MOST_REPEATS = 0.02, 3
-"""Shorter runs [s] are repeated so often, and the shortest time counts."""
+"""Runs shorter than this [s] are repeated this many times, and the shortest time counts."""
 RHS_PER_STEP = 4.0
 
 CLOSED_FORMS = ("creep", "creep_asymptotic")
@@ -70,11 +71,11 @@ COLUMNS = {
         "code",
     ),
 }
-"""Units and meaning of the columns besides those of the errors, and what of a point they hold."""
+"""Units and meaning of the columns other than the errors, and the attribute of a point that they contain."""
 
 
 class StoppedEarlyError(Error):
-    """The budget did not suffice, or a signal came."""
+    """The budget was too small, or a signal was received."""
 
     exit_status = STOPPED_EARLY
 
@@ -84,7 +85,7 @@ class StoppedEarlyError(Error):
 
 @dataclass
 class Point:
-    """One candidate and what came of it."""
+    """One candidate and its result."""
 
     candidate: Candidate
     role: str = "candidate"
@@ -95,9 +96,9 @@ class Point:
     rhs: float = 0.0
     newton: float = 0.0
     leapt: float = 0.0
-    """Cycles that were leapt."""
+    """Number of cycles that were leapt."""
     errors: Mapping[str, float] = field(default_factory=dict)
-    """By quantity, of those that the scene has."""
+    """Errors by quantity, for the quantities that the scene has."""
 
     @property
     def done(self) -> bool:
@@ -106,9 +107,9 @@ class Point:
 
 
 class Comparison:
-    """What is to be tried, what was measured, and on what budget of wall time from now on [s].
+    """The candidates, their results, and a budget of wall time that starts now [s].
 
-    The scene, the quantities and the candidates `own` are the user's; a `DeckError` if the scene is refused.
+    The scene, the quantities and the candidates `own` come from the user. Raises a `DeckError` if the scene is refused.
     """
 
     def __init__(
@@ -124,7 +125,7 @@ class Comparison:
         with Simulation(subject.scene()) as simulation:
             self._record = replace(simulation.result, deck=scene.text)
         v_smooth = subject.number("v_smooth") if subject.contact == "smoothed" else 0.0
-        # Independent of the map that it judges.
+        # The reference must not use the cycle map, which it is to judge.
         best = Candidate(
             subject.model,
             "radau13",
@@ -142,7 +143,7 @@ class Comparison:
         )
         self.has_reference = False
         self.is_irregular = False
-        """Whether there is something to compare with."""
+        """Whether there is a reference to compare with."""
         self._begun = time.monotonic()
 
     @property
@@ -156,7 +157,7 @@ class Comparison:
         return self.budget - self.elapsed
 
     def steps(self) -> Iterator[None]:
-        """Compare, in steps of some 50 ms; an `Error` if there is no reference, or the budget does not suffice for it."""
+        """Run the comparison in steps of about 50 ms; raise an `Error` if there is no reference, or no time for one."""
         yield from self._find_reference()
         waiting = yield from self._try_all(range(len(self.points)), SHARE)
         cost = {i: max(self.points[i].seconds, self._expected(self.points[i].candidate)) for i in waiting}
@@ -185,7 +186,7 @@ class Comparison:
             errors = self._observer.errors(self._observer.observe(check), self._true)
         spread = of_distributions(result.summary)
         self.is_irregular = bool(spread)
-        # Three standard errors are resolved: a distribution is known no better, however small the tolerance.
+        # Differences above three standard errors are resolved; a smaller tolerance does not change this for a distribution.
         errors |= {name: 3.0 * error / RESOLUTION for name, error in spread.items() if name in errors}
         errors = {name: max(error, ROUNDOFF) for name, error in errors.items() if error <= WORST_REFERENCE}
         self._true = {name: self._true[name] for name in errors}
@@ -193,7 +194,7 @@ class Comparison:
         self.has_reference = True
 
     def _finish_loosened(self, point: Point) -> Generator[None, None, Simulation]:
-        """Run the reference; where its solver gives up, at a larger tolerance."""
+        """Run the reference; if its solver gives up, at a larger tolerance."""
         while True:
             simulation = self._start(point.candidate)
             yield from self._finish(simulation, loosest=point.candidate.rtol >= LOOSEST_REFERENCE)
@@ -215,7 +216,7 @@ class Comparison:
         yield
 
     def _try_all(self, order: Iterable[int], share: float) -> Generator[None, None, list[int]]:
-        """Try points in turn, each with a share of the budget left; what was too costly has to wait."""
+        """Try points in turn, each with a share of the remaining budget; points that were too costly are postponed."""
         waiting = []
         for i in order:
             point = self.points[i]
@@ -232,9 +233,9 @@ class Comparison:
         return waiting
 
     def _check(self, candidate: Candidate) -> None:
-        """Refuse what cannot take the deck's place: by its own obstacle, or for output that its closed form does not give.
+        """Refuse a candidate that cannot replace the deck, because of its obstacle or because its closed form lacks some output.
 
-        And what is known to be the same run as another, unless the user asks for it.
+        Also refuse a candidate that is the same run as another one, unless the user asked for it.
         """
         if candidate.obstacle:
             raise DeckError(candidate.obstacle)
@@ -247,7 +248,7 @@ class Comparison:
             Simulation(self.subject.scene(candidate.settings())).close()
 
     def _try(self, point: Point, allowance: float) -> Generator[None, None, bool]:
-        """Run a candidate; whether it came to its end."""
+        """Run a candidate; return whether it ended."""
         for repeat in range(MOST_REPEATS):
             with self._start(point.candidate) as simulation:
                 begun = time.monotonic()
@@ -278,7 +279,7 @@ class Comparison:
         point.code, point.text = simulation._outcome or (0, "")
 
     def _skip(self, point: Point, expected: float) -> None:
-        # That it was abandoned in the first round says more.
+        # The text of the first round, that it was abandoned, says more.
         if point.steps == 0.0:
             left = self.left
             point.text = "skipped: the budget was used up"
@@ -286,7 +287,7 @@ class Comparison:
                 point.text = f"skipped: it was expected to take {expected:.3g} s, and {left:.3g} s of the budget were left"
 
     def _expected(self, candidate: Candidate) -> float:
-        """What a candidate is expected to cost [s], from the nearest of its family; 0 if nothing is known."""
+        """Expected cost of a candidate [s], from the nearest one of its family; 0 if there is none."""
         expected, nearest = 0.0, math.inf
         if candidate.step > 0.0:
             expected = self._seconds_per_rhs * RHS_PER_STEP * self._t_end / candidate.step
@@ -303,7 +304,7 @@ class Comparison:
         return expected
 
     def record(self, fault: Error | None) -> Record:
-        """The scene, where it was compared and how that ended, with summary and statistics of the reference, without samples."""
+        """Scene, provenance and outcome of the comparison, with summary and statistics of the reference, without samples."""
         code = 0 if fault is None else getattr(fault, "code", fault.exit_status)
         attributes: dict[str, str | int] = {
             **self._record.attributes,
@@ -318,7 +319,7 @@ class Comparison:
         return replace(self._record, columns=Described([]), attributes=attributes)
 
     def table(self) -> Described[NDArray[np.float64] | NDArray[np.str_]]:
-        """One row a point: the reference, the run that tells its error, and the candidates in the order in which they were tried."""
+        """One row for each point: the reference, the run that gives its error, and the candidates in the order of the trials."""
         points = [self.best, self.second, *self.points]
         columns = [(Info("point", "1", "number of the point"), np.arange(1.0, len(points) + 1.0))]
         for name, (units, long_name, place) in COLUMNS.items():

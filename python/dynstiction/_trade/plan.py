@@ -1,4 +1,4 @@
-"""What `trade` tries on a scene: models, methods, tolerances, smoothing widths and fixed steps, the most telling first."""
+"""What `trade` tries on a scene: models, methods, tolerances, smoothing widths and fixed steps, the most informative first."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Settings = Mapping[str, Mapping[str, Any]]
 TOLERANCES = {6: 1, 4: 2, 8: 3, 3: 4, 10: 5, 5: 6, 7: 6, 9: 7, 11: 7}
 """Relative tolerances 10^-n, and their ranks: every second one first."""
 DIRECT_TOLERANCES, DIRECT_RANK = {6: 1, 4: 2, 8: 3}, 7
-"""Those at which the full model is also tried without the cycle map, and how much later than with it."""
+"""Ranks of the tolerances at which the full model is also tried without the cycle map, and how much later than with it."""
 SMOOTHING_SHARES = (0.1, 1.0, 1.0e-2, 1.0e-3)
 """Smoothing velocities over V sin(phi)."""
 KEYS = {
@@ -28,34 +28,34 @@ KEYS = {
     "friction": ("contact", "v_smooth"),
     "integrator": ("method", "rtol", "step", "cycle_map"),
 }
-"""What tells candidates apart, and has a column."""
+"""The settings that distinguish candidates and have a column."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A way to compute the scene. What it does not use is 0 or empty."""
+    """Settings to compute the scene with. A setting that is not used is 0 or empty."""
 
     model: str
     method: str = ""
     contact: str = ""
     form: str = ""
     cycle_map: str = ""
-    """Empty where no cycle is ever leapt."""
+    """Empty if cycles are never leapt."""
     rtol: float = 0.0
     step: float = 0.0
     """s"""
     v_smooth: float = 0.0
     """m/s"""
     rank: int = 0
-    """Lower ones are tried first."""
+    """Candidates with a lower rank are tried first."""
     obstacle: str = ""
-    """Why it cannot be tried."""
+    """Why the candidate cannot be tried."""
     more: Settings = field(default_factory=dict)
     """Settings of the user that have no column."""
 
     @property
     def family(self) -> tuple[object, ...]:
-        """The same of candidates that differ in tolerance or step only."""
+        """The same for all candidates that differ in tolerance or step only."""
         return (
             self.model,
             self.method,
@@ -68,12 +68,12 @@ class Candidate:
 
     @property
     def order(self) -> int:
-        """Of the method; 0 of a closed form."""
+        """Order of the method; 0 for a closed form."""
         orders = {method["name"]: int(method["order"]) for method in _native.catalogue()["methods"]}
         return orders.get(self.method, 0)
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """All that it sets, by group and key."""
+        """All keys that the candidate sets, by group."""
         groups = {
             group: {key: getattr(self, key) for key in keys if getattr(self, key)}
             for group, keys in KEYS.items()
@@ -84,14 +84,14 @@ class Candidate:
 
 
 class Subject:
-    """The scene that is compared on, as the user gave it, and what candidates make of it."""
+    """The scene of the comparison as the user gave it, and the scenes of the candidates."""
 
     def __init__(self, scene: Scene) -> None:
         self.name, self.given = scene.name, scene.groups()
-        # Of a sweep the scene that its cases vary.
+        # For a sweep, the scene that its cases vary.
         self._scene = Scene(**cast(Any, self.given)) if self.given.pop("sweep", None) else scene
         self.value = {name: value for keys in self.given.values() for name, value in keys.items()}
-        """By key; no two keys have one name."""
+        """Values by key; no two keys have the same name."""
         self.model = str(self.value.get("model", "full"))
         if self.model == "auto":
             self.model = "full"
@@ -100,23 +100,23 @@ class Subject:
         """Whether cycles may be leapt."""
 
     def number(self, key: str) -> float:
-        """Value of a key that has one number; NaN if the scene does not have it."""
+        """Value of a key with one number; NaN if the scene does not have it."""
         return float(cast(float, self.value.get(key, math.nan)))
 
     def interval(self) -> float:
-        """Time between the samples that the scene asks for [s]; 0 if it asks for every step."""
+        """Time between the samples of the scene [s]; 0 if every step is a sample."""
         with Simulation(self.scene()) as simulation:
             return float(simulation.result.parameters["interval"])
 
     def unused(self, settings: Settings) -> Iterator[tuple[_native.KeyInfo, object]]:
-        """Keys of the scene that nothing uses any more with these settings, and their values."""
+        """Keys of the scene that are not used with these settings, and their values."""
         values = self.value | {name: value for keys in settings.values() for name, value in keys.items()}
         for key in _native.schema():
             if key.name in self.given.get(key.group, {}) and not is_used(key, values):
                 yield key, self.value[key.name]
 
     def scene(self, settings: Settings | None = None, **output: float | None) -> Scene:
-        """The scene with settings of a candidate, of output, and without what nothing uses any more or goes on too long."""
+        """The scene with the settings of a candidate and of the output, without unused keys and without limits on its run."""
         changes: dict[str, dict[str, Any]] = {"scene": {}, "integrator": {}, "output": dict(output)}
         if settings is not None:
             changes["integrator"]["max_steps"] = changes["output"]["wall_limit"] = None
@@ -134,7 +134,7 @@ def _keys() -> dict[str, _native.KeyInfo]:
 
 @cache
 def _adaptive_methods() -> list[str]:
-    """The most telling first: the default, the other implicit ones, the explicit ones."""
+    """Methods, the most informative first: the default, the other implicit ones, the explicit ones."""
     methods, default = _native.catalogue()["methods"], _keys()["method"].default
     implicit, explicit = (
         [method["name"] for method in methods if method["kind"] == kind] for kind in ("implicit", "explicit")
@@ -157,7 +157,7 @@ def candidates(subject: Subject, own: Iterable[Settings]) -> list[Candidate]:
 
 
 def _own(subject: Subject, settings: Settings) -> Candidate:
-    """A candidate of the user: what it does not set is as in the scene."""
+    """A candidate of the user: keys that it does not set are as in the scene."""
     values = subject.value | {name: value for keys in settings.values() for name, value in keys.items()}
     values.setdefault("model", "full")
     if values["model"] == "auto":
@@ -187,7 +187,7 @@ def _planned(subject: Subject) -> Iterator[Candidate]:
             yield Candidate("creep_asymptotic", form=form, rank=1)
         yield from _tolerances("low_frequency")
         yield from _fixed_steps(subject)
-        obstacle = "it holds the load along the soft axis, which no whole scene does"
+        obstacle = "the load along the soft axis is fixed in it, which is not so in a whole scene"
         yield Candidate("high_frequency", rank=1, obstacle=obstacle)
         yield from _smoothed(subject)
         yield from _moreau_jean(subject)
@@ -218,7 +218,7 @@ def _tolerances(
 
 
 def _largest_step(subject: Subject) -> float:
-    """A sixteenth of the slow period [s], or of the scene."""
+    """A sixteenth of the slow period, or of the duration of the scene [s]."""
     period = 2.0 * math.pi * math.sqrt(subject.number("mass") / subject.number("stiffness_x"))
     return min(period / 16.0, subject.number("t_end") / 16.0)
 
@@ -263,7 +263,7 @@ def _smoothed(subject: Subject) -> Iterator[Candidate]:
 def _moreau_jean(subject: Subject) -> Iterator[Candidate]:
     """From a part of the slow period down to a thousandth of the fast one."""
     if subject.contact != "exact":
-        obstacle = "it knows only the exact contact, and the scene has the smoothed one"
+        obstacle = "it has only the exact contact, and the scene has the smoothed one"
         yield Candidate("full", "moreau_jean", "exact", rank=1, obstacle=obstacle)
         return
     stiffest = max(subject.number("stiffness_x"), subject.number("stiffness_y"))
@@ -275,5 +275,5 @@ def _moreau_jean(subject: Subject) -> Iterator[Candidate]:
 
 
 def _rounded(value: float) -> float:
-    """Two digits are enough for what a user is to type."""
+    """A number of two digits, which are enough for a value that a user types."""
     return float(f"{value:.1e}")

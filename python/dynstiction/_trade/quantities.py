@@ -1,6 +1,6 @@
-"""What `trade` measures of a run: the quantities that a user reads, and their errors against a reference.
+"""What `trade` measures of a run: quantities that users need, and their errors relative to a reference.
 
-A quantity that the reference has and the run has not counts as an error of 1.
+A quantity that the reference has and the run does not have counts as an error of 1.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .plan import Subject
 __all__ = ["QUANTITIES", "Observer", "Quantity", "of_distributions"]
 
 Quantity = Callable[[Result], ArrayLike]
-"""A quantity of the user: of a result a number or an array; NaN where it has no value."""
+"""A quantity of the user: a function of a result that returns a number or an array, NaN where there is no value."""
 
 Floats = NDArray[np.float64]
 
@@ -42,16 +42,16 @@ QUANTITIES = {
     "first_peak_force": "first peak of the load",
 }
 PERIODS, SAMPLES_PER_PERIOD = 8, 24
-"""Length of the window in which the fast oscillation is seen."""
+"""Length of the window in which the fast oscillation is fitted."""
 LEAST_AMPLITUDE = 1.0e-6
-"""Over the static limit. Far below what friction can resist there is no oscillation, but a trend that the fit did not take up."""
+"""Smallest amplitude of an oscillation over the static limit. Below it the fit shows a remaining trend, not an oscillation."""
 
 
 class Observer:
-    """When to look at runs of a scene, what to see there, and what errors refer to.
+    """When runs of a scene are sampled, which quantities are computed, and the scales of their errors.
 
-    The survey is a run of the scene with samples at equal distances. For quantities of the user, `own`, runs are sampled as
-    the scene asks, too.
+    The survey is a run of the scene with samples at equal distances. For quantities of the user, `own`, runs are also sampled
+    as the scene says.
     """
 
     def __init__(self, subject: Subject, survey: Result, own: Mapping[str, Quantity]) -> None:
@@ -64,7 +64,7 @@ class Observer:
             "fast_phase": math.pi,
         }
         end = float(time[first_release(load) or -1])  # of the first stick phase
-        # The frequency of a creep in which friction points along theta.
+        # The frequency in creep, with friction along theta.
         theta = survey["theta"][np.abs(time - 0.5 * end) <= max(0.02 * end, time[1])]
         stiffness = np.array([subject.number("stiffness_x"), subject.number("stiffness_y")])
         along = np.array([np.sum(np.cos(theta) ** 2), np.sum(np.sin(theta) ** 2)])
@@ -86,7 +86,7 @@ class Observer:
         self._window = window - 0.5 * (window[0] + window[-1]) if window.size else window
 
     def tune(self, result: Result) -> None:
-        """Take the frequency at which the oscillation of a run is fitted best, within 15 %."""
+        """Use the frequency at which the oscillation of a run is fitted best, within 15 %."""
         if not self._window.size:
             return
         trial = self._frequency * np.linspace(0.85, 1.15, 61)
@@ -107,7 +107,7 @@ class Observer:
         return coefficients, float(np.sum((force - basis @ coefficients) ** 2))
 
     def observe(self, simulation: Simulation) -> dict[str, Floats]:
-        """Quantities of a finished run that was sampled at `instants`, as far as it has them."""
+        """Quantities that a finished run has; it was sampled at `instants`."""
         result = simulation.result
         columns = {name: values[self._looks] for name, values in result.columns.items()}
         seen = {name: [result.summary[name]] for name in QUANTITIES if name in result.summary}
@@ -124,7 +124,7 @@ class Observer:
         return observed | (self._observe_own(result) if self._own else {})
 
     def _observe_own(self, result: Result) -> dict[str, Floats]:
-        """What the user's quantities make of the samples that the scene asks for."""
+        """The user's quantities, from the samples that the scene defines."""
         columns = Described(
             ((info, values[self._series]) for info, values in result.columns.info()), "columns"
         )
@@ -139,7 +139,7 @@ class Observer:
         return seen
 
     def errors(self, seen: Mapping[str, Floats], reference: Mapping[str, Floats]) -> dict[str, float]:
-        """Errors of a run against the reference, of each quantity that this has."""
+        """Errors of a run relative to the reference, for each quantity that the reference has."""
         errors = {}
         for name, true in reference.items():
             scale = self._scales.get(name) or float(np.linalg.norm(true))
@@ -154,10 +154,10 @@ class Observer:
 
 
 def of_distributions(summary: Mapping[str, float]) -> dict[str, float]:
-    """Of an irregular motion, whose cycles have a distribution: by how much the means of two such runs differ, relative to them.
+    """Relative difference that the means of two runs of an irregular motion have by chance, as its cycles have a distribution.
 
-    That is the standard error of a difference, from the scatter over the later half of the cycles. Empty if the motion is regular,
-    or if that is not known.
+    It is the standard error of a difference, from the scatter over the later half of the cycles. Empty if the motion is regular,
+    or if its regularity is not known.
     """
     if summary.get("regularity") != -1.0:
         return {}
@@ -175,7 +175,7 @@ def _distance(name: str, difference: Any) -> float:
 
 
 def _series(interval: float, time: Floats) -> Floats:
-    """Times of the samples that the scene asks for [s]; without equal distances those of the survey."""
+    """Times of the samples that the scene defines [s]; those of the survey if their distances are not equal."""
     if interval == 0.0:
         return time
     end = float(time[-1])

@@ -1,4 +1,4 @@
-"""What `trade` has found, as text: the reference, every point that was measured, and every one that was not with the reason."""
+"""The results of `trade` as text: the reference, all measured points, and the other points with the reason."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EPSILON = float(np.finfo(float).eps)
 
 SHOWN = {"final_elongation": "final u", "final_velocity": "final w", "period": "period", "peak_force": "peak",
          "creep_velocity": "creep"}  # fmt: skip
-"""Quantities that get a column, and its heading."""
+"""Quantities that have a column, and the heading of the column."""
 HEAD = "model                method      rtol      step s    v_smooth"
 NAME_WIDTH, ROLE_PLACE = 63, 53
 
@@ -46,7 +46,7 @@ def report(comparison: Comparison) -> str:
         return f" {short(point.errors[quantity])}"
 
     lines = [
-        "Errors against the reference; <: below 100 times its own; -: the scene has no such value.",
+        "Errors relative to the reference; <: below 100 times its own error; -: the scene has no such value.",
         f"{HEAD:{NAME_WIDTH}}{heads}       wall s      Newton         rhs",
         row(comparison.best, "reference", errors=False),
         row(comparison.second, "its error"),
@@ -55,8 +55,8 @@ def report(comparison: Comparison) -> str:
     if comparison.is_irregular:
         lines.insert(
             1,
-            "The motion is irregular: period, peak, valley and slip length have a distribution and no value. Their errors are those of its\n"
-            "means, and none is told below three standard errors.",
+            "The motion is irregular: period, peak, valley and slip length have a distribution, not one value. Their errors\n"
+            "are those of the means; an error below three standard errors is not resolved.",
         )
     failed = [f"{_name(point)}  {point.text}" for point in comparison.points if not point.done]
     return "\n".join([*lines, *(["Without result:", *failed] if failed else [])]) + "\n"

@@ -84,10 +84,10 @@ WITH_QUANTITY = (None, "map", "bifurcation")
 """Kinds of figure of a sweep for which a quantity can be chosen."""
 
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
-"""What shows best what a model is for; of the others the history."""
+"""Kind of figure that suits the purpose of a model; for other models the history."""
 
 LARGEST = 1e100
-"""Larger values would overflow in what is computed from them."""
+"""Larger values would overflow in the computations for a figure."""
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
@@ -99,7 +99,7 @@ Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
 
 
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
-"""Kinds of figure of a run of which a part in time can be chosen; the others show the first creep, or the releases."""
+"""Kinds of figure of a run that can show a part of its time; the others show the first creep, or the releases."""
 
 OF_COLUMNS = ("history", "columns")
 """Kinds of figure of a run whose columns can be chosen."""
@@ -127,19 +127,18 @@ def draw(
         A run, from `dynstiction.run` or `dynstiction.open`; a comparison, from `dynstiction.trade` or
         `dynstiction.open_trade`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
     kind : str, optional
-        Of a run a name in `KINDS`, by default what its model is for, or all columns
-        where that needs more than the result has; of a sweep one in `SWEEP_KINDS`, by default ``"map"``;
-        of a comparison `WORK_PRECISION`, the only one.
+        For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
+        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, the only one.
     quantity : str, optional
-        What a map of a sweep shows, by default ``"swing"``, or a bifurcation diagram, by default ``"peak_force"``.
+        Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``.
     columns : str or sequence of str, optional
-        Of a run the columns to draw, one panel each, in place of those of the kind ``"history"`` or ``"columns"``.
+        Columns of a run to draw, one in each panel, in place of those of the kind ``"history"`` or ``"columns"``.
     start, end : float, optional
-        Of a run the part to draw [s]. Without both a run with many cycles is drawn up to its first ones, and the figure says so.
+        Part of a run to draw [s]. Without both, a run with many cycles is drawn up to its first cycles, and the figure says so.
     figure : Figure or SubFigure, optional
-        Where to draw; it keeps its size. Without it (and without `ax`) a new figure of one journal column is made.
+        Figure to draw into; it keeps its size. Without it (and without `ax`) a new figure of one journal column is made.
     ax : Axes or sequence of Axes, optional
-        Where to draw `columns`, one in each (by default ``"spring_force_x"`` in the first), or one of the kinds in `IN_AXES`.
+        Axes to draw into: `columns`, one in each (by default ``"spring_force_x"`` in the first), or one of the kinds in `IN_AXES`.
 
     Returns
     -------
@@ -149,8 +148,8 @@ def draw(
     Raises
     ------
     UsageError
-        If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, or is not what the kind
-        can show, or the start is not before the end; the text says what would be right.
+        If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, the kind cannot show such a
+        result, or the start is not before the end; the text says what would be right.
     """
     kinds, usual = _kinds_of(result)
     if quantity is not None and (kinds is not SWEEP_KINDS or kind not in WITH_QUANTITY):
@@ -175,7 +174,7 @@ def draw(
         return _draw_into_axes(result, kind, ax, names, start, end)
     if kind is not None or not isinstance(result, Result):
         return _filled(partial(kinds[kind or usual], result, **chosen), figure)
-    # The usual kind, or all columns where that cannot be.
+    # The default kind, or all columns if that cannot be drawn.
     try:
         windowed = chosen if usual in WINDOWED else {}
         return _filled(partial(kinds[usual], result, **windowed), figure)
@@ -193,7 +192,7 @@ def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Fig
 
 
 def _root(part: Figure | SubFigure | Axes) -> Figure:
-    """The figure that contains a part of it."""
+    """The figure that contains a subfigure or axes."""
     root = part.get_figure(root=True)
     if root is None:
         raise UsageError("ax belongs to no figure: make it with figure.subplots()")
@@ -208,13 +207,13 @@ def _choice(
     start: float | None,
     end: float | None,
 ) -> tuple[str | None, dict[str, Any]]:
-    """Kind of figure of a run, and what is chosen of it; a kind of None is the usual one."""
+    """Kind of figure of a run, and the chosen columns; a kind of None means the default kind."""
     chosen: dict[str, Any] = {}
     if names:
         kind = kind or "history"
         if kind not in OF_COLUMNS:
             raise UsageError(f"columns can be chosen for the kinds {', '.join(OF_COLUMNS)}, not for '{kind}'")
-        # A column that is not there is refused here: the usual kind would be replaced by another.
+        # A missing column is refused here: otherwise the default kind would be replaced by another.
         needed_columns(result, *names)
         chosen["names"] = names
     if start is not None or end is not None:
@@ -237,7 +236,7 @@ def _draw_into_axes(
     start: float | None,
     end: float | None,
 ) -> Figure:
-    """Columns in some axes, or a kind with one panel in one."""
+    """Draw columns into several axes, or a kind with one panel into one."""
     axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
@@ -259,7 +258,7 @@ def _draw_into_axes(
 
 
 def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
-    """Kinds of figure of what is given, and the usual one."""
+    """Kinds of figure for the given object, and the default one."""
     if isinstance(result, Trade):
         return {WORK_PRECISION: draw_work_precision}, WORK_PRECISION
     if isinstance(result, Result):
@@ -291,9 +290,9 @@ def compare(
     results : mapping of Result
         Two to six runs by name.
     columns : str or sequence of str, optional
-        What to draw, one row each; by default what all have of the kind ``"history"``.
+        Columns to draw, one in each row; by default those of the kind ``"history"`` that all runs have.
     start, end : float, optional
-        The part of each run [s]; by default as `draw`.
+        The part of each run [s]; by default as for `draw`.
 
     Returns
     -------
@@ -303,7 +302,7 @@ def compare(
     Raises
     ------
     UsageError
-        If there are too few or too many, one has no samples, or they share no column.
+        If there are too few or too many runs, one has no samples, or they have no column in common.
     """
     return _of_several(draw_comparison, results, columns, start, end)
 
@@ -322,9 +321,9 @@ def overlay(
     results : mapping of Result
         Two to six runs by name.
     columns : str or sequence of str, optional
-        What to draw, one panel each; by default what all have of ``spring_force_x``, ``theta`` and ``X``.
+        Columns to draw, one in each panel; by default those of ``spring_force_x``, ``theta`` and ``X`` that all runs have.
     start, end : float, optional
-        The part of each run [s]; by default the longest of what `draw` shows of each.
+        The part of each run [s]; by default the longest part that `draw` shows of one of them.
 
     Returns
     -------
@@ -334,7 +333,7 @@ def overlay(
     Raises
     ------
     UsageError
-        As `compare`.
+        As for `compare`.
     """
     return _of_several(draw_overlay, results, columns, start, end)
 
@@ -361,12 +360,12 @@ def save(
     quantity: str | None = None,
     **how: Any,
 ) -> None:
-    """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG); `how` as `draw` takes it.
+    """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG); `how` as for `draw`.
 
     Raises
     ------
     UsageError
-        As `draw`.
+        As for `draw`.
     FileError
         If the file cannot be written.
     """

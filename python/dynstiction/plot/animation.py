@@ -40,9 +40,9 @@ TRACES = ("spring_force_x", "theta", "X")
 COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
 FILMS = (".gif", ".mp4")
 MOST_TRAVEL = 6.0
-"""Distance that the object moves, over the longest elongation of the spring, up to which the floor stands still."""
+"""Largest distance of the object, over the longest elongation of the spring, for which the floor is at rest in the picture."""
 CYCLES = 3
-"""Cycles after the first slip that a film shows by default."""
+"""Number of cycles after the first slip that an animation shows by default."""
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -57,7 +57,7 @@ def animate(
     seconds: float = 10.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a film of a run as seen from above.
+    """Write an animation of a run as seen from above.
 
     Parameters
     ----------
@@ -66,20 +66,20 @@ def animate(
     output : Path
         ``X.gif``, ``X.mp4`` (needs the program ffmpeg), or a folder for ``frame_0001.png``, …
     start, end : float
-        The part of the run [s]; without both the first creep and three cycles, or all of a run without cycles.
+        The part of the run [s]; without both, the first creep and three cycles, or the whole run if it has no cycles.
     frames_per_second : int
-        Rate of the film.
+        Frame rate.
     seconds : float
-        Length of the film [s].
+        Length of the animation [s].
     progress : callable
-        Is told the number of the frame and how many there are.
+        Function of the number of the frame and the number of all frames.
 
     Raises
     ------
     UsageError
-        If an argument makes no sense, a column is missing, or ffmpeg is.
+        If an argument is not valid, or a column or ffmpeg is missing.
     FileError
-        If the film cannot be written, or the folder holds frames already.
+        If the animation cannot be written, or the folder holds frames already.
     """
     times = _frame_times(result, start, end, frames_per_second, seconds)
     suffix = _kind_of(output)
@@ -105,7 +105,7 @@ def _pictures(
     count: int,
     progress: Callable[[int, int], None] | None,
 ) -> Iterator[Image.Image]:
-    """Frame by frame; what does not move is drawn once."""
+    """The frames one by one; parts that do not move are drawn once."""
     canvas: Any = FigureCanvasAgg(figure)
     moving = show(0)
     for artist in moving:
@@ -123,7 +123,7 @@ def _pictures(
 
 
 def _write_gif(output: Path, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
-    # One palette for all: the colours of the first frame are those of the others.
+    # One palette for all frames: the others have the colours of the first.
     first = next(pictures)
     palette = first.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
     others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
@@ -145,7 +145,7 @@ def _write_mp4(output: Path, pictures: Iterator[Image.Image], frames_per_second:
             for picture in chain([first], pictures):
                 encoder.stdin.write(picture.tobytes())
         except BrokenPipeError:
-            pass  # its exit status says that it failed
+            pass  # the exit status shows that it failed
     if encoder.returncode != 0:
         raise subprocess.CalledProcessError(encoder.returncode, command)
 
@@ -158,11 +158,11 @@ def _write_frames(output: Path, pictures: Iterator[Image.Image], count: int) -> 
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
-    """Figure of a run, and a function that sets it to a frame, that of one of the rising `times` [s] by its number, and returns what moves.
+    """Figure of a run, and a function that draws one of the increasing `times` [s] by its number and returns the moving parts.
 
-    Above the object in the plane of the floor, to scale, with the friction that acts on it; below spring force, angle
-    of friction and position against time. What oscillates is drawn as its mean over ten periods of the stiff axis, at
-    most since the last frame, and the tip of the friction vector as the line that it has passed in this time.
+    The upper panel shows the object in the plane of the floor, to scale, with the friction that acts on it; the lower panels show
+    spring force, angle of friction and position against time. Oscillating quantities are drawn as means over ten periods of the
+    stiff axis, at most since the last frame, and the tip of the friction vector as its path in this time.
     """
     needed = columns(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
@@ -180,14 +180,14 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
         return [*scene.show(now, times[frame]), *traces(now)]
 
     show(0)
-    # Later frames keep the layout of the first: they must not wobble, and laying out is slow.
+    # Later frames keep the layout of the first: they must not shift, and the layout is slow.
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure, show
 
 
 def _ends(place: Floats, driven: Floats) -> tuple[float, float]:
-    """Least and greatest X of both."""
+    """Smallest and largest X of both."""
     both = np.concatenate([place[:, 0], driven[:, 0]])
     return float(both.min()), float(both.max())
 
@@ -208,7 +208,7 @@ class _Scene:
         left, right = _ends(place, driven)
         label = "$X$ [mm]"
         if right - left > MOST_TRAVEL * stretch > 0.0:
-            # On the scale of the distance that the object moves, it would hide the spring: the driven end stands still instead.
+            # On the scale of the distance of the object, it would hide the spring: instead the driven end is at rest.
             along = np.stack([self.driven[:, 0], np.zeros(len(self.driven))], axis=1)
             self.place, self.driven = self.place - along, self.driven - along
             left, right = _ends(self.place[part], self.driven[part])
@@ -251,7 +251,7 @@ class _Scene:
         axis.legend(loc="upper right", ncols=4, columnspacing=1.2, handlelength=1.6, borderaxespad=0.3)
 
     def show(self, now: slice, time: float) -> Sequence[Artist]:
-        """Set what moves to the mean of some samples, and return it."""
+        """Set the moving parts to the mean of some samples, and return them."""
         place, driven = self.place[now].mean(axis=0), self.driven[now].mean(axis=0)
         tips = place + self.per_newton * self.friction[now]
         reach = np.array([[-1.0], [1.0]]) * 20.0 * self.length
@@ -308,23 +308,23 @@ def _frame_times(
     count = round(frames_per_second * seconds)
     if count < 2:
         raise UsageError(
-            f"{frames_per_second} frames per second for {seconds:g} s: a film has at least two frames"
+            f"{frames_per_second} frames per second for {seconds:g} s: an animation has at least two frames"
         )
     return np.linspace(begin, finish, count)
 
 
 def _kind_of(output: Path) -> str:
-    """Suffix of a film, empty for a folder of frames; refuses before anything is computed."""
+    """Suffix of an animation, empty for a folder of frames; refuses a bad name before anything is computed."""
     suffix = output.suffix.lower()
     if suffix == "" or output.is_dir():
         if next(output.glob("frame_*.png"), None) is not None:
             raise FileError(f"{output}: holds frames already: name another folder, or remove them")
         return ""
     if suffix not in FILMS:
-        raise UsageError(f"{output}: a film is X.gif, X.mp4, or a folder for PNG frames")
+        raise UsageError(f"{output}: an animation is X.gif, X.mp4, or a folder for PNG frames")
     if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise UsageError(
-            f"{output}: needs ffmpeg, which is not there: install it, or write a GIF or a folder of frames"
+            f"{output}: needs ffmpeg, which is not installed: install it, or write a GIF or a folder of frames"
         )
     require_folder(output)
     return suffix

@@ -1,4 +1,4 @@
-"""Bifurcation diagram of a sweep: a quantity of every settled stick-slip cycle over the parameter, beside steady sliding."""
+"""Bifurcation diagram of a sweep: a quantity of every settled stick-slip cycle over the parameter, with steady sliding."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ LOADS = ("peak_force", "valley_force")
 """Quantities that steady sliding has too."""
 
 CONSEQUENCES = ("scene.", "integrator.")
-"""Keys that a list varies along with its parameter."""
+"""Keys that a list may vary together with its parameter."""
 
 LEAST_SWING = 0.01
-"""Share of F_0 that a cycle needs, as in src/results/cycles.f90: what swings less slides steadily."""
+"""Least amplitude of a cycle as a share of F_0, as in src/results/cycles.f90: below it the object slides steadily."""
 
 SLIDER = ("mass", "stiffness_x", "misalignment_deg", "mu_0", "normal_load", "velocity")
-"""What the stability of steady sliding depends on; besides these mu_inf and v_f where friction weakens, k_y, and dampers."""
+"""Parameters of the stability of steady sliding; in addition mu_inf and v_f if friction weakens, k_y, and dampers."""
 OPTIONAL = ("stiffness_y", "mu_inf", "v_f", "damping_x", "damping_y")
 
 FINE = 2000
-"""Values of the parameter at which steady sliding is looked at."""
+"""Number of values of the parameter at which steady sliding is computed."""
 
 SMALL = 7.0
-"""Points of the words in the diagram."""
+"""Size of the words in the diagram [pt]."""
 
 
 CHARACTER = 0.019
@@ -73,19 +73,19 @@ class VerticalLine(NamedTuple):
     """A value of the parameter at which the motion changes."""
 
     value: float
-    """In the unit of the deck."""
+    """The value in the unit of the deck."""
     text: str
-    """Stands before the value."""
+    """Text before the value."""
     colour: str = VERMILION
 
 
 def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
-    """All vertical lines of a diagram over a parameter: whoever knows another kind of critical value adds it here."""
+    """All vertical lines of a diagram over a parameter; other kinds of critical values are to be added here."""
     return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
 
 
 def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "peak_force") -> None:
-    """A dot for each cycle; steady sliding as a line, broken where it is unstable; cases that are neither as marks below."""
+    """Draw a dot for each cycle, steady sliding as a line, broken where it is unstable, and other cases as marks below."""
     table = table_of(data)
     cycles = _cycles(table, quantity)
     sides = _sides(table)
@@ -118,7 +118,7 @@ def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "
 
 
 def _cycles(table: Table, quantity: str) -> Floats:
-    """Values (case, cycle) of a quantity in the unit of the deck; of cases that failed none."""
+    """Values (case, cycle) of a quantity in the unit of the deck; none for cases that failed."""
     kept = [
         str(name).removeprefix("cycle_") for name in table.data.data_vars if "cycle" in table.data[name].dims
     ]
@@ -132,7 +132,7 @@ def _cycles(table: Table, quantity: str) -> Floats:
 
 
 def _sides(table: Table) -> list[Axis]:
-    """The parameters of the diagram: along the axis, and, if there is a second one, in colours."""
+    """The parameters of the diagram: along the axis, and a second one, if there is one, in colours."""
     sides = [side for side in table.axes if not side.key.startswith(CONSEQUENCES)] or list(table.axes[:1])
     if len(sides) > 2:
         raise UsageError(
@@ -149,19 +149,19 @@ def _in_cases(table: Table, side: Axis) -> Floats:
 
 
 def _dot(side: Axis) -> float:
-    """Diameter of a dot [pt], the smaller the more values the parameter has."""
+    """Diameter of a dot [pt], which is smaller if the parameter has more values."""
     return float(np.clip(25.0 / np.sqrt(np.unique(side.values).size), 0.8, 2.5))
 
 
 def _opacity(there: NDArray[np.bool_]) -> float:
-    """Of a dot: cycles that repeat lie on each other and become black, those of an irregular motion show their density."""
+    """Opacity of a dot: repeated cycles lie on each other and become black; those of an irregular motion show their density."""
     counts = there.sum(axis=1)
     usual = np.median(counts[counts > 0]) if there.any() else 1.0
     return float(np.clip(3.0 / usual, 0.3, 1.0))
 
 
 def span_of(side: Axis) -> tuple[float, float]:
-    """From the first value to the last, with a little room."""
+    """Limits from the first value to the last, with a margin."""
     ends = np.array([np.nanmin(side.shown), np.nanmax(side.shown)])
     if not ends[1] > ends[0]:
         return float(ends[0] - 1.0), float(ends[1] + 1.0)
@@ -177,7 +177,7 @@ def _label(table: Table, quantity: str) -> str:
     return with_unit(LABELS.get(quantity, about.get("long_name", quantity)), about["units"])
 
 
-# What is no cycle.
+# Cases without cycles.
 
 
 def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
@@ -186,7 +186,7 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
     codes = table.data["result_code"].values.reshape(-1)
     without = (codes == 0) & (table.data["cycle_count"].values.reshape(-1) == 0)
     steady = without & slides_steadily(table)
-    # From below upwards; what nobody has takes no place.
+    # From the bottom upwards; a row without cases takes no space.
     rows = [("failed", codes > 0, VERMILION), ("no settled cycle yet", without & ~steady, "0.5")]
     if quantity in LOADS and table.has("stiffness_x"):
         load = _final_load(table)
@@ -205,7 +205,7 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
 
 
 def mark_below(axis: Axes, shown: Floats, rows: Sequence[tuple[str, NDArray[np.bool_], str]]) -> None:
-    """Rows of marks below all dots: a word, the cases that it is true of, and a colour; what no case has takes no room."""
+    """Rows of marks below all dots: a word, the cases that it applies to, and a colour; a row without cases takes no space."""
     height = 0.02
     for text, chosen, colour in rows:
         if not chosen.any():
@@ -221,23 +221,23 @@ def mark_below(axis: Axes, shown: Floats, rows: Sequence[tuple[str, NDArray[np.b
         height += 0.09
     if height == 0.02:
         return
-    # The marks stand below all dots.
+    # The marks are placed below all dots.
     low, high = axis.get_ylim()
     axis.set_ylim(low - (height - 0.02) / (1.02 - height) * (high - low), high)
 
 
 def _in_shares(axis: Axes, value: float) -> float:
-    """Place of a value of the parameter over the width of the diagram."""
+    """Position of a value of the parameter, as a share of the width of the diagram."""
     return float((axis.get_xaxis_transform() + axis.transAxes.inverted()).transform((value, 0.0))[0])
 
 
 def _begin(middle: float, width: float, margin: float = 0.0) -> float:
-    """Where words begin that shall have this middle, but stay within the diagram."""
+    """Left end of words with this middle, shifted so that they are within the diagram."""
     return min(max(margin, middle - 0.5 * width), max(margin, 1.0 - margin - width))
 
 
 def slides_steadily(table: Table) -> NDArray[np.bool_]:
-    """Of each case whether the load hardly swings in the second half of the run."""
+    """Whether the load of each case hardly oscillates in the second half of the run."""
     swing = table.quantity("swing").reshape(-1)
     limit = (table.parameter("mu_0") * table.parameter("normal_load")).reshape(-1)
     return np.asarray(swing <= LEAST_SWING * limit)
@@ -255,8 +255,8 @@ def _final_load(table: Table) -> Floats:
 
 
 def _slider(table: Table, side: Axis, values: Floats) -> dict[str, Floats] | None:
-    """Parameters of steady sliding where that of the diagram has these values; None if some are missing, or V is 0,
-    or the friction law is none that coefficients tell.
+    """Parameters of steady sliding for these values of the parameter of the diagram; None if some are missing, V is 0,
+    or the friction law is not given by coefficients.
     """
     names = [*SLIDER, *(name for name in OPTIONAL if table.has(name))]
     if not table.has_theory or not all(name in table.numbers or name == side.name for name in names):
@@ -279,14 +279,14 @@ def _steady_load(slider: dict[str, Floats]) -> Floats:
 
 
 def _is_stable(slider: dict[str, Floats]) -> NDArray[np.bool_]:
-    """Whether steady sliding is stable; without a stiff axis for a rigid one."""
+    """Whether steady sliding is stable; without a stiff axis, for a rigid one."""
     others = {name: values for name, values in slider.items() if name != "misalignment_deg"}
     is_rigid = "stiffness_y" not in others
-    # The rigid limit does not depend on it.
+    # The rigid limit does not depend on k_y.
     critical = critical_misalignment(
         **(others | ({"stiffness_y": 1e6 * others["stiffness_x"]} if is_rigid else {}))
     )
-    # The mirror images of an angle are alike.
+    # An angle and its mirror images are equivalent.
     angle = np.radians(90.0 - np.abs(90.0 - np.mod(slider["misalignment_deg"], 180.0)))
     if is_rigid:
         return np.asarray(angle > critical.limit)
@@ -302,7 +302,7 @@ def _fine(side: Axis) -> Floats:
 def _draw_steady_branch(
     axis: Axes, table: Table, side: Axis, quantity: str, dots: Floats, lines: list[float]
 ) -> None:
-    """The load of steady sliding, drawn through where it is stable; its name where it hides little of dots (n, 2) and lines."""
+    """Draw the load of steady sliding, solid where it is stable, and its name where it hides few of the dots (n, 2) and lines."""
     values = _fine(side)
     slider = _slider(table, side, values)
     if quantity not in LOADS or slider is None or not np.ptp(values) > 0.0:
@@ -322,7 +322,7 @@ def _draw_steady_branch(
 def _quiet_place(
     axis: Axes, branch: Floats, dots: Floats, lines: list[float], width: float
 ) -> tuple[float, float]:
-    """Lower left corner of words beside a branch where they hide least, in shares of the diagram, as are the lines."""
+    """Lower left corner of words next to a branch where they hide least, in shares of the diagram, as for the lines."""
     axis.autoscale_view()
     in_shares = axis.transData + axis.transAxes.inverted()
     branch, dots = in_shares.transform(branch), in_shares.transform(dots)
@@ -333,11 +333,11 @@ def _quiet_place(
             continue
         for y in (near.max() + 0.015, near.min() - LINE - 0.005):
             inside = (dots[:, 0] > x - 0.01) & (dots[:, 0] < x + width + 0.01)
-            # Dots between words and branch would be taken for what they name.
+            # Dots between words and branch would seem to be what the words name.
             inside &= (dots[:, 1] > min(y, near.min()) - 0.02) & (
                 dots[:, 1] < max(y + LINE, near.max()) + 0.02
             )
-            # Far from the line that it names it would say nothing.
+            # Far from its line the name would not be understood.
             cost = (
                 np.count_nonzero(inside)
                 + 100.0 * np.ptp(near)
@@ -369,7 +369,7 @@ def _limits_of_steady_sliding(table: Table, side: Axis) -> Iterator[VerticalLine
 
 
 def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
-    """Where the cycles of the slow motion fold over, or become too small to count, along the misalignment or the velocity."""
+    """Misalignment or velocity at which the cycles of the slow motion end at a fold, or become too small to count."""
     if side.key not in ("system.misalignment_deg", "drive.velocity"):
         return
     try:
@@ -381,11 +381,11 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
     else:
         found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]
     for end, value in found:
-        yield VerticalLine(value, "fold of cycles at" if end.is_fold else "swing 5 % of $F_0$ at", VERMILION)
+        yield VerticalLine(value, "fold of cycles at" if end.is_fold else "amplitude 5 % of $F_0$ at", VERMILION)
 
 
 def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
-    """Thin lines; what they are stands above the frame, in as many rows as it takes. Their places in shares of the diagram."""
+    """Draw thin lines, with names above the frame in as many rows as needed; return the positions in shares of the diagram."""
     ends: list[float] = []
     places = []
     unit = side.label.partition("[")[2].rstrip("]")

@@ -1,4 +1,4 @@
-"""Slow creep of a run against its closed form and the expansions of Eq. (8)."""
+"""Slow creep of a run, its closed form and the expansions of Eq. (8)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .view import coarseness
 
 __all__ = ["draw_creep", "mean_velocity"]
 
-# The forms of Eq. (8) end where they have long failed.
+# The forms of Eq. (8) are drawn up to here, where they are no longer valid.
 LAST_TAU = 0.999
 FORMS: dict[Form, tuple[str, str, str]] = {
     "first_power": ("Eq. (8)", BLUE, "--"),
@@ -28,9 +28,9 @@ POINTS = 200
 AVERAGED = 8
 """Least number of samples that are averaged."""
 PERIODS = 5.0
-"""Least number of periods of the stiff axis that are averaged: a part of one would show the oscillation."""
+"""Least number of periods of the stiff axis that are averaged: with a part of a period, the oscillation would be visible."""
 AT_REST = 0.3
-"""Share of the slowest exact creep below which a mean of the run is that of an object at rest: it would set the scale."""
+"""Share of the slowest exact creep below which the object is at rest in a mean of the run, which would spoil the scale."""
 
 
 def draw_creep(result: Result, figure: FigureBase) -> None:
@@ -64,8 +64,8 @@ def draw_creep(result: Result, figure: FigureBase) -> None:
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     """Times V t k_x/(mu_0 W) of the first creep, X'/V of the run, and that of `creep_exact`, smoothed in the same way.
 
-    A difference of means of X, so the oscillation neither shows nor needs to be resolved by the samples. A `UsageError` if
-    the closed form of creep does not apply to the run, or it has no creep.
+    It is a difference of means of X, so that the oscillation is not visible and the samples need not resolve it. A `UsageError`
+    is raised if the closed form of creep does not apply to the run, or the run has no creep.
     """
     needed = columns(result, "X", "spring_force_x")
     end = first_release(needed["spring_force_x"]) + 1
@@ -76,7 +76,7 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
             "before its first slip"
         )
     exact = creep(result, result.time[:end])
-    # X' = w.(cos phi, sin phi) turns round with the drive; the closed form is of a drive with V > 0.
+    # X' = w.(cos phi, sin phi) changes sign with the drive; the closed form is for a drive with V > 0.
     drive = float(result.parameters["velocity"])
     length = drive * result.time[1:2] / scaled_time(result, result.time[1:2])
     least = _averaged(result, end)
@@ -85,7 +85,7 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
 
 
 def _averaged(result: Result, end: int) -> int:
-    """Samples that `PERIODS` of the stiff axis take, as far as the first creep has them."""
+    """Number of samples in `PERIODS` periods of the stiff axis, if the first creep has so many."""
     frequency = stiff_frequency(result)
     if frequency is None:
         return AVERAGED
@@ -94,7 +94,7 @@ def _averaged(result: Result, end: int) -> int:
 
 
 def _mean_slope(x: Floats, y: Floats, least: int) -> tuple[Floats, Floats]:
-    """Slope of y(x), averaged with triangles of 1/40 of all samples, or of the least number, and their middles."""
+    """Slope of y(x), averaged with triangles of 1/40 of all samples or of the least number, and the middles of the triangles."""
     half = max(AVERAGED // 2, x.size // 80, least // 2)
     starts = np.unique(np.linspace(0, x.size - 1 - 2 * half, POINTS).astype(int))
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
@@ -105,7 +105,7 @@ def _mean_slope(x: Floats, y: Floats, least: int) -> tuple[Floats, Floats]:
 
 
 def _form(tau: Floats, phi: float, form: Form) -> Floats:
-    """A form of Eq. (8); NaN where it does not hold."""
+    """A form of Eq. (8); NaN where it is not valid."""
     values = creep_asymptotic(np.minimum(tau, LAST_TAU), phi, form)
     return np.where(tau < LAST_TAU, values, np.nan)
 

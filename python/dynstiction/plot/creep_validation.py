@@ -17,7 +17,7 @@ FORMS = {
     "printed": ("as printed", VERMILION, "s", r"$\varphi$", (1, 1)),
     "third_order": ("third order", GREEN, "^", r"$\varphi^3$", None),
 }
-"""Name, colour, mark, order of the error, and dashes of those that are drawn in time."""
+"""Name, colour, mark, order of the error, and dashes of the forms that are drawn against time."""
 
 
 def draw_creep_validation(validation: Validation, figure: FigureBase) -> None:
@@ -28,7 +28,7 @@ def draw_creep_validation(validation: Validation, figure: FigureBase) -> None:
 
 
 def _draw_errors(axis: Axes, validation: Validation) -> None:
-    """Errors against the exact creep at tau = 0.5, and the slopes of their orders."""
+    """Errors relative to the exact creep at tau = 0.5, and the slopes of their orders."""
     for form, (name, colour, mark, power, _) in FORMS.items():
         error = validation.error(form, 0.5)
         axis.plot(DEGREES, error[-1] * (DEGREES / DEGREES[-1]) ** ORDERS[form], color=colour)
@@ -51,7 +51,7 @@ def _draw_errors(axis: Axes, validation: Validation) -> None:
 
 
 def _draw_means(axis: Axes, validation: Validation) -> None:
-    """X'/V in time: averages of the full model, the exact creep, two forms of Eq. (8)."""
+    """X'/V against time: averages of the full model, the exact creep, two forms of Eq. (8)."""
     means = validation.means
     time = np.linspace(0.0, 1.08 * means[-1].time, 200)
     tau, phi = time * means[-1].tau / means[-1].time, means[-1].phi

@@ -26,25 +26,25 @@ from .theory import slider
 __all__ = ["Releases", "draw_cycle_map", "releases_of"]
 
 MOST_RELEASES = 20_000
-"""Releases that are drawn at most: the run is repeated up to the last of them."""
+"""Largest number of releases that are drawn: the run is repeated up to the last of them."""
 
 LEAST_RELEASES = 3
 
 FAR = 10.0
-"""An excursion goes back, against the fast cycles, by more than so many times their median step."""
+"""An excursion is a step back, opposite to the fast cycles, by more than this many times their median step."""
 
 STAIRS = 6
-"""Fast cycles before an excursion that are shown enlarged."""
+"""Number of fast cycles before an excursion that are shown enlarged."""
 
 NARROWEST = 1e-6
-"""Least width of a view of u: what is closer is the same."""
+"""Least width of a view of u; smaller differences are ignored."""
 
 INSTEAD = "draw the kind 'history' or 'path' instead"
 
 
 @dataclass(frozen=True)
 class Releases:
-    """Releases of a run in the order of time; those of a run that has more are the first ones.
+    """Releases of a run in the order of time; of a run with too many, the first ones.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Releases:
     u : ndarray, shape (n,)
         ``k_x u_x/F_0`` there.
     excursion : ndarray of bool, shape (n - 1,)
-        Whether it goes back by more than `FAR` fast cycles until the next release.
+        Whether u decreases by more than `FAR` fast cycles until the next release.
     total : int
         Releases of the whole run.
     """
@@ -65,19 +65,19 @@ class Releases:
 
     @property
     def step(self) -> Floats:
-        """P(u) - u of each release but the last."""
+        """P(u) - u of each release except the last."""
         return np.diff(self.u)
 
     @property
     def duration(self) -> Floats:
-        """T(u) of each release but the last [s]."""
+        """T(u) of each release except the last [s]."""
         return np.diff(self.time)
 
 
 def draw_cycle_map(result: Result, figure: FigureBase) -> None:
     """P(u) - u and T(u) of the fast cycles, and the iterates of the whole run, coloured by time.
 
-    The run is repeated in memory, for the state at each release; of a long one its beginning is drawn.
+    The run is repeated in memory to obtain the state at each release; only the beginning of a long run is drawn.
     """
     releases = releases_of(result)
     far = bool(releases.excursion.any())
@@ -109,7 +109,7 @@ def draw_cycle_map(result: Result, figure: FigureBase) -> None:
 
 
 def releases_of(result: Result) -> Releases:
-    """Releases of a run, from repeating it; a `UsageError` says why it has no map."""
+    """Releases of a run, which is repeated; a `UsageError` says why it has no map."""
     parameters = _parameters(result)
     limit = parameters["mu_0"] * parameters["normal_load"]
     found = result.events["time"][result.events["kind"] == SLIP_BEGINS]
@@ -140,7 +140,7 @@ def _parameters(result: Result) -> dict[str, float]:
     model = str(result.attributes.get("model", ""))
     if model != "full":
         raise UsageError(
-            f"the cycle map is one of the full model, where a release leaves one number: "
+            f"the cycle map is defined for the full model, where one number describes a release: "
             f"run with scene.model = 'full' (this is '{model}'), or {INSTEAD}"
         )
     if result.parameters.get("contact", "exact") != "exact":
@@ -186,7 +186,7 @@ def _repeat(result: Result, stop: float) -> tuple[Floats, Floats]:
 
 
 def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Normalize) -> None:
-    """P(u) - u and T(u); triangles at the edge mark excursions, which reach far beyond it."""
+    """P(u) - u and T(u); triangles at the edge mark excursions, which are far beyond it."""
     fast = ~releases.excursion
     drawn: Any = {
         "c": releases.time[:-1][fast],
@@ -215,7 +215,7 @@ def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Nor
 
 
 def _mark(axis: Axes, place: Floats, text: str, bottom: bool) -> None:
-    """Triangles at an edge, and what lies beyond it."""
+    """Draw triangles at an edge for the values beyond it."""
     low, high = axis.get_ylim()
     room = 0.22 * (high - low)
     axis.set_ylim(low - room * bottom, high + room * (not bottom))
@@ -273,7 +273,7 @@ def _draw_stairs(axis: Axes, releases: Releases, colours: Normalize) -> None:
 
 
 def _draw_excursions(axis: Axes, releases: Releases, colours: Normalize) -> None:
-    """The map where it is an excursion."""
+    """The map of the excursions."""
     far = releases.excursion
     u, next_u = releases.u[:-1][far], releases.u[1:][far]
     axis.scatter(u, next_u, c=releases.time[:-1][far], norm=colours, s=6.0, linewidths=0.0, rasterized=True)
@@ -283,7 +283,7 @@ def _draw_excursions(axis: Axes, releases: Releases, colours: Normalize) -> None
 
 
 def _label_finely(axis: Axes) -> None:
-    """Ticks as differences from a round number, where the view is narrow."""
+    """Ticks as differences from a round number, if the view is narrow."""
     for side, name, bins in ((axis.xaxis, "u", 3), (axis.yaxis, "P(u)", 4)):
         low, high = side.get_view_interval()
         round_to = -int(np.floor(np.log10(high - low)))
@@ -301,7 +301,7 @@ def _difference(origin: float, exponent: int, value: float, _: object) -> str:
 
 
 class _Shifted(MaxNLocator):
-    """Few ticks at round distances from an origin."""
+    """A few ticks at round distances from an origin."""
 
     def __init__(self, origin: float, bins: int) -> None:
         super().__init__(nbins=bins, min_n_ticks=2)
@@ -312,14 +312,14 @@ class _Shifted(MaxNLocator):
 
 
 def _around(values: Floats) -> tuple[float, float]:
-    """Limits of an axis around values, never too close for it."""
+    """Limits of an axis around values, with at least the smallest width that the axis can show."""
     low, high = float(values.min()), float(values.max())
     margin = max(0.06 * (high - low), 0.5 * NARROWEST, 1e-6 * max(abs(low), abs(high)))
     return low - margin, high + margin
 
 
 def _letter(axis: Axes, name: str, outside: bool) -> None:
-    """Letter of a panel, to the left of it, or above its left end."""
+    """Letter of a panel, on its left or above its left end."""
     shift, vertical = ((-34.0, 0.0), "top") if outside else ((-27.0, 3.0), "bottom")
     style: Any = {
         "xycoords": "axes fraction",
@@ -331,7 +331,7 @@ def _letter(axis: Axes, name: str, outside: bool) -> None:
 
 
 def _exponent(values: Floats) -> int:
-    """Power of ten in which values read well: 0, or a multiple of 3 below."""
+    """Power of ten that makes values easy to read: 0, or a negative multiple of 3."""
     largest = float(np.max(np.abs(values), initial=0.0))
     if not 0.0 < largest < 0.1:
         return 0

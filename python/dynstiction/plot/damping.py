@@ -32,8 +32,8 @@ def draw_damping(result: Result, canvas: FigureBase | Axes) -> None:
 def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> None:
     """Damping ratio against angle with the paths of at most two runs (Fig. 5).
 
-    Each path leads from friction across the soft axis (90 deg) to steady sliding (theta = phi). Solid: Eq. (10), thick where the
-    run has been before it first slips or slides; dashed: with the weakening of friction. Crosses: damping ratio 1 and
+    Each path leads from friction across the soft axis (90 deg) to steady sliding (theta = phi). Solid: Eq. (10), thick in the
+    part that the run covers before it first slips or slides; dashed: with the weakening of friction. Crosses: damping ratio 1 and
     steady sliding.
     """
     sliders = [_slider(result) for result in results]
@@ -91,7 +91,7 @@ def _draw_weakening(axis: Axes, theta: Floats, parameters: dict[str, float], col
 
 
 def _draw_visited(axis: Axes, result: Result, constant: dict[str, float], colour: str) -> None:
-    """The part of the curve where the run has been up to its first slip."""
+    """The part of the curve that the run covers up to its first slip."""
     needed = columns(result, "theta", "spring_force_x")
     force = np.abs(needed["spring_force_x"])
     fallen = np.flatnonzero(np.maximum.accumulate(force) - force > 0.05 * force.max())

@@ -22,7 +22,7 @@ __all__ = [
 
 MISALIGNMENT = r"$\varphi$"
 SPEED_RATIO = r"$\dot X/V$"
-"""Velocity along the drive over that of the drive."""
+"""Velocity along the drive over the drive velocity."""
 
 
 class Symbol(NamedTuple):
@@ -30,14 +30,14 @@ class Symbol(NamedTuple):
 
     text: str
     unit: str
-    """Of the figures: SI without a prefix, or deg; empty for a number without unit."""
+    """Unit in figures: SI without a prefix, or deg; empty for a number without unit."""
     factor: float = 1.0
-    """From the unit of files and decks to this one."""
+    """Factor from the unit of files and decks to this unit."""
     colour: str = BLACK
 
     @property
     def label(self) -> str:
-        """Symbol and unit, as at an axis."""
+        """Symbol and unit, as for an axis."""
         return with_unit(self.text, self.unit)
 
 
@@ -81,16 +81,16 @@ PARAMETERS = {
 PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 WITH_PREFIX = ("m", "m/s", "N")
 LEAST = 0.5
-"""Of a unit with prefix the largest value shown is at least this."""
+"""A unit with a prefix is chosen so that the largest value is at least this."""
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A label: text and unit, or the text alone where there is no unit."""
+    """A label: text and unit, or the text alone if there is no unit."""
     return text if unit in ("", "1", "–") else f"{text} [{unit}]"
 
 
 def scaled(unit: str, *values: Floats) -> tuple[float, str]:
-    """Factor from a unit of `WITH_PREFIX` to the one in which values are short numbers, and this unit."""
+    """Factor from a unit of `WITH_PREFIX` to the unit in which values are short numbers, and this unit."""
     if unit not in WITH_PREFIX:
         return 1.0, unit
     largest = max((float(np.nanmax(np.abs(each), initial=0.0)) for each in values), default=0.0)

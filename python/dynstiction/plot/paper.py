@@ -47,11 +47,11 @@ FIGURES: dict[str, PaperFigure] = {
     "fig4": _of_kind("oscillation of the first creep", "fig4", "spectrogram", length=FIG4_WINDOW),
     "fig5": PaperFigure("damping diagram", ("fig3", "phi10"), draw_damping_of),
     "creep_validation": PaperFigure(
-        "Eq. (8) against the exact creep and the full model",
+        "Eq. (8), the exact creep and the full model",
         (),
         lambda _, figure: draw_creep_validation(validate_creep(), figure),
     ),
-    "creep": _of_kind("creep against its closed form", "fig3_constant", "creep"),
+    "creep": _of_kind("creep and its closed form", "fig3_constant", "creep"),
     "constant": _of_kind("constant friction: no stick-slip", "fig3_constant", "history"),
     "phi10": _of_kind("misalignment of 10 degrees: no stick-slip", "phi10", "history"),
 }
@@ -59,7 +59,7 @@ FIGURES: dict[str, PaperFigure] = {
 
 
 def deck(name: str) -> Scene:
-    """A deck of ``inputs/``, as it was installed with the package; a `FileError` if it is not there."""
+    """A deck of ``inputs/`` that was installed with the package; a `FileError` is raised if it is missing."""
     file = resources.files("dynstiction") / "inputs" / f"{name}.nml"
     try:
         return Scene(file.read_text(encoding="utf-8"))
@@ -73,18 +73,18 @@ def draw_paper(
     names: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
-    """Run the decks and draw the figures into a folder, which is made if it is not there.
+    """Run the decks and draw the figures into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     folder : Path
-        Where the files go; figures of an earlier call are replaced.
+        Folder of the files; figures of an earlier call are replaced.
     suffix : {'png', 'pdf', 'svg'}
         The format.
     names : sequence of str
-        Which of `FIGURES`; all without it.
+        Names of the figures in `FIGURES`; by default all.
     progress : callable
-        Is told in a line what begins.
+        Function that gets a line of text at the begin of each step.
 
     Returns
     -------

@@ -19,7 +19,7 @@ NARROWEST = 0.1
 """Least ratio of the sides of the view."""
 
 FINEST = 1e-9
-"""Least side of the view over the distance from 0: finer numbers have no room at the axis."""
+"""Least side of the view over the distance from 0: smaller views would need numbers that are too long for the axis."""
 
 ARC_POINTS = 2000
 
@@ -30,14 +30,14 @@ def draw_path(
     """Path of the tip of the friction vector in the plane of the principal axes, over a circle."""
     columns(result, "friction", "theta")
     view = view_of(result, start, end)
-    # At t = 0 the object has its start velocity; friction jumps when it comes to rest, which takes no time.
+    # At t = 0 the object has its start velocity; friction jumps when the object comes to rest, which takes no time.
     first = int(view.result.time[0] == 0.0 and view.result.time.size > 2)
     time, force, theta = (view.result[name][first:] for name in ("time", "friction", "theta"))
     tip = np.stack([force * np.cos(theta), force * np.sin(theta)], axis=1)
     kept = _visible_steps(tip)
     axis = one_axes(canvas, 70.0)
     segments = np.stack([tip[kept[:-1]], tip[kept[1:]]], axis=1)
-    # The friction force jumps when a stick begins; a fine line joins what belongs together.
+    # The friction force jumps when a stick begins; a thin line joins both ends of a jump.
     jumps = np.hypot(*np.diff(tip[kept], axis=0).T) > 0.2 * force.max()
     widths = np.where(jumps, 0.25, 0.8)
     lines = LineCollection(list(segments), array=time[kept[1:]], cmap="viridis", linewidths=widths)
@@ -53,14 +53,14 @@ def draw_path(
 
 
 def _visible_steps(points: Floats) -> NDArray[np.intp]:
-    """Indices of the points (n, 2) that lie in another dot than the one before."""
+    """Indices of the points (n, 2) that are in a different dot than the point before."""
     dots = np.rint((points - points.min(axis=0)) * (BINS / max(np.ptp(points, axis=0).max(), 1e-300)))
     moved = np.any(dots[1:] != dots[:-1], axis=1)
     return np.flatnonzero(np.concatenate([[True], moved[:-1], [True]]))
 
 
 def _view(points: Floats) -> Floats:
-    """Lower left and upper right corner of what is shown: the points with a margin, never too thin to be drawn."""
+    """Lower left and upper right corner of the view: the points with a margin, with a least width and height."""
     low, high = points.min(axis=0), points.max(axis=0)
     spans = high - low
     least = max(NARROWEST * spans.max(), FINEST * np.abs(points).max())
@@ -70,10 +70,10 @@ def _view(points: Floats) -> Floats:
 
 
 def _arc(radius: float, view: Floats) -> tuple[Floats, Floats]:
-    """The part of a circle around 0 that is shown: the drawing of what lies far outside would not end."""
+    """The visible part of a circle with its centre at 0: drawing the parts far outside would not end."""
     start, end = -np.pi, np.pi
     if not np.all(view[0] * view[1] < 0.0):
-        # From the middle of the view, so that no angle passes from pi to -pi.
+        # Angles from the middle of the view, so that none jumps from pi to -pi.
         middle = np.arctan2(*view.mean(axis=0)[::-1])
         corners = np.array([[x, y] for x in view[:, 0] for y in view[:, 1]])
         turned = np.arctan2(corners[:, 1], corners[:, 0]) - middle

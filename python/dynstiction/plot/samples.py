@@ -1,4 +1,4 @@
-"""What figures take from the samples of a result."""
+"""Columns of a result for figures."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ __all__ = ["BINS", "Floats", "columns", "thin"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
-# Twice the dots of a column's width: no bin is wider than a dot.
+# Twice the number of dots in a column's width, so that no bin is wider than a dot.
 BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
 
 
 def columns(result: Result, *names: str) -> Mapping[str, Floats]:
-    """Columns by name; a `ColumnError` says how to get what the result lacks."""
+    """Columns by name; if the result lacks one, a `ColumnError` says how to get it."""
     missing = [name for name in names if name not in result]
     for name in missing:
         _refuse_unknown(name)
@@ -37,7 +37,7 @@ def columns(result: Result, *names: str) -> Mapping[str, Floats]:
 
 
 def _refuse_unknown(name: str) -> None:
-    """Refuse a column that no run can have: a mistyped name."""
+    """Refuse a column that no run can have, which is a mistyped name."""
     known = [column["name"] for column in catalogue()["columns"]]
     if name not in known:
         near = get_close_matches(name, known, n=1)
@@ -46,5 +46,5 @@ def _refuse_unknown(name: str) -> None:
 
 
 def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Smallest and largest value of each stretch of time that is drawn as one dot: see `extremes`."""
+    """Smallest and largest value in each interval of time that is drawn as one dot: see `extremes`."""
     return extremes(time, values, bins)

@@ -1,6 +1,6 @@
 """The model and its angles as drawings (Figs. 1 and 2).
 
-The plane is that of the floor seen from above, X to the right and Y upwards. The soft principal axis x lies at -phi to X.
+The plane is the floor seen from above, X to the right and Y upwards. The soft principal axis x is at the angle -phi to X.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, PURPLE, VERMILION
 __all__ = ["coil", "draw_angles", "draw_apparatus", "principal_axes"]
 
 PHI = np.radians(16.0)
-"""Misalignment in the drawings, larger than in the scenes so that it can be seen."""
+"""Misalignment in the drawings; it is larger than in the scenes so that it is visible."""
 GREY = "0.45"
 ORIGIN = np.zeros(2)
 ALONG_X, ALONG_Y = np.eye(2)
@@ -136,7 +136,7 @@ def _axis_line(axis: Axes, start: Floats, end: Floats, label: str) -> None:
 
 
 def _angle(axis: Axes, radius: float, start: float, end: float, label: str) -> None:
-    """An arc from one direction [rad] to another, and its name in its middle."""
+    """Draw an arc from one direction [rad] to another, with its name in the middle."""
     first, last = np.degrees([start, end])
     axis.add_patch(Arc((0.0, 0.0), 2 * radius, 2 * radius, theta1=first, theta2=last, linewidth=0.7))
     middle = 0.5 * (start + end)

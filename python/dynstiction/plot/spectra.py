@@ -24,22 +24,22 @@ from .view import View, view_of
 __all__ = ["draw_spectrogram", "predicted_ridge"]
 
 PERIODS = 20.0
-"""Length of the Hamming window over the period of the stiff axis: a line is then about a tenth of its frequency wide."""
+"""Length of the Hamming window in periods of the stiff axis: a spectral line is then about a tenth of its frequency wide."""
 SHORTEST = 8.0
-"""The same where stick-slip is so quick that `PERIODS` would hide it."""
+"""The same if stick-slip is so fast that `PERIODS` would hide it."""
 OF_CYCLE = 0.25
 """Share of a stick-slip cycle that the window should not exceed."""
 FEWEST, OF_SHORT_SPAN = 2.0, 0.5
-"""Periods, and share of what is shown, of the window of a run that is shorter than `PERIODS`."""
+"""Window of a run that is shorter than `PERIODS`: number of periods, and share of the part that is shown."""
 OF_SPAN = 0.1
-"""Share of what is shown that the window is without a stiff axis."""
+"""Window without a stiff axis, as a share of the part that is shown."""
 DECIBELS = 70.0
 HIGHEST_FREQUENCY = 2.5
 """Upper end of the frequency axis over the frequency of the stiff axis."""
 ROUNDING = 0.01
-"""By which the samples may miss the top of the axis: an interval is a round number."""
+"""Factor by which the samples may miss the top of the axis, because an interval is a round number."""
 FOLDING = 10.0
-"""Samples in a period of the stiff axis below which overtones fold back into the picture."""
+"""Number of samples in a period of the stiff axis below which overtones fold back into the figure."""
 
 
 def draw_spectrogram(
@@ -52,7 +52,7 @@ def draw_spectrogram(
 ) -> None:
     """Both slip velocities, their spectrograms and the predicted ridge of the first creep (Fig. 4).
 
-    The length of the sliding window [s] follows from the scene, if it is not given.
+    The length of the sliding window [s] follows from the scene if it is not given.
     """
     columns(result, *VELOCITIES)
     view = view_of(result, start, end)
@@ -61,7 +61,7 @@ def draw_spectrogram(
     length = length or _length(view, stiff)
     shown = view.result
     spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in VELOCITIES}
-    # The slips, which only w_x shows, may exceed the scale.
+    # The slips, which are visible only in w_x, may exceed the scale.
     top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
     axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff or np.inf)
@@ -77,13 +77,13 @@ def draw_spectrogram(
     figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
     note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *_folds(shown, stiff)))
     if ridge is not None:
-        # Outside the picture, on the dark ground that the line needs: in it are lines everywhere.
+        # The legend is outside the spectrogram, in which there are lines everywhere, on the dark background that the line needs.
         dark: Any = {"frameon": True, "facecolor": "0.25", "edgecolor": "none", "labelcolor": "white"}
         figure.legend(handles=[ridge], loc="outside lower center", handlelength=2.6, **dark)
 
 
 def _length(view: View, stiff: float | None) -> float:
-    """Length of the window [s]: some periods of the stiff axis, fewer where the cycles are short."""
+    """Length of the window [s]: several periods of the stiff axis, fewer if the cycles are short."""
     span = float(view.result.time[-1] - view.result.time[0])
     if stiff is None:
         return OF_SPAN * span
@@ -133,15 +133,15 @@ def _draw_ridge(axis: Axes, result: Result) -> Line2D | None:
     try:
         times, frequency = predicted_ridge(result)
     except UsageError:
-        return None  # the figure is good without the prediction, which needs more than the spectrogram does
-    # Wide gaps: the ridge below must be seen.
+        return None  # the prediction needs more data than the spectrogram, which is useful without it
+    # Wide gaps, so that the ridge below is visible.
     style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
     (line,) = axis.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
     return line
 
 
 def _refuse_aliases(result: Result, stiff: float | None) -> None:
-    """The samples must show every frequency of the axis: what is faster would fold back into the picture."""
+    """Check that the samples show every frequency of the axis: faster oscillations would fold back into the figure."""
     step = float(np.median(np.diff(result.time)))
     if stiff is not None and step * stiff * HIGHEST_FREQUENCY > 0.5 * (1.0 + ROUNDING):
         raise UsageError(
@@ -151,8 +151,8 @@ def _refuse_aliases(result: Result, stiff: float | None) -> None:
 
 
 def _folds(result: Result, stiff: float | None) -> list[str]:
-    """Says that overtones above half the sampling rate show as lines that rise."""
+    """A note that overtones above half the sampling rate appear as rising lines."""
     step = float(np.median(np.diff(result.time)))
     if stiff is None or step * stiff * FOLDING < 1.0:
         return []
-    return [f"overtones above {0.5e-3 / step:.3g} kHz fold back: lines that rise"]
+    return [f"overtones above {0.5e-3 / step:.3g} kHz fold back: rising lines"]

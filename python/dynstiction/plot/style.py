@@ -1,4 +1,4 @@
-"""How every figure looks: one journal column wide, its fonts, lines and colours."""
+"""Style of all figures: one journal column wide, fonts, lines and colours."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
 DOTS_PER_INCH = 400
 NOTE = "0.35"
-"""Grey of what a figure says of itself."""
+"""Grey of the notes in a figure."""
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
 MOST_DEGREE_TICKS = 6
 
@@ -69,7 +69,7 @@ STYLE: dict[Any, Any] = {
     "xtick.minor.width": 0.4,
     "ytick.minor.width": 0.4,
     "xtick.direction": "in",
-    # Numbers at the corner of an axis that begins at 0 must not touch.
+    # The numbers of both axes must not touch in a corner at 0.
     "xtick.major.pad": 4.5,
     "ytick.direction": "in",
     "xtick.top": True,
@@ -78,7 +78,7 @@ STYLE: dict[Any, Any] = {
     "axes.formatter.useoffset": False,
     "agg.path.chunksize": 0,
     "path.simplify": False,
-    # Fonts as fonts: several journals refuse those of Type 3, and words in a drawing can then be searched.
+    # TrueType fonts, because several journals refuse Type 3, and text as text, which can be searched.
     "pdf.fonttype": 42,
     "ps.fonttype": 42,
     "svg.fonttype": "none",
@@ -94,7 +94,7 @@ def new_figure(draw: Callable[[Figure], None]) -> Figure:
 
 
 def in_figure(draw: Callable[[FigureBase], None], figure: Figure | SubFigure) -> None:
-    """Let `draw` fill a figure of the user, which keeps its size; without a layout of its own it gets that of ours."""
+    """Let `draw` fill a figure of the user, which keeps its size; if it has no layout engine, it gets ours."""
     with rc_context(STYLE), rendering():
         if isinstance(figure, Figure):
             if figure.get_layout_engine() is None:
@@ -111,13 +111,13 @@ def in_axes(draw: Callable[[Axes], None], axes: Axes) -> None:
 
 
 def sized(figure: FigureBase, height: float, width: float = COLUMN_WIDTH / MM) -> None:
-    """Give a figure of our own its size [mm]; a part of a figure of the user keeps that which it has."""
+    """Set the size [mm] of a figure of our own; a part of a figure of the user keeps its size."""
     if isinstance(figure, Figure):
         figure.set_size_inches(width * MM, height * MM)
 
 
 def one_axes(canvas: FigureBase | Axes, height: float) -> Axes:
-    """Axes of a drawing with one panel `height` mm high: new ones, or those that are given."""
+    """Axes of a figure with one panel of `height` mm: new ones, or the given ones."""
     if isinstance(canvas, Axes):
         return canvas
     sized(canvas, height)
@@ -125,14 +125,14 @@ def one_axes(canvas: FigureBase | Axes, height: float) -> Axes:
 
 
 def note(axes: Axes, lines: Sequence[str]) -> None:
-    """Grey lines above axes: what the figure says of its samples."""
+    """Notes on the samples of a figure, as grey lines above the axes."""
     if lines:
         axes.set_title("\n".join(lines), loc="right", fontsize=7.0, color=NOTE, pad=3.0)
 
 
 @contextmanager
 def rendering() -> Iterator[None]:
-    """Turn what matplotlib and NumPy make of numbers that no axis can hold into a `UsageError`."""
+    """Turn the exceptions of matplotlib and NumPy for numbers that no axis can show into a `UsageError`."""
     try:
         yield
     except Error:
@@ -162,7 +162,7 @@ def write(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def degree_ticks(axis: Axes) -> None:
-    """Ticks at round angles along y, not more than there is room for."""
+    """Ticks at round angles along y, as many as there is room for."""
     low, high = axis.get_ylim()
     for step in DEGREE_STEPS:
         if (high - low) / step <= MOST_DEGREE_TICKS:
@@ -173,7 +173,7 @@ def degree_ticks(axis: Axes) -> None:
 def panels(
     figure: FigureBase, count: int, height: float, letters: str = "abcdefgh", **how: Any
 ) -> NDArray[Any]:
-    """Axes one above the other in a column `height` mm high, named by letters; `how` as `Figure.subplots` takes it."""
+    """Axes one above the other in a column of `height` mm, named by letters; `how` as for `Figure.subplots`."""
     sized(figure, height)
     axes: NDArray[Any] = figure.subplots(count, 1, squeeze=False, **how)[:, 0]
     for axis, name in zip(axes, letters, strict=False):
@@ -183,7 +183,7 @@ def panels(
 
 
 def _letter(axis: Axes, name: str) -> None:
-    """The name of a panel at the left edge of the figure: beside the numbers of the axis, however wide they are."""
+    """The letter of a panel at the left edge of the figure, left of the numbers of the axis, however wide they are."""
     place = blended_transform_factory(axis.get_figure(root=False).transSubfigure, axis.transAxes)  # type: ignore[union-attr]
     text = axis.text(0.005, 1.0, f"({name})", transform=place, va="top", fontweight="bold")
     text.set_in_layout(False)

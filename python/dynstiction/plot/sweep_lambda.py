@@ -1,4 +1,4 @@
-"""What becomes of dynamic stiction as Lambda, the damping of slow creep, falls: a sweep against Eq. (10)."""
+"""Dynamic stiction against Lambda of Eq. (10), the damping of slow creep, in a sweep."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ __all__ = ["draw_lambda", "slip_angle_of_creep"]
 
 VIRIDIS = colormaps["viridis"]
 LIGHTEST = 0.95
-"""Share of the colours that is used: the last are too light for marks."""
+"""Share of the colour map that is used: the last colours are too light for marks."""
 MOST_NAMED = 8
-"""Angles that the legend names; more get a bar of colours."""
+"""Largest number of angles in the legend; more angles have a colour bar."""
 TICKS = 6
 PLAIN, SHORT = 200.0, 5.0
-"""Ratio of the ends of a logarithmic axis up to which its ticks are plain numbers, and evenly spaced."""
+"""Largest ratio of the ends of a logarithmic axis for which its ticks are plain, evenly spaced numbers."""
 
 VISIBLE = 0.01
-"""Share of F_0 above which a swing is stick-slip."""
+"""Share of F_0 above which an amplitude is that of stick-slip."""
 
 FREE_OSCILLATION = float(np.arccos(0.9) / np.pi)
 """Share of the time in which X' = V (1 - cos omega t) is at most V/10."""
@@ -82,7 +82,7 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
     if angles.size <= MOST_NAMED:
         handles = [*_marks(angles), *handles]
     else:
-        # The marks are spaced evenly in colour: the numbers at the bar are those of the values.
+        # The marks are evenly spaced in colour: the numbers at the bar are the values.
         scale = ScalarMappable(Normalize(0.0, (angles.size - 1) / LIGHTEST), VIRIDIS)
         bar = figure.colorbar(
             scale,
@@ -99,7 +99,7 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
 
 
 def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> list[Line2D]:
-    """Labels, scales, and the lines of theory, which are returned."""
+    """Set labels and scales, and draw the lines of theory, which are returned."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
     for panel in axes[[0, 2, 3]]:
         panel.set_xlabel(r"$\Lambda$")
@@ -128,10 +128,10 @@ def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> list[Line2D]:
 
 
 def _plain_ticks(side: Axis) -> None:
-    """Numbers like 0.5 and 20, where a logarithmic axis spans little; it would write 8 x 10^0."""
+    """Numbers like 0.5 and 20 on a short logarithmic axis, which would otherwise have numbers like 8 x 10^0."""
     low, high = side.get_view_interval()
     if 0.0 < low < high < PLAIN * low and low > 1e-3 and high < 1e4:
-        # Of 1, 2 and 5 only one may lie within a short axis.
+        # A short axis may contain only one of 1, 2 and 5.
         side.set_major_locator(MaxNLocator(4) if high < SHORT * low else LogLocator(subs=(1.0, 2.0, 5.0)))
         side.set_major_formatter("{x:g}")
         side.set_minor_formatter(NullFormatter())

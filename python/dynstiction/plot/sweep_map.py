@@ -30,7 +30,7 @@ NOTHING = "0.8"
 """Colour of cases without the quantity."""
 
 RELATIVE = {
-    "swing": ("swing of $k_x u_x$ over $F_0$", "F_0"),
+    "swing": ("amplitude of $k_x u_x$ over $F_0$", "F_0"),
     "peak_force": ("mean peak of the load over $F_0$", "F_0"),
     "valley_force": ("mean valley of the load over $F_0$", "F_0"),
     "sticking_time": ("share of the time at true rest", "t_end"),
@@ -57,22 +57,22 @@ LABELS = {
 }
 
 OF_CYCLES = ("period", "peak_force", "valley_force", "slip_length", "slip_duration", "stick_duration")
-"""Quantities that only stick-slip has, besides their scatters."""
+"""Quantities that exist only with stick-slip, besides their scatters."""
 CROWDED = 1.5
-"""Largest value over the highest of all but the 2 % largest above which those few do not set the colours."""
+"""Ratio of the largest value to the largest one without the top 2 %, above which the top values do not set the colours."""
 USUAL_SHARE = 98.0
 
 SIGNED = {"lyapunov_exponent": 5.0}
-"""Quantities whose sign matters: what the colours reach to on either side of 0."""
+"""Quantities whose sign matters, and the limit of the colours on either side of 0."""
 SIGNED_COLOURS = "RdBu_r"
 
 SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
-"""What the lines of stability depend on, besides the misalignment."""
+"""Parameters of the lines of stability, besides the misalignment."""
 DAMPERS = ("damping_x", "damping_y")
-"""And where the springs have dampers."""
+"""Additional parameters if there are dampers."""
 
 FINE = 2000
-"""Points of a line of stability."""
+"""Number of points of a line of stability."""
 
 
 def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") -> None:
@@ -94,10 +94,10 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
 
 
 def _values(table: Table, quantity: str) -> tuple[Floats, str]:
-    """Values as they are drawn, and what they are."""
+    """Values as they are drawn, and their label."""
     values = table.quantity(quantity)
     if _of_cycles(quantity) and "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
-        # So small an amplitude is steady sliding: earlier cycles did not persist.
+        # Such a small amplitude is steady sliding: earlier cycles did not persist.
         values = np.where(slides_steadily(table).reshape(values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
@@ -121,7 +121,7 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
     order = np.argsort(side.values)
     axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
-    # Also where no case has a value.
+    # Also if no case has a value.
     axis.set_xlim(*span_of(side))
     codes = table.data["result_code"].values
     rows = [
@@ -137,7 +137,7 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
 
 
 def _draw_marks(figure: FigureBase, axis: Axes, table: Table, values: Floats, label: str) -> None:
-    """Against the first parameter, in the colour of the second."""
+    """Draw marks against the first parameter, in colours of the second."""
     first, second = table.axes[:2]
     norm = LogNorm() if second.scale == "log" else Normalize()
     marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=norm)
@@ -148,7 +148,7 @@ def _draw_marks(figure: FigureBase, axis: Axes, table: Table, values: Floats, la
 def _draw_colours(
     figure: FigureBase, axis: Axes, table: Table, quantity: str, values: Floats, label: str
 ) -> None:
-    """The first parameter upwards, the second to the right; or the other way round if that is the misalignment."""
+    """Draw the first parameter upwards and the second to the right, or vice versa if the second is the misalignment."""
     up, right = table.axes
     is_turned = right.name == "misalignment_deg"
     if is_turned:
@@ -163,7 +163,7 @@ def _draw_colours(
         lowest = min(0.0, np.nanmin(values))
         usual = float(np.nanpercentile(values, USUAL_SHARE))
         if highest > CROWDED * usual > 0.0:
-            # A few cases would leave one colour for all others.
+            # Otherwise a few cases would leave one colour for all others.
             highest, extend = usual, "max"
     picture = axis.pcolormesh(
         _edges(right), _edges(up), values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True
@@ -177,12 +177,12 @@ def _draw_colours(
     axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
     axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
     _draw_legend(figure, axis, bool(np.isnan(values).any()), _of_cycles(quantity))
-    # Ticks inside would be lost in the colours.
+    # Ticks inside would not be visible on the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
 
 
 def _draw_decay(axis: Axes, up: Axis, right: Axis, decay: Floats) -> None:
-    """Where D = 1: from there on the fast oscillation decays before slip."""
+    """Draw the curve D = 1, beyond which the fast oscillation decays before slip."""
     if min(decay.shape) > 1 and np.nanmin(decay) < 1.0 < np.nanmax(decay):
         line = axis.contour(right.shown, up.shown, decay, levels=[1.0], colors=BLACK, linewidths=1.2)
         axis.clabel(line, fmt={1.0: "$D=1$"}, fontsize="small")
@@ -197,19 +197,19 @@ def _edges(side: Axis) -> Floats:
     )
     if side.scale == "log":
         return np.asarray(np.exp(edges))
-    # What is positive has no cells below 0.
+    # Positive values have no cells below 0.
     return np.maximum(edges, 0.0) if np.min(side.shown) > 0.0 else np.asarray(edges)
 
 
 def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
-    """Lines between which steady sliding is stable, and where k_y matters the crossover tan(phi) = k_x/k_y."""
+    """Lines between which steady sliding is stable, and, if k_y is varied, the crossover tan(phi) = k_x/k_y."""
     spaced = np.geomspace if right.scale == "log" else np.linspace
     values = spaced(right.values.min(), right.values.max(), FINE)
     shown = right._replace(values=values).shown
     if table.has_theory and all(
         name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"
     ):
-        # Without a stiff axis only the limit of a rigid one is drawn, which does not depend on it.
+        # Without a stiff axis only the limit for a rigid one is drawn, which does not depend on k_y.
         given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
         given |= {name: table.numbers[name] for name in (*SLIDER, *DAMPERS) if name in table.numbers}
         critical = critical_misalignment(**(given | {right.name: values}))
@@ -226,7 +226,7 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
                     linestyle=(0, (1, 1.5)),
                     label="rigid stiff axis",
                 )
-                # A dark edge: it must be seen on the paper of the legend too.
+                # A dark edge, so that the line is also visible on the paper of the legend.
                 line.set_path_effects([Stroke(linewidth=2.2, foreground="0.2"), Normal()])
         else:
             axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
@@ -236,7 +236,7 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
 
 
 def _draw_legend(figure: FigureBase, axis: Axes, has_gaps: bool, of_cycles: bool) -> None:
-    """Lines and the grey of cases without a value, above the map."""
+    """Legend above the map: lines, and the grey of cases without a value."""
     low, high = axis.get_ylim()
     handles: list[Artist] = [
         line

@@ -26,7 +26,7 @@ def _name_of(key: object) -> str:
 
 
 class Axis(NamedTuple):
-    """A parameter that is varied."""
+    """A varied parameter."""
 
     key: str
     values: Floats
@@ -39,7 +39,7 @@ class Axis(NamedTuple):
 
     @property
     def symbol(self) -> Symbol:
-        """How figures write the parameter."""
+        """Notation of the parameter in figures."""
         return PARAMETERS.get(self.name, Symbol(self.name.replace("_", " "), self.units))
 
     @property
@@ -54,7 +54,7 @@ class Axis(NamedTuple):
 
     @property
     def scale(self) -> str:
-        """``"log"`` if the values keep their ratio better than their distance."""
+        """``"log"`` if the ratios of the values are more uniform than their distances."""
         values = np.unique(self.values)
         if values.size < 3 or values[0] <= 0.0:
             return "linear"
@@ -71,7 +71,7 @@ class Table(NamedTuple):
     numbers: dict[str, float]
     """Numbers of the deck by name of the key."""
     has_theory: bool = True
-    """Whether the linear theory of steady sliding, which takes coefficients, stands for the friction law."""
+    """Whether the linear theory of steady sliding, which takes coefficients, applies to the friction law."""
 
     def has(self, name: str) -> bool:
         """Whether every case has this parameter."""
@@ -101,8 +101,8 @@ class Table(NamedTuple):
 def table_of(data: xarray.Dataset) -> Table:
     """Table of a sweep from `dynstiction.sweep` or `dynstiction.open_sweep`.
 
-    A list whose first two parameters run over all pairs of their values is taken as that grid: what else varies in it
-    is a consequence of the two.
+    A list whose first two parameters run over all pairs of their values is taken as a grid: other parameters that vary in it
+    depend on these two.
     """
     units = {key: str(values.attrs["units"]) for key, values in data.coords.items()}
     if data["result_code"].dims == ("case",):
@@ -130,5 +130,5 @@ def values_of(deck: str) -> dict[str, object]:
 
 
 def numbers_of(values: Mapping[str, object]) -> dict[str, float]:
-    """Those of one number."""
+    """Values of the keys with one number."""
     return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}

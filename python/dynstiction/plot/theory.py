@@ -1,4 +1,4 @@
-"""What the closed forms say of a run, from the parameters of its deck."""
+"""Predictions of the closed forms for a run, from the parameters of its deck."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ WEAKENING = ("mu_inf", "v_f")
 
 
 def is_exponential(values: Mapping[str, object]) -> bool:
-    """Whether the friction law of a deck with these values by key is constant, or falls exponentially."""
+    """Whether the friction law of a deck with these values by key is constant or decreases exponentially."""
     law = values.get("law", "constant")
     plain = values.get("exponent", 1.0) == 1.0 and values.get("viscous", 0.0) == 0.0
     return law in ("constant", "weakening") or (law == "stribeck" and plain)
 
 
 def slider(result: Result) -> dict[str, float]:
-    """Keywords of `damping_ratio` and its like [SI], of the friction law as the deck has it; a `UsageError` if one is missing."""
+    """Keywords of `damping_ratio` and others [SI], for the friction law of the deck; a `UsageError` if one is missing."""
     parameters = _numbers(result, *ALWAYS, "misalignment_deg")
     parameters["misalignment"] = np.radians(parameters.pop("misalignment_deg"))
-    # With another law the curve of friction held at mu_0 W remains.
+    # With another law only the curve for constant friction mu_0 W is drawn.
     if is_exponential(result.parameters) and all(name in result.parameters for name in WEAKENING):
         parameters |= _numbers(result, *WEAKENING)
     return parameters
@@ -58,7 +58,7 @@ def stiff_frequency(result: Result) -> float | None:
 
 
 def scaled_time(result: Result, time: Floats) -> Floats:
-    """``tau = V t k_x/(mu_0 W)`` at some times [s]; a `UsageError` if the run is no creep from a relaxed spring."""
+    """``tau = V t k_x/(mu_0 W)`` at some times [s]; a `UsageError` if the run does not creep from a relaxed spring."""
     given = _numbers(result, "velocity", "stiffness_x", "mu_0", "normal_load")
     elongation = [float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")]
     friction = given["mu_0"] * given["normal_load"]
@@ -78,7 +78,7 @@ def creep(result: Result, time: Floats) -> Creep:
 
 
 def static_limit(result: Result) -> float | None:
-    """F_0 = mu_0 W [N]; None if the run does not give it."""
+    """F_0 = mu_0 W [N]; None if the run does not contain it."""
     try:
         given = _numbers(result, "mu_0", "normal_load")
     except UsageError:
@@ -109,7 +109,7 @@ def steady_friction(result: Result) -> float | None:
 
 
 def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
-    """Times [s] and velocities [m/s] of the corners of a drive that changes; None if it does not, or the run does not give it."""
+    """Times [s] and velocities [m/s] of the corners of the drive; None if the drive is constant, or the run does not contain it."""
     if "velocity" in result.parameters or not result.resolved_deck:
         return None
     try:
@@ -123,7 +123,7 @@ def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
 
 
 def driven_length(result: Result, time: Floats) -> Floats | None:
-    """Integral of V [m] from 0 to some times [s]; None if the run does not give V."""
+    """Integral of V [m] from 0 to some times [s]; None if the run does not contain V."""
     profile = drive_profile(result)
     if profile is None:
         try:

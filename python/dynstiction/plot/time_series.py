@@ -54,7 +54,7 @@ __all__ = [
 HISTORY = ("spring_force_x", "spring_force_y", "friction", "theta", "X")
 VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "theta", "X")
-"""Columns of several runs in the same panels, by default."""
+"""Default columns of several runs in the same panels."""
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY)
 DASHES: tuple[Any, ...] = (
     "-",
@@ -64,7 +64,7 @@ DASHES: tuple[Any, ...] = (
     (0, (8, 2)),
     (0, (3, 1, 1, 1, 1, 1)),
 )
-"""Of lines in the same panel: colours alone are lost in print."""
+"""Dashes of lines in the same panel: colours alone are not distinguishable in print."""
 
 AT_START = ("friction", "theta", "theta_deg", "psi")
 """Columns that jump after the sample at t = 0, where the object still has its start velocity and then comes to rest."""
@@ -72,23 +72,23 @@ AT_START = ("friction", "theta", "theta_deg", "psi")
 DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 
 FEW = 6
-"""Columns above which the panels are lower: they must fit on a page."""
+"""Number of columns above which the panels are lower, so that they fit on a page."""
 
 MOST_RESULTS = 6
-"""More columns than these would be too narrow to read."""
+"""Largest number of results side by side; more would be too narrow to read."""
 
 ADDED_WIDTH = 46.0
-"""Of each result after the first [mm]."""
+"""Width of each result after the first [mm]."""
 
 FORCE, TEXT = "0.45", "0.25"
 SLIP = "0.85"
-"""Grey of the stretches of time in which the object slips."""
+"""Grey of the intervals of time in which the object slips."""
 MOST_SLIPS = 60
-"""More would make the panels grey."""
+"""Largest number of grey intervals; more would make the panels grey."""
 WIDTH = 52
-"""Characters of a line of the legend, those of the symbols' source included."""
+"""Characters of a line of the legend, including the markup of symbols."""
 VISIBLE = 0.01
-"""Share of F_0 by which the steady force must differ from it to get a line of its own."""
+"""Share of F_0 by which the steady force must differ from F_0 to get a separate line."""
 
 NEVER_SHOWN = frozenset(
     {
@@ -97,7 +97,7 @@ NEVER_SHOWN = frozenset(
         "threads", "accuracy", "quantities", "stop_at_steady", "overwrite",
     }
 )  # fmt: skip
-"""Parameters that do not change the motion, or change it in no way that a reader looks for."""
+"""Parameters that do not change the motion, or not in a way that matters to the reader."""
 
 INSETS = (
     (0.125, 0.60, 0.265, 0.34),
@@ -105,9 +105,9 @@ INSETS = (
     (0.13, 0.19, 0.28, 0.34),
     (0.64, 0.60, 0.33, 0.34),
 )
-"""Where an inset may stand: left, bottom, width, height in shares of the panel."""
+"""Possible places of an inset: left, bottom, width, height in shares of the panel."""
 INSET_LABELS = (0.115, 0.15)
-"""What its numbers take beside and below it."""
+"""Space of the numbers of an inset, on its left and below it."""
 LEAST_CREEP, MOST_CREEP = 20, 0.6
 """Samples of the first creep that an inset needs, and the share of the panel's height above which the panel itself shows it."""
 
@@ -115,7 +115,7 @@ LEAST_CREEP, MOST_CREEP = 20, 0.6
 def draw_column(
     axis: Axes, result: Result, name: str, margin: float = 0.12, scale: tuple[Floats, ...] = ()
 ) -> None:
-    """One column against time, with its label; in the unit that suits it, or the values `scale`."""
+    """Draw one column against time, with its label, in the unit that suits the column or the values `scale`."""
     label, factor, colour = label_of(name, result.columns.units[name], *(scale or (result[name],)))
     axis.plot(*_line(result, name, factor), color=colour)
     axis.set_ylabel(label)
@@ -123,7 +123,7 @@ def draw_column(
 
 
 def show_time(axis: Axes, result: Result) -> None:
-    """Times of what is shown along x, with their label."""
+    """Set the limits and the label of the time axis."""
     axis.set_xlim(result.time[0], result.time[-1])
     axis.set_xlabel("$t$ [s]")
 
@@ -136,7 +136,7 @@ def draw_history(
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Spring forces, friction force and angle, and position against time (Fig. 3), or other columns; above them V(t) of a profile."""
+    """Spring forces, friction force and angle, position against time (Fig. 3), or other columns; above them V(t) of a profile."""
     columns(result, *names)
     view = view_of(result, start, end)
     profile = drive_profile(result)
@@ -168,7 +168,7 @@ def draw_history(
 def draw_in_axes(
     result: Result, axes: Sequence[Axes], names: Sequence[str], start: float | None, end: float | None
 ) -> None:
-    """A column in each of some axes."""
+    """Draw one column into each of several axes."""
     columns(result, *names)
     view = view_of(result, start, end)
     for axis, name in zip(axes, names, strict=True):
@@ -178,13 +178,13 @@ def draw_in_axes(
 
 
 def _line(result: Result, name: str, factor: float) -> tuple[Floats, Floats]:
-    """What is drawn of a column: without the sample at t = 0 where it would draw a jump that lasts no time."""
+    """Samples of a column that are drawn: without that at t = 0 if it would show a jump that takes no time."""
     first = int(name in AT_START and result.time[0] == 0.0 and result.time.size > 2)
     return thin(result.time[first:], factor * result[name][first:])
 
 
 def _draw_drive(axis: Axes, profile: tuple[Floats, Floats], result: Result) -> None:
-    """V(t), corner by corner."""
+    """V(t) as a line through the corners of the drive."""
     corners, velocity = profile
     factor, unit = scaled("m/s", velocity)
     ends = result.time[[0, -1]]
@@ -195,7 +195,7 @@ def _draw_drive(axis: Axes, profile: tuple[Floats, Floats], result: Result) -> N
 
 
 def _draw_limits(axis: Axes, view: View, name: str) -> dict[str, Line2D | Patch]:
-    """The static limit and steady sliding where a panel has them, the driven end beside the position."""
+    """Draw the static limit and steady sliding in the panels that have them, and the driven end in that of the position."""
     drawn: dict[str, Line2D | Patch] = {}
     if name == "X":
         driven = driven_length(view.whole, view.result.time)
@@ -211,7 +211,7 @@ def _draw_limits(axis: Axes, view: View, name: str) -> dict[str, Line2D | Patch]
                 label="driven end",
                 zorder=1.5,
             )
-            # Before the first slip it is far ahead: the position stays readable.
+            # Before the first slip it is far ahead; so the position remains readable.
             axis.set_ylim(
                 low, max(high, min(float(np.max(factor * driven)) * 1.05, high + 0.5 * (high - low)))
             )
@@ -235,7 +235,7 @@ def _draw_limits(axis: Axes, view: View, name: str) -> dict[str, Line2D | Patch]
 
 
 def _mark_slips(axes: Iterable[Axes], view: View) -> dict[str, Line2D | Patch]:
-    """Grey stretches from each peak of the load to its valley."""
+    """Grey intervals from each peak of the load to its valley."""
     slips = view.slips()
     if not 0 < len(slips) <= MOST_SLIPS:
         return {}
@@ -246,7 +246,7 @@ def _mark_slips(axes: Iterable[Axes], view: View) -> dict[str, Line2D | Patch]:
 
 
 def _draw_creep_inset(axis: Axes, view: View) -> None:
-    """The slow creep of the first stick phase, which the whole history hides, where the panel has room for it."""
+    """Inset with the slow creep of the first stick phase, which is not visible in the whole history, if the panel has room."""
     if not view.starts_the_run or "spring_force_x" not in view.whole or "X" not in view.whole:
         return
     first = slice(0, first_release(view.whole["spring_force_x"]) + 1)
@@ -281,7 +281,7 @@ def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
         for line in lines:
             across = (np.asarray(line.get_xdata(), dtype=float) - left) / (right - left)
             up = (np.asarray(line.get_ydata(), dtype=float) - low) / (high - low)
-            # A line of few points is crossed between them too.
+            # A line with few points may cross the inset between two points.
             fine = np.linspace(across.min(), across.max(), 500)
             across, up = np.append(across, fine), np.append(up, np.interp(fine, across, up))
             crossed |= bool(
@@ -300,7 +300,7 @@ def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
 def draw_velocities(
     result: Result, figure: FigureBase, *, start: float | None = None, end: float | None = None
 ) -> None:
-    """Both slip velocities: left what is shown of the run, right five periods of the stiff axis halfway to the first slip."""
+    """Both slip velocities: left in the part shown, right in five periods of the stiff axis halfway to the first slip."""
     columns(result, *VELOCITIES)
     view = view_of(result, start, end)
     sized(figure, 80.0)
@@ -322,7 +322,7 @@ def draw_velocities(
 
 
 def _detail(result: Result, until: float) -> slice:
-    """Samples of a few periods of the stiff axis from halfway to a time on; more where there are not enough samples for a line."""
+    """Samples of a few periods of the stiff axis, from half of a time on; more periods if these are too few samples for a line."""
     frequency = stiff_frequency(result)
     length = 0.0 if frequency is None else DETAIL_PERIODS / frequency
     start = int(np.searchsorted(result.time, 0.5 * (result.time[0] + max(until, float(result.time[0])))))
@@ -339,11 +339,11 @@ def draw_series(
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Every column, or some, one panel each: for files with too few columns for another kind."""
+    """All columns, or some, one in each panel: for files with too few columns for another kind."""
     held = [name for name in result if name != "time"]
     if not held:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
-    # Known ones in the order of the figures, the others as the file has them.
+    # Known columns in the order of the figures, the others in the order of the file.
     names = names or sorted(
         held, key=lambda name: list(COLUMNS).index(name) if name in COLUMNS else len(COLUMNS)
     )
@@ -362,7 +362,7 @@ def draw_series(
 
 
 def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequence[str]) -> list[str]:
-    """The columns to compare: those that are named, which all must have, or what all have of some usual ones."""
+    """The columns to compare: the named ones, which all results must have, or those of the usual ones that all have."""
     if names:
         for name, result in results.items():
             try:
@@ -384,7 +384,7 @@ def draw_comparison(
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """One column of panels a result, one row a quantity that all have; scales are shared along rows."""
+    """One column of panels for each result, one row for each quantity that all have; rows share their scales."""
     shown = _shared(results, names, HISTORY)
     views = [view_of(result, start, end) for result in results.values()]
     sized(figure, 12.0 + 30.0 * len(shown), COLUMN_WIDTH / MM + ADDED_WIDTH * (len(results) - 1))
@@ -411,10 +411,10 @@ def draw_overlay(
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """One panel a quantity, in each of them a line for each result."""
+    """One panel for each quantity, with a line for each result."""
     shown = _shared(results, names, OVERLAID)
     if start is None and end is None:
-        # One window for all: the longest that one of them would be shown in.
+        # One window for all results: the longest of their windows.
         ends = [float(view_of(result).result.time[-1]) for result in results.values()]
         views = [view_of(result, None, min(max(ends), float(result.time[-1]))) for result in results.values()]
         longest = max(float(result.time[-1]) for result in results.values())
@@ -443,12 +443,12 @@ def draw_overlay(
 
 
 def _folded(line: str) -> str:
-    """A note in two lines: columns of panels are narrow."""
+    """A note in two lines, because columns of panels are narrow."""
     return line.replace(" apart ", " apart\n")
 
 
 def what_differs(results: Mapping[str, Result]) -> list[str]:
-    """Title of each result: its name, and the parameters that not all have alike, those of the physics first."""
+    """Title of each result: its name, and the parameters in which the results differ, those of the physics first."""
     parameters = [result.parameters for result in results.values()]
     known = [
         *PARAMETERS,

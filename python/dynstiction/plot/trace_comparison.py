@@ -1,4 +1,4 @@
-"""A measured trace beside a run: mean waveforms over a cycle and around the slip, and the table of statistics."""
+"""A measured trace and a run: mean waveforms over a cycle and around the slip, and the table of statistics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_trace_comparison"]
 
 ERRORS = 2.0
-"""Standard errors that a band is wide to either side."""
+"""Half width of a band in standard errors."""
 MOST_DIGITS = 8
 MILLI = (1e3, "ms")
 SYMBOLS = {
@@ -31,7 +31,7 @@ SYMBOLS = {
     "slip_length": "slip length [m]",
     "lateral_change": "lateral change [N]",
 }
-"""How the statistics are called in the figure."""
+"""Names of the statistics in the figure."""
 
 
 def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
@@ -66,7 +66,7 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
 
 def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> None:
-    # The wider line shows beneath the other where both are the same.
+    # Where both lines are the same, the wider one is visible beneath the other.
     for form, colour, name, width in (
         (measured, BLUE, "measured", 1.6),
         (simulated, VERMILION, "simulated", 0.7),
@@ -86,7 +86,7 @@ def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> 
 
 
 def _time_scale(time: object) -> tuple[float, str]:
-    """Scale of times, and what they are then in."""
+    """Scale of times, and their unit."""
     longest = float(np.max(np.abs(np.asarray(time))))
     return (1.0, "s") if longest >= 1.0 else MILLI if longest >= 1e-3 else (1e6, "µs")
 
@@ -122,7 +122,7 @@ def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
 
 
 def _with_error(value: float, error: float) -> str:
-    """A value with its standard error in units of its last digit, of two digits: 0.83293(32)."""
+    """A value with its standard error, which has two digits, in units of its last digit: 0.83293(32)."""
     if np.isnan(value):
         return "–"
     if not (np.isfinite(error) and error > 1e-9 * abs(value)):
@@ -131,5 +131,5 @@ def _with_error(value: float, error: float) -> str:
     if not 0 <= digits <= MOST_DIGITS:
         return f"{value:.4g} ± {error:.1g}"
     shown = f"{error:.{digits}f}"
-    # An error above 1 has a point itself.
+    # An error above 1 is written with its own decimal point.
     return f"{value:.{digits}f}({shown if error >= 1.0 else round(error * 10.0**digits)})"

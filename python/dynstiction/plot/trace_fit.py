@@ -1,4 +1,4 @@
-"""A measured waveform beside the fitted one: over the cycle, around the slip, and the residuals."""
+"""A measured waveform and the fitted one: over the cycle, around the slip, and the residuals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_fit", "fit_figure"]
 
 AROUND = 2.5
-"""Times the fall that the slip is shown before and after its middle."""
+"""Time that is shown before and after the middle of the slip, in durations of the fall."""
 MILLI = 1e3
 
 

@@ -1,4 +1,4 @@
-"""The part of a run that a figure shows, and what must be said about it."""
+"""The part of a run that a figure shows, and the notes on it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .theory import drive_profile, stiff_frequency
 __all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
 
 MOST_CYCLES = 12
-"""A run with more is shown up to its first cycles."""
+"""A run with more cycles is shown up to its first cycles."""
 SHOWN_CYCLES = 8
-"""After the first slip."""
+"""Number of cycles that are shown after the first slip."""
 COARSE = 0.25
 """Distance of samples over the period of an oscillation above which they do not show it: 0.5 is the limit of Nyquist."""
 SLACK = 1e-9
-"""Share of the run's length by which an end of the window may lie outside."""
+"""Share of the run's length by which an end of the window may be outside the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class View:
     result: Result
     """The samples that are shown."""
     cycles: StickSlip | None
-    """Of the whole run; None if it lacks the columns for them."""
+    """Cycles of the whole run; None if it lacks the columns for them."""
     notes: tuple[str, ...]
-    """What the figure must say of its samples."""
+    """Notes of the figure on its samples."""
 
     @property
     def starts_the_run(self) -> bool:
@@ -54,7 +54,7 @@ class View:
 
 
 def view_of(result: Result, start: float | None = None, end: float | None = None) -> View:
-    """The samples from `start` to `end` [s]; without both the first creep and some cycles of a run that has many.
+    """The samples from `start` to `end` [s]; without both, the first creep and some cycles of a run that has many.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
 
 
 def window(result: Result, start: float | None, end: float | None) -> tuple[float, float]:
-    """Both ends [s] of a part of a run; a `UsageError` if they make none."""
+    """Both ends [s] of a part of a run; a `UsageError` if they are not valid."""
     first, last = float(result.time[0]), float(result.time[-1])
     begin, finish = first if start is None else start, last if end is None else end
     slack = SLACK * (last - first)
@@ -113,7 +113,7 @@ def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -
 
 
 def coarseness(result: Result) -> str | None:
-    """Says that the samples are too far apart for the fast oscillation; None if they are not, or there is none."""
+    """A note that the samples are too far apart for the fast oscillation; None if they are not, or there is no such oscillation."""
     frequency = stiff_frequency(result)
     if frequency is None or result.time.size < 2 or not _oscillates(result):
         return None
@@ -124,7 +124,7 @@ def coarseness(result: Result) -> str | None:
 
 
 def _oscillates(result: Result) -> bool:
-    """Whether the motion has an oscillation across the soft axis: the model has one, something excites it, no damper takes all of it."""
+    """Whether there is an oscillation across the soft axis: the model has it, something excites it, and no damper removes it."""
     model = result.attributes.get("model", "full")
     mass, stiffness, damping, angle, elongation = (
         float(result.parameters.get(name, 0.0))
@@ -141,7 +141,7 @@ def _oscillates(result: Result) -> bool:
 
 
 def _short(value: float, unit: str) -> str:
-    """Three digits and a prefix."""
+    """A number with three digits and a prefix."""
     for size, prefix in ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")):
         if value >= size:
             return f"{value / size:.3g} {prefix}{unit}"

@@ -1,4 +1,4 @@
-"""Work-precision diagram: what every point of a comparison errs and costs."""
+"""Work-precision diagram: error and cost of every point of a comparison."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .style import BLACK, BLUE, BROWN, GREEN, ORANGE, PURPLE, SKY, VERMILION, pa
 __all__ = ["Family", "draw_work_precision", "families"]
 
 COLOURS = (ORANGE, BLUE, SKY, VERMILION, PURPLE, BROWN, BLACK, GREEN)
-"""Of the methods, in the order of the core's list."""
+"""Colours of the methods, in the order of the core's list."""
 KINDS = {
     "full": ("full model, exact contact", "o", "full"),
-    "direct": ("the same without the cycle map", "o", "none"),
+    "direct": ("full model without the cycle map", "o", "none"),
     "smoothed": ("full model, smoothed contact", "s", "none"),
     "low_frequency": ("low-frequency model", "^", "none"),
     "high_frequency": ("high-frequency model", "v", "none"),
@@ -34,7 +34,7 @@ LINES = {"full": "-", "direct": ":"}
 """Kinds whose points are joined."""
 
 PANELS = ("final_elongation", "period", "creep_velocity", "fast_phase")
-"""Quantities that get a panel, as far as the scene has them; at most three."""
+"""Quantities that have a panel, if the scene has them; at most three."""
 
 LABELS = {
     "final_elongation": "error of the final elongation",
@@ -47,7 +47,7 @@ LABELS = {
 class Family(NamedTuple):
     """Points that differ in tolerance or step only, the coarse ones first.
 
-    Errors below the floor, what the reference can tell, stand at it: `known` is False there.
+    Errors below the floor, the resolution of the reference, are drawn at the floor: `known` is False there.
     """
 
     kind: str
@@ -79,7 +79,7 @@ def families(trade: Trade, quantity: str) -> list[Family]:
 
 
 def draw_work_precision(trade: Trade, figure: FigureBase) -> None:
-    """Cost against error, one panel a quantity; the grey part is below what the reference can tell."""
+    """Cost against error, one panel for each quantity; errors in the grey part are below the resolution of the reference."""
     shown = [name for name in PANELS if name in trade.quantities][:3]
     if not shown or not trade.done.any():
         raise UsageError("nothing to draw: no point was measured: give dynstiction trade a larger --budget")
@@ -93,7 +93,7 @@ def draw_work_precision(trade: Trade, figure: FigureBase) -> None:
 
 
 def _draw_panel(axis: Axes, trade: Trade, quantity: str) -> set[str]:
-    """Draw the points of one quantity; returns methods and kinds that occur."""
+    """Draw the points of one quantity; return the methods and kinds that occur."""
     drawn: set[str] = set()
     for family in families(trade, quantity):
         drawn |= {family.kind, family.method}

@@ -1,4 +1,4 @@
-"""One HTML page with all that a result file holds; it needs neither network nor other files."""
+"""One HTML page with the content of a result file; it needs neither network nor other files."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from ..stick_slip import stick_slip_statistics
 __all__ = ["report", "write_report"]
 
 DOTS_PER_INCH = 220
-"""Sharp on screens with two dots a pixel."""
+"""Resolution for screens with two dots for each pixel."""
 
 FRAMES = 600
-"""Of the animation."""
+"""Frames of the animation."""
 
 MOST_CYCLES = 50
-"""Rows of the table of cycles."""
+"""Largest number of rows in the table of cycles."""
 
 MOST_VALUES = 12
-"""Values of a list that are shown."""
+"""Largest number of values of a list that are shown."""
 
 SAME = 1e-9
-"""Share of a mean below which its scatter is that of rounding."""
+"""Share of a mean below which its scatter is due to rounding."""
 MOST_DIGITS = 9
 
 HEAD = ("", "value", "unit", "")
@@ -52,14 +52,14 @@ SOURCES = (
     "Its preprint, whose equations and figures are numbered here: Dynamic Stiction Mode by Friction Vector Rotation, "
     "arXiv:2008.01854.",
 )
-"""What to cite."""
+"""Sources to cite."""
 
 CAPTIONS = {
     "history": "Spring forces along the soft and the stiff axis, friction force, its angle to the soft axis, position.",
     "velocities": "Slip velocities along the soft and the stiff axis, and a few periods of the stiff axis enlarged.",
     "spectrogram": "Slip velocities and their power density; dashed, the frequency that slow creep predicts.",
     "damping": "Damping ratio of the slow motion against the angle of friction.",
-    "creep": "Mean velocity of the first creep against its closed form.",
+    "creep": "Mean velocity of the first creep, compared with its closed form.",
     "path": "Tip of the friction vector in the plane of the principal axes, coloured by time.",
     "cycle_map": "From release to release: the change of the load and the time of fast cycles, and the iterates of the run.",
     "columns": "The columns of the file.",
@@ -69,7 +69,7 @@ CAPTIONS = {
 def report(result: Result, name: str) -> str:
     """HTML page of a run: summary, figures, animation of the friction vector, parameters, statistics, provenance.
 
-    The name is what the run is called, its file for example. The page loads nothing, and its security policy forbids it to.
+    The name identifies the run, for example by its file. The page loads nothing, and its security policy does not allow it.
     """
     pieces = files(__name__)
     figures, missing = _figures(result)
@@ -98,7 +98,7 @@ def report(result: Result, name: str) -> str:
 
 
 def write_report(result: Result, path: str | os.PathLike[str], name: str, *, overwrite: bool = False) -> None:
-    """Write the page of `report`; a `FileError` if the file exists, unless it may be overwritten, or cannot be written."""
+    """Write the page of `report`. A `FileError` is raised if the file cannot be written, or exists and may not be overwritten."""
     text = report(result, name)
     require_folder(path)
     try:
@@ -118,7 +118,7 @@ def _heading(result: Result) -> str:
     irregular = ""
     if result.summary.get("regularity") == -1.0:
         irregular = (
-            ". The motion is irregular: its cycles have a distribution, of which means and scatters are told"
+            ". The motion is irregular: its cycles have a distribution; the page shows its means and scatters"
         )
     return (
         f"Model {model}, method {method}, {end}, the object came to rest {result.sticks()} times{irregular}"
@@ -126,8 +126,8 @@ def _heading(result: Result) -> str:
 
 
 def _given(result: Result) -> str:
-    """What the user has set, by the deck or beside it, in the order of the deck, with the values that were used."""
-    # What the keys of the deck are; a list is no parameter of a run, which has numbers and texts.
+    """Keys that the user has set, in the deck or by settings, in the order of the deck, with the values used."""
+    # The keys of the deck; a list is not a parameter of a run, because parameters are numbers and texts.
     known = {(key["group"], key["name"]): (key["units"], key["meaning"]) for key in catalogue()["keys"]}
     rows = []
     for group, keys in _set_keys(result).items():
@@ -138,7 +138,7 @@ def _given(result: Result) -> str:
 
 
 def _set_keys(result: Result) -> dict[str, dict[str, object]]:
-    """Keys of the deck as read, and those whose values it alone would not have, with the values that were used."""
+    """Keys of the deck as read, and keys whose values differ from those of the deck alone, with the values used."""
     if not (result.deck and result.resolved_deck):
         return {}
     try:
@@ -149,7 +149,7 @@ def _set_keys(result: Result) -> dict[str, dict[str, object]]:
     try:
         alone = Scene.from_deck(deck.check()).groups()
     except Error:
-        # Without what was set beside it the deck is none.
+        # Without the other settings the text is not a deck.
         alone = used
     found: dict[str, dict[str, object]] = {}
     for group, values in used.items():
@@ -161,7 +161,7 @@ def _set_keys(result: Result) -> dict[str, dict[str, object]]:
 
 
 def _shown(value: Any) -> str:
-    """A value in six digits; a list with commas between."""
+    """A value in six digits; a list with commas."""
     if isinstance(value, str) or not np.ndim(value):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
     values = np.ravel(np.asarray(value)).tolist()
@@ -178,7 +178,7 @@ def _described(values: Described[float] | Described[float | str]) -> str:
 
 
 def _samples(result: Result) -> str:
-    """Says where the samples do not show the oscillation, or that figures show a part."""
+    """A note if the samples do not show the oscillation, or figures show only a part of the run."""
     if result.time.size < 2:
         return ""
     notes = view_of(result).notes
@@ -187,7 +187,7 @@ def _samples(result: Result) -> str:
 
 
 def _figures(result: Result) -> tuple[list[str], list[tuple[str, str]]]:
-    """Every kind of figure that the run can show, the columns only if it can show no other; and why it cannot show the others."""
+    """All kinds of figure that the run can show, the columns only if there is no other; and why it cannot show the others."""
     drawn: list[str] = []
     missing: list[tuple[str, str]] = []
     for kind in plot.KINDS:
@@ -213,7 +213,7 @@ def _missing(missing: list[tuple[str, str]]) -> str:
 
 
 def _cite(result: Result) -> str:
-    """What a paper that uses the run should name, and a sentence on how it was computed."""
+    """Sources that a paper with this run should cite, and a sentence on how the run was computed."""
     version, revision = (str(result.attributes.get(name, "")) for name in ("version", "git_revision"))
     model, method = (str(result.attributes.get(name, "")) for name in ("model", "method"))
     tolerance = result.parameters.get("rtol")
@@ -240,7 +240,7 @@ def _cycles(result: Result) -> str:
             "<p>No stick-slip cycle: the spring force never falls by more than 1 % of the static limit.</p>"
         )
     means, scatter = cycles.means(), cycles.scatter()
-    # Those of the summary are better: it finds extremes between the samples.
+    # The values of the summary are more accurate: it finds extremes between the samples.
     found = result.summary
     if means:
         rows_of_means = [
@@ -267,7 +267,7 @@ def _cycles(result: Result) -> str:
 
 
 def _with_scatter(mean: float, scatter: float | None) -> str:
-    """Mean and standard deviation, which has two digits; without scatter six digits of the mean."""
+    """Mean and standard deviation with two digits of the latter; without scatter, six digits of the mean."""
     if scatter is None:
         return f"{mean:.6g}"
     if not scatter > SAME * abs(mean):
@@ -287,7 +287,7 @@ def _animation(result: Result, script: str) -> str:
 
 
 def _frames(result: Result) -> dict[str, list[float]]:
-    """Means over equal stretches of time: a frame shows no single swing of the fast oscillation."""
+    """Means over equal intervals of time: a frame does not show single periods of the fast oscillation."""
     result = view_of(result).result
     force = result["spring_force_x"]
     edges = np.linspace(result.time[0], result.time[-1], FRAMES + 1)
@@ -300,7 +300,7 @@ def _frames(result: Result) -> dict[str, list[float]]:
     # Friction acts against the slip.
     return {
         "span": [float(result.time[0]), float(result.time[-1])],
-        # Of all samples: a mean of some is no peak.
+        # From all samples: a mean of several samples is not a peak.
         "range": [float(f"{force.min():.6g}"), float(f"{force.max():.6g}")],
         "time": means(result.time),
         "x": means(-result["friction"] * np.cos(result["psi"])),
