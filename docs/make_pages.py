@@ -62,7 +62,7 @@ free space on the disk of the output: `samples × columns × 8 bytes` for a run 
 A key without default must be given if it is used. A key that the chosen model, law, contact or method does
 not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
 `v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
-quotes there. The resolved deck is stored in the result file (`/deck/resolved`), together with the deck as it was
+quotes there. If a setting makes a key of the deck useless, the key is left out with a note. The resolved deck is stored in the result file (`/deck/resolved`), together with the deck as it was
 read (`/deck/text`).
 
 `cycle_map` and `settle` are explained in [the cycle map](cycle_map.md).

@@ -323,6 +323,7 @@ def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
     parser.add_argument("-o", "--output", metavar="FILE")
     parser.add_argument("--set", metavar="GROUP.KEY=VALUE", action="append", default=[])
     parser.add_argument("--overwrite", action="store_true")
+    parser.add_argument("--all", action="store_true")
     parser.add_argument("--quiet", action="store_true")
     parser.set_defaults(command=_trade, name="trade")
 

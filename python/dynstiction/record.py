@@ -91,9 +91,9 @@ def si_units(units: str) -> str:
     return "/".join([" ".join(above) or "1", *below])
 
 
-def number_shown(value: object) -> str:
-    """A value for people: six digits of a real number."""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def number_shown(value: object, digits: int = 6) -> str:
+    """A value for people: at most this many digits of a real number, an integer as it is."""
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 class Described(Mapping[str, T], Generic[T]):

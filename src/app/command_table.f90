@@ -98,8 +98,8 @@ module dst_command_table
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
       'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
-      'velocities, against a reference whose own error is estimated. Prints a table, which includes settings that '// &
-      'failed or were skipped, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current '// &
+      'velocities, against a reference whose own error is estimated. Prints the best settings and what to take for three '// &
+      'accuracies, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current '// &
       'directory; dynstiction plot FILE draws it. The Python package does both.', &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
       'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
@@ -174,6 +174,7 @@ module dst_command_table
       'period, peak_force and creep_velocity that the scene has', trade_help), &
     option_t('--overwrite', '', 'run sweep merge trade report export fit', '?', 'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
+    option_t('--all', '', 'trade', '?', 'print every setting, also those that failed or were skipped', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
     option_t('--keep-shards', '', 'run merge', '?', 'do not remove the shards of a sweep when the result file is complete', ''), &
     option_t('--redivide', '', 'run', '?', 'with --shard: use another N than the shards have; finished cases are kept', ''), &

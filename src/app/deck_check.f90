@@ -51,6 +51,7 @@ contains
 
     notes = ''
     if (deck%is_sweep()) then
+      if (deck%notes%count > 0) notes = deck%notes%report(deck%name)//new_line('a')
       call weigh_sweep(deck, output, shards, demand, error)
     else
       call weigh_run(deck, output, demand, notes, interval, error)

@@ -296,6 +296,7 @@ contains
       words = [words, argument_t('--set='//command%settings(i)%text)]
     end do
     if (command%has('--overwrite')) words = [words, argument_t('--overwrite')]
+    if (command%has('--all')) words = [words, argument_t('--all')]
     if (command%has('--quiet')) words = [words, argument_t('--quiet')]
     words = [words, argument_t('--'), command%operands]
   end function words_of_trade

@@ -11,7 +11,7 @@ module dst_deck
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
                         range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, automatic, &
                         is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
-  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used, unused
+  use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
   use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   use dst_friction_table, only: take_friction_table
@@ -512,7 +512,8 @@ contains
     if (scan(given, achar(10)//achar(13)) > 0) problem = "control characters in '"//trim(key%name)//"': give plain text"
   end function text_problem
 
-  !> Keys that the user set although nothing uses them, or to a value that only an unused key may have.
+  !> Keys that the user set although nothing uses them, or to a value that only an unused key may have. A key of the file that a
+  !> setting makes useless is left out, with a note.
   subroutine check_keys(deck)
     type(deck_t), intent(inout) :: deck
     integer :: i
@@ -521,6 +522,12 @@ contains
       associate (key => schema(i), value => deck%value(i))
         if (.not. (value%user .and. value%valid)) cycle
         if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
+          if (value%place%setting == 0 .and. deck%value(excluding_key(deck, i))%place%setting > 0) then
+            call deck%notes%add(value%place, "note: '"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
+                    ' and is left out')
+            call set_default(key, value)
+            cycle
+          end if
           call deck%faults%add(value%place, "'"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ': remove it, it works only with '//condition_text(key))
         else if (usage(deck, i) == used .and. key%kind == real_kind) then

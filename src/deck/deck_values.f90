@@ -9,7 +9,7 @@ module dst_deck_values
   implicit none
   private
 
-  public :: deck_t, value_t, usage, failing_condition, element_count, set_default, is_default
+  public :: deck_t, value_t, usage, excluding_key, failing_condition, element_count, set_default, is_default
   public :: used, unused, unknown
 
   !> Whether a key has a meaning in this deck; unknown as long as the choice on which it depends is faulty.
@@ -32,6 +32,7 @@ module dst_deck_values
     character(:), allocatable :: text    !! the file's text as read
     type(value_t) :: value(key_count)
     type(faults_t) :: faults             !! what is wrong with it
+    type(faults_t) :: notes              !! what was left out of it
   contains
     procedure :: real_of
     procedure :: reals_of
@@ -145,25 +146,37 @@ contains
     end do
   end function usage
 
-  !> The reason why key `i` is not used: 'law constant'.
-  pure recursive function failing_condition(deck, i) result(text)
+  !> The key whose value is the reason why key `i` is not used, 0 if it is used.
+  pure recursive function excluding_key(deck, i) result(key)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
-    character(:), allocatable :: text
+    integer :: key
     integer :: n, on
 
-    text = ''
+    key = 0
     do n = 1, condition_count(schema(i))
       on = find_name(schema(i)%used_by(n)%on)
       if (usage(deck, on) == unused) then
-        text = failing_condition(deck, on)
+        key = excluding_key(deck, on)
       else if (.not. has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) then
-        text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
+        key = on
       else
         cycle
       end if
       return
     end do
+  end function excluding_key
+
+  !> The reason why key `i` is not used: 'law constant'.
+  pure function failing_condition(deck, i) result(text)
+    type(deck_t), intent(in) :: deck
+    integer, intent(in) :: i
+    character(:), allocatable :: text
+    integer :: on
+
+    on = excluding_key(deck, i)
+    text = ''
+    if (on > 0) text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
   end function failing_condition
 
   !> Number of values of a key.

@@ -21,7 +21,8 @@ module dst_model_choice
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_stepper, only: work_count_t
-  use dst_text, only: formatted, has_word
+  use dst_plain_numbers, only: number_text
+  use dst_text, only: has_word
   use dst_writer, only: outcome_t
   implicit none
   private
@@ -110,9 +111,6 @@ module dst_model_choice
   real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, least_cycles = 2.0_wp, &
     largest_speed = 0.5_wp
 
-  !> Format of the numbers in messages.
-  character(*), parameter :: short = '(es8.1)'
-
 contains
 
   !> Replace the model 'auto' by a model, and say why; other models are not changed, and need no reason. If no column is requested
@@ -168,8 +166,8 @@ contains
         error = estimated_error(scene, slider, small, model, slow)
         accept = error <= scene%accuracy
         lack = model//' is not known to be that accurate here'
-        if (error < excluded) lack = model//' may have an error of '//formatted(short, error)
-        lack = lack//', more than accuracy = '//formatted(short, scene%accuracy)
+        if (error < excluded) lack = model//' may have an error of '//number_text(error, 2)
+        lack = lack//', more than accuracy = '//number_text(scene%accuracy, 2)
       end if
       if (.not. accept) then
         if (passed_over /= '') passed_over = passed_over//'; '
@@ -178,8 +176,8 @@ contains
       end if
       scene%model = model
       if (scene%fields(1) == 'default') scene%fields = free_columns(model)
-      reason = model//': for '//trim(scene%quantities)//' its error is at most '//formatted(short, error)// &
-        ' (estimated), accuracy = '//formatted(short, scene%accuracy)
+      reason = model//': for '//trim(scene%quantities)//' its error is at most '//number_text(error, 2)// &
+        ' (estimated), accuracy = '//number_text(scene%accuracy, 2)
       if (passed_over /= '') reason = reason//'; '//passed_over
     end function accept
   end subroutine settle_model

@@ -27,6 +27,7 @@ contains
     type(faults_t) :: notes
     real(wp) :: fastest
 
+    notes = deck%notes
     fastest = maxval(abs(scene%drive_velocity))
     if (.not. fastest > 0.0_wp) call note('drive', 'velocity', 'the drive never moves: give a velocity that is not 0')
     if (scene%stiffness_y > 0.0_wp .and. scene%stiffness_x > scene%stiffness_y) call note('system', 'stiffness_x', &

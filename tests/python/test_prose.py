@@ -13,7 +13,7 @@ if importlib.util.find_spec("proselint") is None:
 
 from prose import VOCABULARY, faults, faults_in, forbidden, pattern
 
-PAGES = sorted({ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")})
+PAGES = sorted({ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")})
 FORTRAN = ("src", "python/core", "tests/unit")
 PYTHON = ("python/dynstiction", "bench", "docs", "tools", "tests")
 ENDINGS = {"f90": FORTRAN, "inc": FORTRAN, "py": PYTHON}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pickle
+import re
 import resource
 import signal
 import subprocess
@@ -88,13 +90,57 @@ def test_file(command, tmp_path):
     assert "period" not in trade.quantities
 
 
+def rows_of(text):
+    """Lines of the printed table after its heading and the two rows of the reference: marked or not, and their times."""
+    lines = text.splitlines()
+    (begin,) = (i for i, line in enumerate(lines) if line.lstrip().startswith("wall s"))
+    assert "reference" in lines[begin + 1] and "its error" in lines[begin + 2]
+    rows = itertools.takewhile(lambda line: re.match(r" *[0-9]", line) and "settings:" not in line, lines[begin + 3 :])
+    return [("*" in row, float(row.split()[0])) for row in rows]
+
+
+def best_times(trade):
+    """Times of the points for which no other is both faster and more accurate, in what the scene has of the usual quantities."""
+    usual = ("final_elongation", "period", "peak_force", "creep_velocity")
+    worst = np.max([trade.error(name) for name in usual if name in trade.quantities], axis=0)
+    points = sorted((trade["seconds"][i], worst[i]) for i in np.flatnonzero(trade.done))
+    return [seconds for i, (seconds, error) in enumerate(points) if all(error < before for _, before in points[:i])]
+
+
 def test_every_candidate_is_printed(command, tmp_path):
-    lines = command("trade", "deck.nml", "--budget", "1", "-o", "x.h5").stdout.splitlines()
+    """With --all, the fastest first; the best ones are marked."""
+    text = command("trade", "deck.nml", "--budget", "1", "--all", "-o", "x.h5").stdout
     trade = ds.open_trade(tmp_path / "x.h5")
-    # Two lines of headings, and one before those without result.
-    assert len(lines) == len(trade["role"]) + 3
-    failed = lines[lines.index("Without result:") + 1 :]
+    rows = rows_of(text)
+    assert [seconds for _, seconds in rows] == pytest.approx(sorted(trade["seconds"][trade.done]), rel=0.06)
+    assert [seconds for marked, seconds in rows if marked] == pytest.approx(best_times(trade), rel=0.06)
+    failed = text.partition("Without result:\n")[2].partition("\n\n")[0].splitlines()
     assert len(failed) == np.count_nonzero((trade["role"] == "candidate") & (trade["result_code"] != 0))
+
+
+def test_the_best_candidates_are_printed_and_what_to_take(command, tmp_path):
+    text = command("trade", "deck.nml", "--budget", "2", "-o", "x.h5").stdout
+    trade = ds.open_trade(tmp_path / "x.h5")
+    best, shown = best_times(trade), [seconds for _, seconds in rows_of(text)]
+    assert 2 <= len(shown) <= 10
+    assert shown[0] == pytest.approx(best[0], rel=0.06) and shown[-1] == pytest.approx(best[-1], rel=0.06)
+    assert all(any(seconds == pytest.approx(other, rel=0.06) for other in best) for seconds in shown)
+    assert f"{len(shown)} of {np.count_nonzero(trade.done)} measured settings" in text
+    chosen = re.findall(r"^  (0\.01|0\.001|1e-06) +(\w+)", text, re.MULTILINE)
+    assert [accuracy for accuracy, _ in chosen] == ["0.01", "0.001", "1e-06"]
+    assert "Written: x.h5" in text
+    assert not re.search(r"[0-9]E[+-]?[0-9]", text)
+
+
+def test_what_a_recommended_setting_does_not_give_is_named(command, tmp_path):
+    """The creep deck oscillates, and the closed form of its creep does not."""
+    text = command("trade", "deck.nml", "--budget", "2", "--accuracy", "0.05", "--quantity", "creep_velocity", "--quiet").stdout
+    trade = ds.open_trade(tmp_path / "deck_trade.h5")
+    assert "fast_amplitude" in trade.quantities
+    model = re.match(r"! (\w+)", text)[1]
+    named = re.search(r"! Not reproduced \(errors of 50% and more\): (.*)", text)
+    assert ("fast_amplitude" in (named[1] if named else "")) == (model != "full")
+    assert "fast_amplitude 1" not in text
 
 
 def test_reasons(creep):

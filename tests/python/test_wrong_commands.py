@@ -108,6 +108,8 @@ NOTES: list[tuple[str, tuple[str, ...]]] = [
     ("friction.v_f=10", ("v_f = 10 m/s is far above the velocities", "friction hardly falls")),
     ("drive.velocity=5", ("5 m/s is far above v_f = 0.01 m/s", "sliding is steady")),
     ("drive.velocity=0", ("the drive never moves", "give a velocity")),
+    ("scene.model=low_frequency", ("'stiffness_y' is not used with model low_frequency", "left out")),
+    ("friction.law=constant", ("'mu_inf' is not used with law constant", "'v_f' is not used", "left out")),
     ("output.interval=1e-3", ("do not show the fast oscillation", "output.interval = 'auto'")),
 ]
 

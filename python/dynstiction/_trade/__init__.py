@@ -49,7 +49,7 @@ class Trade(Table[Any], Mapping[str, Any]):
         ``v_smooth`` [m/s], ``seconds`` [s], ``steps``, ``rhs``, ``newton``, ``result_code``, and ``error_<quantity>`` [1], NaN where
         there is none.
     report : str
-        The table as the executable prints it; empty if it was read from a file.
+        The table as ``dynstiction trade --all`` prints it; empty if it was read from a file.
     recommendation : str
         Cheapest settings that reach the accuracy, as namelist groups; empty if there are none or no accuracy was given.
     settings : dict
@@ -210,7 +210,7 @@ def trade(
             recommendation, settings = advice(comparison, best), advised_settings(comparison, best)
         except Error as error:
             shortfall = str(error)
-    return Trade(comparison.table(), report(comparison), recommendation, settings, shortfall)
+    return Trade(comparison.table(), report(comparison, quantity), recommendation, settings, shortfall)
 
 
 def begin(

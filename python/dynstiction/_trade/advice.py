@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from difflib import get_close_matches
 from typing import Any
 
 from .. import _native
 from ..deck_text import deck_from, setting_value
-from ..errors import UsageError
+from ..errors import Error, UsageError
+from ..record import number_shown
 from .measure import Comparison, Point, StoppedEarlyError
 from .plan import Candidate
 from .quantities import QUANTITIES
-from .report import short
 
-__all__ = ["advice", "advised_settings", "cheapest", "check_quantity"]
+__all__ = ["advice", "advised_settings", "cheapest", "check_quantity", "front", "overview", "short"]
 
 USUAL_QUANTITIES = ("final_elongation", "period", "peak_force", "creep_velocity")
 """The quantities that users need most often."""
 MARGIN = 3.0
 """Errors scatter: a setting is recommended if its error is smaller than the accuracy by this factor."""
+USUAL_ACCURACIES = (1e-2, 1e-3, 1e-6)
+LOST = 0.5
+"""From this error on a quantity is not reproduced."""
+
+
+def short(value: float) -> str:
+    """A number of two digits: 0.001, 3.7e-05."""
+    return number_shown(float(value), 2)
 
 
 def check_quantity(quantity: str, own: Collection[str]) -> None:
@@ -31,18 +40,49 @@ def check_quantity(quantity: str, own: Collection[str]) -> None:
     raise UsageError(f"unknown quantity '{quantity}': {near}there are {' '.join(names)}")
 
 
-def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
-    """The cheapest point whose errors stay below `accuracy` with the margin; an `Error` if there is none."""
+def _counted(comparison: Comparison, quantity: str) -> list[str]:
+    """Quantities of the scene to which an accuracy applies."""
     own = comparison.second.errors
     usual = {*USUAL_QUANTITIES, *(own.keys() - QUANTITIES.keys())}
-    wanted = [name for name in own if quantity in ("all", name) or (quantity == "" and name in usual)]
+    return [name for name in own if quantity in ("all", name) or (quantity == "" and name in usual)]
+
+
+def front(comparison: Comparison, quantity: str) -> list[Point]:
+    """Measured points for which no other one is both faster and more accurate, the fastest first."""
+    wanted = _counted(comparison, quantity) or list(comparison.second.errors)
+    best: list[Point] = []
+    reached = math.inf
+    for point in sorted((point for point in comparison.points if point.done), key=lambda point: point.seconds):
+        error = max((point.errors[name] for name in wanted), default=0.0)
+        if error < reached:
+            best.append(point)
+            reached = error
+    return best
+
+
+def overview(comparison: Comparison, quantity: str) -> str:
+    """The cheapest settings for three usual accuracies, one in each line."""
+    counted = ", ".join(_counted(comparison, quantity))
+    lines = [f"Cheapest settings by the accuracy of {counted} (errors scatter: the margin is {MARGIN:g}):"] if counted else []
+    for accuracy in USUAL_ACCURACIES if counted else ():
+        try:
+            best = cheapest(comparison, accuracy, quantity)
+            lines.append(f"  {short(accuracy):6} {_described(best.candidate)}: {short(best.seconds)} s")
+        except Error:
+            lines.append(f"  {short(accuracy):6} none was measured")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
+    """The cheapest point whose errors stay below `accuracy` with the margin; an `Error` if there is none."""
+    wanted = _counted(comparison, quantity)
     if not wanted:
         raise UsageError(f"the scene has no '{quantity}': choose another quantity, or a longer scene.t_end")
     done = [point for point in comparison.points if point.done]
     if not done:
         raise StoppedEarlyError("no setting was measured: raise --budget")
     largest = {id(point): max(point.errors[name] for name in wanted) for point in done}
-    known = max(own[name] for name in wanted)
+    known = max(comparison.second.errors[name] for name in wanted)
 
     def is_trusted(point: Point) -> bool:
         """Whether a point reaches the accuracy with the margin, and all finer points of its family reach it too."""
@@ -70,12 +110,12 @@ def cheapest(comparison: Comparison, accuracy: float, quantity: str) -> Point:
 
 def advice(comparison: Comparison, best: Point) -> str:
     """The settings of a point as namelist groups, and as a command that also removes the keys that are no longer used."""
-    errors = ", ".join(
-        f"{name} {short(best.errors[name])}"
-        for name in dict.fromkeys((*QUANTITIES, *best.errors))
-        if name in best.errors
-    )
+    names = [name for name in dict.fromkeys((*QUANTITIES, *best.errors)) if name in best.errors]
+    lost = [name for name in names if best.errors[name] >= LOST]
+    errors = ", ".join(f"{name} {short(best.errors[name])}" for name in names if name not in lost)
     lines = [f"! {_described(best.candidate)}: {short(best.seconds)} s, errors {errors}"]
+    if lost:
+        lines.append(f"! Not reproduced (errors of {LOST:.0%} and more): {', '.join(lost)}")
     lines += deck_from(best.candidate.settings(), "").text.splitlines()
     command = ""
     for group, settings in advised_settings(comparison, best).items():

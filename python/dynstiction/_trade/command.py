@@ -19,9 +19,9 @@ from .._native import Lock
 from ..errors import Error, FileError, UsageError, printable
 from ..scene import Scene
 from . import begin
-from .advice import advice, cheapest
+from .advice import advice, cheapest, overview
 from .measure import Comparison, StoppedEarlyError
-from .report import report
+from .report import report, selection
 
 __all__ = ["compare"]
 
@@ -54,7 +54,8 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
     if fault is not None:
         raise fault
     if not options.quiet:
-        say(report(comparison))
+        say(report(comparison, quantity) if options.all else selection(comparison, quantity))
+        say(f"\n{overview(comparison, quantity)}\nWritten: {printable(output)}; draw it with dynstiction plot\n")
     if accuracy is not None:
         text = advice(comparison, cheapest(comparison, accuracy, quantity))
         say("".join(f"{printable(line)}\n" for line in text.splitlines()))
