@@ -102,7 +102,7 @@ def rows_of(text):
 def best_times(trade):
     """Times of the points for which no other is both faster and more accurate, in what the scene has of the usual quantities."""
     usual = ("final_elongation", "period", "peak_force", "creep_velocity")
-    worst = np.max([trade.error(name) for name in usual if name in trade.quantities], axis=0)
+    worst = np.max([np.maximum(trade.error(name), trade.floor(name)) for name in usual if name in trade.quantities], axis=0)
     points = sorted((trade["seconds"][i], worst[i]) for i in np.flatnonzero(trade.done))
     return [seconds for i, (seconds, error) in enumerate(points) if all(error < before for _, before in points[:i])]
 

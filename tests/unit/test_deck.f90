@@ -528,7 +528,8 @@ contains
     call set('choice', ['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
     call set('twice', [character(13) :: 'system.mass=1', 'system.mass=2'], "--set system.mass=2: 'mass' set again")
     call set('a key of the deck that a setting makes useless', ['friction.law=constant'], '')
-    call set('unused in the settings', [character(21) :: 'friction.law=constant', 'friction.v_f=0.1'], "'v_f' is not used with law constant")
+    call set('unused in the settings', [character(21) :: 'friction.law=constant', 'friction.v_f=0.1'], &
+             "'v_f' is not used with law constant")
     call set('unused with the deck', ['integrator.step=1e-6'], "'step' is not used with method radau13")
     call set('empty sweep', ['sweep.count=3'], '&sweep varies nothing')
     call set('control character', ['scene.title=a'//achar(10)//'b'], "control characters in 'title'")

@@ -11,7 +11,7 @@ from .. import _native
 from ..deck_text import deck_from, setting_value
 from ..errors import Error, UsageError
 from ..record import number_shown
-from .measure import Comparison, Point, StoppedEarlyError
+from .measure import RESOLUTION, Comparison, Point, StoppedEarlyError
 from .plan import Candidate
 from .quantities import QUANTITIES
 
@@ -48,12 +48,16 @@ def _counted(comparison: Comparison, quantity: str) -> list[str]:
 
 
 def front(comparison: Comparison, quantity: str) -> list[Point]:
-    """Measured points for which no other one is both faster and more accurate, the fastest first."""
-    wanted = _counted(comparison, quantity) or list(comparison.second.errors)
+    """Measured points for which no other one is both faster and more accurate, the fastest first.
+
+    An error below 100 times that of the reference counts as this limit.
+    """
+    known = comparison.second.errors
+    wanted = _counted(comparison, quantity) or list(known)
     best: list[Point] = []
     reached = math.inf
     for point in sorted((point for point in comparison.points if point.done), key=lambda point: point.seconds):
-        error = max((point.errors[name] for name in wanted), default=0.0)
+        error = max((max(point.errors[name], RESOLUTION * known[name]) for name in wanted), default=0.0)
         if error < reached:
             best.append(point)
             reached = error
