@@ -108,8 +108,6 @@ NOTES: list[tuple[str, tuple[str, ...]]] = [
     ("friction.v_f=10", ("v_f = 10 m/s is far above the velocities", "friction hardly falls")),
     ("drive.velocity=5", ("5 m/s is far above v_f = 0.01 m/s", "sliding is steady")),
     ("drive.velocity=0", ("the drive never moves", "give a velocity")),
-    ("scene.model=low_frequency", ("'stiffness_y' is not used with model low_frequency", "left out")),
-    ("friction.law=constant", ("'mu_inf' is not used with law constant", "'v_f' is not used", "left out")),
     ("output.interval=1e-3", ("do not show the fast oscillation", "output.interval = 'auto'")),
 ]
 
@@ -175,6 +173,27 @@ def test_what_is_seldom_meant_has_a_note(setting: str, words: tuple[str, ...], p
     assert done.stderr.count("note: ") == 1 and f"--set {setting}: note: " in done.stderr, done
     for word in words:
         assert word in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("setting", "keys"), [("scene.model=low_frequency", ["stiffness_y"]), ("friction.law=constant", ["mu_inf", "v_f"])]
+)
+def test_a_key_of_the_deck_that_a_setting_makes_useless_is_left_out(
+    setting: str, keys: list[str], program: Program, folder: Path
+) -> None:
+    done = program("check", folder / "own.nml", "--set", setting, status=DONE)
+    notes = done.stderr.splitlines()
+    lines = (folder / "own.nml").read_text().splitlines()
+    assert len(notes) == len(keys), done
+    for note, key in zip(notes, keys, strict=True):
+        line = int(note.partition("own.nml:")[2].partition(":")[0])
+        assert f"note: '{key}' is not used with {setting.partition('.')[2].replace('=', ' ')} and is left out" in note
+        assert lines[line - 1].split()[0] == key
+        assert not re.search(rf"^  {key} = ", done.stdout, re.MULTILINE)
+    # What a --set gives is refused.
+    also = program("check", folder / "own.nml", settings=(setting, "system.stiffness_y=1e6", "friction.v_f=0.2"), status=2)
+    assert f"'{keys[-1]}' is not used with" in also.stderr
+
 
 
 def test_no_note_on_the_template_and_the_decks_of_the_paper(program: Program, folder: Path) -> None:
