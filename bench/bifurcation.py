@@ -26,8 +26,12 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--runs", type=int, default=3, help="number of runs, of which the best counts")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of threads of the executable")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--threads", type=int, nargs="+", default=[1, 2], help="numbers of threads of the executable"
+    )
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     settings = ["--set", "sweep.count=40"] if options.short else []
     runs = 1 if options.short else options.runs

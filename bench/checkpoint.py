@@ -28,7 +28,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5, help="number of runs of each kind for a median")
     parser.add_argument("--t-end", default="1000.0", help="model time, s")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     if options.short:
         options.runs, options.t_end = 1, "20.0"

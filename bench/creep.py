@@ -21,7 +21,9 @@ def main() -> None:
     )
     parser.add_argument("--points", type=int, default=2_000_000)
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     if options.short:
         options.points, options.runs = 20_000, 1

@@ -58,7 +58,9 @@ def main() -> None:
     parser.add_argument(
         "--exe", default=shutil.which("dynstiction") or DECK.parent.parent / ".venv/bin/dynstiction"
     )
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     runs, scenes, lengths, tolerances, stiffnesses = (
         options.runs,

@@ -47,7 +47,9 @@ def main() -> None:
     parser.add_argument("--exe", default="dynstiction")
     parser.add_argument("--mpi", help="program built with MPI, for `real`")
     parser.add_argument("--launcher", default="mpirun.openmpi --oversubscribe --bind-to none")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -36,7 +36,9 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=11, help="number of runs for a median")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     if options.short:
         options.runs = 1

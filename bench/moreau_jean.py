@@ -28,7 +28,9 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=3, help="number of runs for a median")
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     steps = STEPS
     if options.short:

@@ -45,7 +45,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quad", metavar="PROGRAM", type=Path, help="the program in quadruple precision")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     seeds = SEEDS[1:5] if options.short else SEEDS
     tolerances = (1e-8,) if options.short else (1e-8, 1e-9, 1e-11)

@@ -29,7 +29,9 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=5, help="number of runs, of which the best counts")
     parser.add_argument("--cases", type=int, default=3200, help="number of cases in a run")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     if options.short:
         options.runs, options.cases = 1, 64

@@ -88,7 +88,9 @@ def main() -> None:
     parser.add_argument(
         "--exe", default=shutil.which("dynstiction") or DECK.parent.parent / ".venv/bin/dynstiction"
     )
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     methods, numbers = options.methods.split(","), range(options.scenes)
     tolerances = {method: MORE_TOLERANCES if method in STAGES else TOLERANCES for method in methods}

@@ -40,7 +40,9 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=12, help="random ones")
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--exe", default=shutil.which("dynstiction") or ROOT / ".venv/bin/dynstiction")
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     scenes = [{"scene.t_end": 10.0}, *random_scenes(options.scenes, options.seed)]
     tolerances: tuple[float, ...] = TOLERANCES

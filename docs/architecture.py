@@ -141,7 +141,9 @@ def picture(source: Path) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:.0f}" width="{WIDTH}" height="{y:.0f}" '
         'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">'
     )
-    title = text("The layers of src/, each level above those that it uses", MARGIN, 26, 17, 'font-weight="bold"')
+    title = text(
+        "The layers of src/, each level above those that it uses", MARGIN, 26, 17, 'font-weight="bold"'
+    )
     below = text(
         "A layer uses only layers on lower levels, and of these only those that it names.",
         MARGIN,

@@ -39,7 +39,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs; writes nothing"
+        "--short",
+        action="store_true",
+        help="a short form of some seconds, to check that it runs; writes nothing",
     )
     options = parser.parse_args()
     print_interpolation(POINTS[:2] if options.short else POINTS)

@@ -178,7 +178,9 @@ def _of_cycle(info: Info) -> Info:
 def _key(key: str) -> str:
     """``group.key`` of a key that is given with or without its group."""
     if not isinstance(key, str) or not key.isprintable():
-        raise UsageError(f"{shown(key)} is not a key: write it like misalignment_deg or system.misalignment_deg")
+        raise UsageError(
+            f"{shown(key)} is not a key: write it like misalignment_deg or system.misalignment_deg"
+        )
     group = _native.group_of(key)
     if not group:
         raise DeckError(_native.unknown_key(key))

@@ -55,7 +55,10 @@ def _namelist(value: object) -> str:
         return _written(value)
     except UsageError:
         raise
-    except (RecursionError, ValueError) as error:  # a list that contains itself; a number of thousands of digits
+    except (
+        RecursionError,
+        ValueError,
+    ) as error:  # a list that contains itself; a number of thousands of digits
         raise UsageError(f"a value of a deck is a number, a string, or a sequence of them: {error}") from None
 
 

@@ -140,7 +140,9 @@ class TraceComparison:
             )
             lines.append("  ".join([first, *others]).rstrip())
         lines.append("")
-        lines.append(f"waveforms differ by {self.waveform_rms:.3g} of the amplitude (root mean square over a cycle)")
+        lines.append(
+            f"waveforms differ by {self.waveform_rms:.3g} of the amplitude (root mean square over a cycle)"
+        )
         told = ", ".join(self.differing)
         lines.append(
             f"differ by more than {DIFFERENT:g} standard errors: {told}"

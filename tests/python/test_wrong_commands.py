@@ -41,7 +41,11 @@ COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("merge own.nml -o m.h5", USAGE, ("has no &sweep", "nothing to merge")),
     ("template ful", USAGE, ("unknown model 'ful'", "the nearest is 'full'")),
     ("sweep own.nml", USAGE, ("varies nothing", "--vary system.misalignment_deg=0.5:20:40")),
-    ("sweep own.nml --vary system.mass=1:2", USAGE, ("does not have the parts FIRST:LAST:COUNT", "--vary GROUP.KEY=FIRST:LAST:COUNT")),
+    (
+        "sweep own.nml --vary system.mass=1:2",
+        USAGE,
+        ("does not have the parts FIRST:LAST:COUNT", "--vary GROUP.KEY=FIRST:LAST:COUNT"),
+    ),
     ("sweep own.nml --vary system.mass", USAGE, ("has no '='", "--vary GROUP.KEY=FIRST:LAST:COUNT")),
     ("sweep own.nml --vary system.mass=a:2:3", USAGE, ("'a' is not a real number", "FIRST:LAST:COUNT")),
     ("sweep own.nml --vary system.mass=1:2:3:lgo", USAGE, ("unknown spacing 'lgo'", ":log")),
@@ -193,7 +197,6 @@ def test_a_key_of_the_deck_that_a_setting_makes_useless_is_left_out(
     # What a --set gives is refused.
     also = program("check", folder / "own.nml", settings=(setting, "system.stiffness_y=1e6", "friction.v_f=0.2"), status=2)
     assert f"'{keys[-1]}' is not used with" in also.stderr
-
 
 
 def test_no_note_on_the_template_and_the_decks_of_the_paper(program: Program, folder: Path) -> None:

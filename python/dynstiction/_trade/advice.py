@@ -56,7 +56,9 @@ def front(comparison: Comparison, quantity: str) -> list[Point]:
     wanted = _counted(comparison, quantity) or list(known)
     best: list[Point] = []
     reached = math.inf
-    for point in sorted((point for point in comparison.points if point.done), key=lambda point: point.seconds):
+    for point in sorted(
+        (point for point in comparison.points if point.done), key=lambda point: point.seconds
+    ):
         error = max((max(point.errors[name], RESOLUTION * known[name]) for name in wanted), default=0.0)
         if error < reached:
             best.append(point)
@@ -67,7 +69,11 @@ def front(comparison: Comparison, quantity: str) -> list[Point]:
 def overview(comparison: Comparison, quantity: str) -> str:
     """The cheapest settings for three usual accuracies, one in each line."""
     counted = ", ".join(_counted(comparison, quantity))
-    lines = [f"Cheapest settings by the accuracy of {counted} (errors scatter: the margin is {MARGIN:g}):"] if counted else []
+    lines = (
+        [f"Cheapest settings by the accuracy of {counted} (errors scatter: the margin is {MARGIN:g}):"]
+        if counted
+        else []
+    )
     for accuracy in USUAL_ACCURACIES if counted else ():
         try:
             best = cheapest(comparison, accuracy, quantity)

@@ -55,7 +55,9 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
         raise fault
     if not options.quiet:
         say(report(comparison, quantity) if options.all else selection(comparison, quantity))
-        say(f"\n{overview(comparison, quantity)}\nWritten: {printable(output)}; draw it with dynstiction plot\n")
+        say(
+            f"\n{overview(comparison, quantity)}\nWritten: {printable(output)}; draw it with dynstiction plot\n"
+        )
     if accuracy is not None:
         text = advice(comparison, cheapest(comparison, accuracy, quantity))
         say("".join(f"{printable(line)}\n" for line in text.splitlines()))

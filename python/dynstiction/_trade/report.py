@@ -34,7 +34,11 @@ IRREGULAR = (
 def selection(comparison: Comparison, quantity: str) -> str:
     """The table of the points than which no other one is both faster and more accurate, at most ten of them."""
     best = front(comparison, quantity)
-    shown = [best[i] for i in sorted({round(i) for i in np.linspace(0, len(best) - 1, MOST_ROWS)})] if best else []
+    shown = (
+        [best[i] for i in sorted({round(i) for i in np.linspace(0, len(best) - 1, MOST_ROWS)})]
+        if best
+        else []
+    )
     measured = sum(point.done for point in comparison.points)
     last = f"{len(shown)} of {measured} measured settings: no other one is both faster and more accurate. --all prints all."
     return "\n".join([*_heading(comparison), *_rows(comparison, shown, ()), last]) + "\n"
@@ -62,7 +66,12 @@ def _heading(comparison: Comparison) -> list[str]:
         *(IRREGULAR.splitlines() if comparison.is_irregular else ()),
         f"{'wall s':>8}   {names}{heads}    Newton       rhs",
         _row(comparison, comparison.best, "", dict.fromkeys(_columns(comparison), "")),
-        _row(comparison, comparison.second, "", {name: short(error) for name, error in comparison.second.errors.items()}),
+        _row(
+            comparison,
+            comparison.second,
+            "",
+            {name: short(error) for name, error in comparison.second.errors.items()},
+        ),
     ]
 
 
@@ -87,7 +96,9 @@ def _rows(comparison: Comparison, points: list[Point], marked: Collection[Point]
 
 def _row(comparison: Comparison, point: Point, mark: str, errors: dict[str, str]) -> str:
     role = {"reference": "reference", "check": "its error"}.get(point.role, "")
-    name = f"{_name(point):{NAME_WIDTH}}" if not role else f"{f'{_name(point).rstrip()}, {role}':{NAME_WIDTH}}"
+    name = (
+        f"{_name(point):{NAME_WIDTH}}" if not role else f"{f'{_name(point).rstrip()}, {role}':{NAME_WIDTH}}"
+    )
     entries = "".join(f" {errors.get(name, '-'):>9}" for name in _columns(comparison))
     newton, rhs = round(point.newton), round(min(point.rhs, 2.0e9))
     return f"{short(point.seconds):>8} {mark:1} {name}{entries}{newton:10d}{rhs:10d}"

@@ -381,7 +381,9 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
     else:
         found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]
     for end, value in found:
-        yield VerticalLine(value, "fold of cycles at" if end.is_fold else "amplitude 5 % of $F_0$ at", VERMILION)
+        yield VerticalLine(
+            value, "fold of cycles at" if end.is_fold else "amplitude 5 % of $F_0$ at", VERMILION
+        )
 
 
 def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
