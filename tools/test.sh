@@ -174,8 +174,8 @@ package_tests() {
   for script in sdist meson_install wheel parallel_hdf5; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
-  ! have flang-new-19 || run_tests 'The core with another compiler' '(files compiled|does not compile)' \
-    python "$checkout/tools/second_compiler.py" flang-new-19
+  run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
+    $([[ $level != full ]] || printf %s --full)
 }
 
 # Making the manual runs the notebooks. If all Python tests have run, only the heavy tests of these files are left.
@@ -246,9 +246,10 @@ main() {
   prepare "${sets[@]}"
   ! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
   if is_wanted package; then
-    # Without a browser the report is not opened, and without flang the core is compiled only by gfortran.
+    # Without a browser the report is not opened, and without other compilers the program is built only by gfortran.
     have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
-    have flang-new-19 || (apt_install flang-19) || say 'No flang: the core is compiled by gfortran alone'
+    have flang-new-22 || (apt_install flang-22 libflang-22-dev) || (apt_install flang-19 libflang-19-dev) || say 'No flang: a compiler is left out'
+    have qemu-aarch64 || (apt_install gfortran-aarch64-linux-gnu gcc-aarch64-linux-gnu qemu-user) || say 'No emulator: aarch64 is left out'
   fi
   build_release
   # Scripts that are called from here find everything installed.

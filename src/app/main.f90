@@ -33,6 +33,7 @@ module dst_main
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_threads, only: task_t
+  use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
   private
@@ -177,7 +178,8 @@ contains
 
     text = mpi_library()
     if (text == '') text = 'no'
-    text = 'MPI:       '//text//new_line('a')//'loops:     '//trim(merge('x86-64-v3', 'plain    ', runs_v3()))//new_line('a')
+    text = 'MPI:       '//text//new_line('a')//'loops:     '//trim(merge('x86-64-v3', 'plain    ', runs_v3()))// &
+      new_line('a')//'rounding:  '//arithmetic_fingerprint()//new_line('a')
     text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts//text
   end function version_text
 

@@ -3,6 +3,7 @@
 !> The first process finds out which cases are to be run, from the deck and the existing shards; all processes run them
 !> (dst_sweep_work), each into its own shard; the first one writes the result.
 module dst_sweep_runner
+  use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: version, git_revision
   use dst_deck, only: deck_t, resolved
   use dst_deck_check, only: sweep_of_deck
@@ -185,7 +186,7 @@ contains
     end if
   end subroutine merge_sweep
 
-  !> The sweep and the build to which a shard must belong.
+  !> The sweep and the build, on its kind of machine, to which a shard must belong.
   function head_of(sweep, identity) result(head)
     type(sweep_t), intent(in) :: sweep
     character(*), intent(in) :: identity   !! its first characters are kept
@@ -193,7 +194,7 @@ contains
     character(64) :: digest
 
     head%identity = identity
-    digest = sha256(version//git_revision)
+    digest = sha256(version//git_revision//arithmetic_fingerprint())
     head%build = digest(:len(head%build))
     head%columns = size(table_quantities(sweep))
     head%cases = sweep%cases
@@ -309,7 +310,7 @@ contains
     heads = pack(heads, is_ours)
   end subroutine read_heads
 
-  !> Shards of another build are skipped, with a remark.
+  !> Shards of another build or kind of machine are skipped, with a remark.
   subroutine tell_of_others(sweep, index, options)
     type(sweep_t), intent(in) :: sweep
     type(index_t), intent(in) :: index
@@ -318,8 +319,8 @@ contains
 
     if (index%of_other_builds == 0) return
     progress = new_progress(sweep%deck%name, options%quiet)
-    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program: they are left '// &
-      'alone, and their cases run again (--overwrite empties them)')
+    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program, or of a machine that '// &
+      'rounds differently: they are left alone, and their cases run again (--overwrite empties them)')
   end subroutine tell_of_others
 
   subroutine raise_no_memory(cases, error)

@@ -238,6 +238,28 @@ def test_a_merge_of_another_build_s_shards_alone_finds_nothing(sweep, tmp_path):
     assert "no finished case to merge" in sweep.run("a.h5", command="merge", status=3).stderr
 
 
+# Without the fused instructions that newer processors have, glibc rounds a few values differently.
+ROUNDS_DIFFERENTLY = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4"}
+
+
+def rounding(sweep, env):
+    (line,) = (line for line in sweep.program("--version", env=env, status=0).stdout.splitlines() if line.startswith("rounding:"))
+    return line.split()[1]
+
+
+def test_shards_of_a_machine_that_rounds_differently_are_not_mixed(sweep, tmp_path):
+    if rounding(sweep, {}) == rounding(sweep, ROUNDS_DIFFERENTLY):
+        pytest.skip("this machine rounds as it does without fused instructions")
+    sweep.run("a.h5", "--shard", "1/2", env=ROUNDS_DIFFERENTLY, status=0)
+    theirs = (tmp_path / "a.h5.shard-000001").read_bytes()
+    done = sweep.program(*sweep.command("a.h5", "--shard", "2/2", quiet=False), status=0)
+    assert "of a machine that rounds differently" in done.stderr, done.stderr
+    merged = sweep.run("a.h5", "--keep-shards", command="merge", status=75)
+    assert "6 of 12 cases have not been run" in merged.stderr, merged.stderr
+    assert (tmp_path / "a.h5.shard-000001").read_bytes() == theirs
+    assert sweep.run("a.h5", status=0).stderr == ""
+
+
 # --- partial results
 
 

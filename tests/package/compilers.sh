@@ -1,0 +1,160 @@
+#!/usr/bin/env bash
+# tests/package/compilers.sh [--full]: builds the program with other compilers and flags, and for another processor. Each build runs
+# the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11.
+#
+#   --full   all builds, and all unit tests for the other processor; without it LLVM's flang, products and sums rounded together, and
+#            a few unit tests on an emulated aarch64
+#
+# A compiler that is not installed is skipped, with a line that says so. On Debian: apt-get install flang-22 libflang-22-dev,
+# gfortran-11, and for aarch64 gfortran-aarch64-linux-gnu qemu-user, whose libraries are downloaded into build/aarch64.
+
+source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
+help_if_wanted "$@"
+
+is_full=no
+[[ ${1:-} != --full ]] || is_full=yes
+skipped=0
+prepare
+reference=$scratch/reference.h5
+"${DYNSTICTION_EXE:-$venv/bin/dynstiction}" run "$checkout/inputs/fig3.nml" -o "$reference" --quiet
+
+# agrees FILE: whether the sticks are counted, and each column and value of the summary agrees with the reference relative to its
+# largest value.
+agrees() {
+  python - "$reference" "$1" << 'END'
+import sys
+import h5py
+import numpy as np
+
+with h5py.File(sys.argv[1]) as here, h5py.File(sys.argv[2]) as there:
+    assert there["summary/sticks"][()] == 5398, there["summary/sticks"][()]
+    pairs = [(here[f"{group}/{name}"][()], there[f"{group}/{name}"][()]) for group in ("time_series", "summary") for name in here[group]]
+assert len(pairs) > 20
+difference = max(np.max(np.abs(a - b)) / max(np.max(np.abs(a)), 1e-300) for a, b in pairs)
+print(f"largest difference {difference:.1e}")
+assert difference < 1e-11, difference
+END
+}
+
+# with NAME COMPILER [OPTION of Meson]...: a build, its unit tests, Fig. 3.
+with() {
+  local name=$1 compiler=$2 folder=$checkout/build/with_$1
+  shift 2
+  if ! have "${compiler%% *}"; then
+    say "skipped $name: no $compiler"
+    skipped=$((skipped + 1))
+    return
+  fi
+  rm -rf "$folder"
+  mkdir -p "$folder"
+  say "== $name: $compiler $*"
+  check "$name: configures" env FC="$compiler" meson setup "$folder" "$checkout" -Dpython=false "$@"
+  [[ -e $folder/build.ninja ]] || return 0
+  check "$name: compiles" ninja -C "$folder"
+  check "$name: unit tests" meson test -C "$folder" --no-rebuild --print-errorlogs --no-suite fuzz --no-suite threads
+  run_fig3 "$name" "$folder/src/dynstiction"
+}
+
+run_fig3() {
+  local name=$1
+  shift
+  check "$name: Fig. 3 runs" "$@" run "$checkout/inputs/fig3.nml" -o "$scratch/$name.h5" --quiet
+  check "$name: the numbers of the installed program" agrees "$scratch/$name.h5"
+}
+
+newest() { # newest PATTERN: the newest installed program with such a name
+  compgen -c | grep -xE "$1" | sort -u -V | tail -n 1
+}
+
+for_aarch64() {
+  local folder=$checkout/build/aarch64 quick=(archive models creep numerics plain_numbers result_file seal sha256 stability)
+  if ! have aarch64-linux-gnu-gfortran || ! have qemu-aarch64 || ! have dpkg; then
+    say 'skipped aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
+    skipped=$((skipped + 1))
+    return
+  fi
+  say '== aarch64, emulated'
+  check 'aarch64: libraries' libraries_for_aarch64 "$folder/root"
+  cat > "$folder/cross.ini" << END
+[binaries]
+c = 'aarch64-linux-gnu-gcc'
+fortran = 'aarch64-linux-gnu-gfortran'
+ar = 'aarch64-linux-gnu-ar'
+strip = 'aarch64-linux-gnu-strip'
+pkg-config = 'pkg-config'
+exe_wrapper = ['qemu-aarch64', '-L', '$folder/root', '-E', 'LD_LIBRARY_PATH=$(folders_of_libraries "$folder/root")']
+
+[properties]
+pkg_config_libdir = '$folder/root/usr/lib/aarch64-linux-gnu/pkgconfig'
+sys_root = '$folder/root'
+
+[built-in options]
+c_link_args = [$(link_arguments "$folder/root")]
+fortran_link_args = [$(link_arguments "$folder/root")]
+
+[host_machine]
+system = 'linux'
+cpu_family = 'aarch64'
+cpu = 'aarch64'
+endian = 'little'
+END
+  rm -rf "$folder/program"
+  check 'aarch64: configures' meson setup "$folder/program" "$checkout" --cross-file "$folder/cross.ini" -Dpython=false \
+    -Dlapack=lapack,blas
+  [[ -e $folder/program/build.ninja ]] || return 0
+  check 'aarch64: compiles' ninja -C "$folder/program"
+  [[ $is_full == no ]] || quick=()
+  check 'aarch64: unit tests' meson test -C "$folder/program" --no-rebuild --print-errorlogs --timeout-multiplier 20 \
+    --no-suite fuzz --no-suite threads ${quick[@]+"${quick[@]}"}
+  run_fig3 aarch64 qemu-aarch64 -L "$folder/root" -E "LD_LIBRARY_PATH=$(folders_of_libraries "$folder/root")" \
+    "$folder/program/src/dynstiction"
+}
+
+folders_of_libraries() { printf '%s' "$1/usr/lib/aarch64-linux-gnu:$1/lib/aarch64-linux-gnu:$1/usr/lib/aarch64-linux-gnu/lapack:$1/usr/lib/aarch64-linux-gnu/blas"; }
+
+link_arguments() {
+  local folder arguments=()
+  for folder in $(folders_of_libraries "$1" | tr ':' ' '); do
+    arguments+=("'-L$folder'" "'-Wl,-rpath-link,$folder'")
+  done
+  (IFS=,; printf '%s' "${arguments[*]}")
+}
+
+# HDF5, LAPACK, zlib and what they need, unpacked into a folder; the package manager of this machine is not changed.
+libraries_for_aarch64() {
+  local root=$1 apt=$checkout/build/aarch64/apt archive
+  [[ ! -e $root/complete ]] || return 0
+  mkdir -p "$root" "$apt"/{lists,archives}/partial
+  : > "$apt/status"
+  local options=(-o "Dir::State::lists=$apt/lists" -o "Dir::State::status=$apt/status" -o "Dir::Cache::archives=$apt/archives"
+    -o "Dir::Cache::pkgcache=" -o "Dir::Cache::srcpkgcache=" -o APT::Architecture=arm64 -o APT::Architectures::=arm64
+    -o Debug::NoLocking=true)
+  apt-get "${options[@]}" update
+  apt-get "${options[@]}" install -y --download-only --no-install-recommends libhdf5-dev liblapack-dev zlib1g-dev
+  for archive in "$apt"/archives/*.deb; do
+    dpkg -x "$archive" "$root" || return 1
+  done
+  # Debian's alternatives, which only an installation makes.
+  ln -sf lapack-netlib.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/lapack.pc"
+  ln -sf blas-netlib.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/blas.pc"
+  ln -sf hdf5-serial.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/hdf5.pc"
+  touch "$root/complete"
+}
+
+flang=$(newest 'flang-new-[0-9]+') || true
+with flang "${flang:-flang}" -Doptimization=2
+with fused gfortran '-Dfortran_args=-ffp-contract=fast -mfma'
+for_aarch64
+if [[ $is_full == yes ]]; then
+  with oldest "$(compgen -c | grep -xE 'gfortran-[0-9]+' | sort -u -V | head -n 1)"
+  with newest "$(newest 'gfortran-[0-9]+')"
+  for level in 0 1 2; do
+    with "O$level" gfortran "-Doptimization=$level"
+  done
+  with plain gfortran --buildtype=plain -Dfortran_args=-O1
+  with native gfortran -Dnative=true
+  with lto gfortran -Db_lto=true
+  with checks gfortran -Doptimization=1 '-Dfortran_args=-fcheck=all -ffpe-trap=invalid -finit-real=snan'
+fi
+say "$skipped skipped"
+summary 'Compilers and processors'
