@@ -319,8 +319,8 @@ contains
 
     if (index%of_other_builds == 0) return
     progress = new_progress(sweep%deck%name, options%quiet)
-    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program, or of a machine that '// &
-      'rounds differently: they are left alone, and their cases run again (--overwrite empties them)')
+    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program, '// &
+      'or of a machine that rounds differently: they are left alone, and their cases run again (--overwrite empties them)')
   end subroutine tell_of_others
 
   subroutine raise_no_memory(cases, error)
