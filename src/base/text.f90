@@ -436,6 +436,8 @@ contains
     character(:), allocatable, intent(out) :: problem
     ! Beyond these powers of ten the conversion itself could overflow or lose digits. A result file contains doubles.
     integer, parameter :: highest = range(1.0_real64), lowest = -highest
+    ! 10**(highest + 1), as a literal: a compiler may round the power to a neighbour.
+    real(wp), parameter :: beyond = 1.0e308_wp
     integer :: power
     logical :: is_real, is_zero
 
@@ -453,7 +455,7 @@ contains
     else
       read (text, *) value
       ! Digits beyond double precision may round up to a number that could not be read back.
-      if (abs(value) >= 10.0_wp**(highest + 1)) problem = 'is beyond the range of double precision'
+      if (abs(value) >= beyond) problem = 'is beyond the range of double precision'
     end if
   end subroutine read_real
 
