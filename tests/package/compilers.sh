@@ -19,20 +19,33 @@ reference=$scratch/reference.h5
 "${DYNSTICTION_EXE:-$venv/bin/dynstiction}" run "$checkout/inputs/fig3.nml" -o "$reference" --quiet
 
 # agrees FILE: whether the sticks are counted, and each column and value of the summary agrees with the reference relative to its
-# largest value.
+# largest value, components of a vector relative to the largest of both. Roundoff itself has no such value: the residual of the
+# energy, the scatter of equal cycles, the exponent of a stable one.
 agrees() {
   python - "$reference" "$1" << 'END'
 import sys
 import h5py
 import numpy as np
 
-with h5py.File(sys.argv[1]) as here, h5py.File(sys.argv[2]) as there:
-    assert there["summary/sticks"][()] == 5398, there["summary/sticks"][()]
-    pairs = [(here[f"{group}/{name}"][()], there[f"{group}/{name}"][()]) for group in ("time_series", "summary") for name in here[group]]
-assert len(pairs) > 20
-difference = max(np.max(np.abs(a - b)) / max(np.max(np.abs(a)), 1e-300) for a, b in pairs)
-print(f"largest difference {difference:.1e}")
-assert difference < 1e-11, difference
+def numbers(name):
+    with h5py.File(name) as file:
+        return {key: file[f"{group}/{key}"][()] for group in ("time_series", "summary") for key in file[group]}
+
+
+def largest(key):
+    vector = next((pair for pair in VECTORS if key in pair), (key,))
+    return max(np.max(np.abs(here[name])) for name in vector)
+
+
+VECTORS = [("w_x", "w_y"), ("u_x", "u_y"), ("X_rate", "Y_rate"), ("spring_force_x", "spring_force_y")]
+here, there = numbers(sys.argv[1]), numbers(sys.argv[2])
+assert there["sticks"] == 5398, there["sticks"]
+compared = [key for key in here if not key.endswith(("_scatter", "_residual")) and "lyapunov" not in key]
+assert len(compared) > 20
+difference = {key: float(np.max(np.abs(here[key] - there[key])) / (largest(key) or 1.0)) for key in compared}
+worst = max(difference, key=difference.__getitem__)
+print(f"largest difference: {difference[worst]:.1e}, of {worst}")
+assert difference[worst] < 1e-11
 END
 }
 
@@ -67,7 +80,7 @@ newest() { # newest PATTERN: the newest installed program with such a name
 }
 
 for_aarch64() {
-  local folder=$checkout/build/aarch64 quick=(archive models creep numerics plain_numbers result_file seal sha256 stability)
+  local folder=$checkout/build/aarch64 quick=(archive models numerics plain_numbers result_file seal sha256 stability)
   if ! have aarch64-linux-gnu-gfortran || ! have qemu-aarch64 || ! have dpkg; then
     say 'skipped aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
     skipped=$((skipped + 1))
@@ -77,8 +90,8 @@ for_aarch64() {
   check 'aarch64: libraries' libraries_for_aarch64 "$folder/root"
   cat > "$folder/cross.ini" << END
 [binaries]
-c = 'aarch64-linux-gnu-gcc'
-fortran = 'aarch64-linux-gnu-gfortran'
+c = ['aarch64-linux-gnu-gcc', '--sysroot=$folder/root']
+fortran = ['aarch64-linux-gnu-gfortran', '--sysroot=$folder/root']
 ar = 'aarch64-linux-gnu-ar'
 strip = 'aarch64-linux-gnu-strip'
 pkg-config = 'pkg-config'
@@ -129,8 +142,8 @@ libraries_for_aarch64() {
   local options=(-o "Dir::State::lists=$apt/lists" -o "Dir::State::status=$apt/status" -o "Dir::Cache::archives=$apt/archives"
     -o "Dir::Cache::pkgcache=" -o "Dir::Cache::srcpkgcache=" -o APT::Architecture=arm64 -o APT::Architectures::=arm64
     -o Debug::NoLocking=true)
-  apt-get "${options[@]}" update
-  apt-get "${options[@]}" install -y --download-only --no-install-recommends libhdf5-dev liblapack-dev zlib1g-dev
+  apt-get "${options[@]}" update || return 1
+  apt-get "${options[@]}" install -y --download-only --no-install-recommends libhdf5-dev liblapack-dev libgomp1 zlib1g-dev || return 1
   for archive in "$apt"/archives/*.deb; do
     dpkg -x "$archive" "$root" || return 1
   done
@@ -138,6 +151,7 @@ libraries_for_aarch64() {
   ln -sf lapack-netlib.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/lapack.pc"
   ln -sf blas-netlib.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/blas.pc"
   ln -sf hdf5-serial.pc "$root/usr/lib/aarch64-linux-gnu/pkgconfig/hdf5.pc"
+  rm -rf "$apt"
   touch "$root/complete"
 }
 
