@@ -92,11 +92,12 @@ install_system_packages() {
     has_python_headers || missing+=("python$python_version-dev")
     ((${#missing[@]} == 0)) || apt_install "${missing[@]}"
   else
-    for package in gfortran gcc pkg-config h5fc; do
+    for package in gfortran gcc pkg-config; do
       have "$package" || missing+=("$package")
     done
+    have h5cc || pkg-config --exists hdf5 || pkg-config --exists hdf5-serial || missing+=(HDF5)
     ((${#missing[@]} == 0)) || die "not found: ${missing[*]}. Install with your package manager: a Fortran and a C compiler," \
-      "pkg-config, HDF5 with its Fortran interface (h5fc) and LAPACK, with their development files"
+      "pkg-config, HDF5 (with h5cc or hdf5.pc) and LAPACK, with their development files"
   fi
 }
 

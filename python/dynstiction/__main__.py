@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from ._hdf5 import PROGRAM
 from ._native import catalogue
 from ._open import groups_in
 from ._sweep import open_sweep
@@ -49,7 +51,7 @@ class _Parser(argparse.ArgumentParser):
             return
         choices = [str(choice) for choice in action.choices]
         if value in {entry["name"] for entry in catalogue()["commands"]}:
-            raise UsageError(f"'{value}' is a command of the executable: write dynstiction {value}")
+            raise UsageError(f"'{value}' is a command of the executable{_how_to_run(str(value))}")
         near = _nearest(str(value), choices)
         self.error(
             f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}"
@@ -75,6 +77,14 @@ class _Parser(argparse.ArgumentParser):
     @staticmethod
     def _options_of(command: str) -> list[str]:
         return [option["name"] for option in catalogue()["options"] if command in option["commands"]]
+
+
+def _how_to_run(command: str) -> str:
+    """How to give a command to the executable, which an installation may lack, as the end of a message."""
+    beside = Path(sys.executable).with_name(PROGRAM)
+    if beside.exists() or shutil.which(PROGRAM):
+        return f": write {PROGRAM} {command}"
+    return ", which is not installed here: use the package in Python (ds.run, ds.sweep), or install the executable, which needs HDF5"
 
 
 def _nearest(given: str, known: Sequence[str]) -> str:

@@ -1,9 +1,10 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
-  use hdf5, only: hid_t, h5fclose_f, h5gopen_f, h5lexists_f
+  use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_checkpoint, only: provenance_t
   use dst_errors, only: error_t, raise, file_error
   use dst_process, only: guard_t
+  use dst_hdf5_library, only: hid_t, h5fclose, h5gopen, h5lexists, h5p_default
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, get_number, names_in, read_list, open_dataset, &
     read_rows, dataset_t, hdf5_t
   use dst_kinds, only: wp, real64, int64
@@ -205,16 +206,14 @@ contains
     type(path_t), allocatable :: names(:)
     type(hdf5_t) :: h5
     type(dataset_t) :: codes
-    integer(hid_t) :: group
-    integer :: i, ignored
+    integer :: i
 
     text = ''
     call open_dataset(file, 'sweep/result_code', 1, codes, h5)
     ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
-    call h5gopen_f(file, 'sweep', group, ignored)
-    call names_in(group, names, h5)
+    call names_in(h5gopen(file, 'sweep'//nul, h5p_default), names, h5)
     do i = 1, size(names)
       if (.not. has_word(others, names(i)%text)) text = text//range_of('sweep/'//names(i)%text, names(i)%text, '', 'varied')
     end do
@@ -301,9 +300,8 @@ contains
   logical function has(file, group)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: group
-    integer :: ignored
 
-    call h5lexists_f(file, group, has, ignored)
+    has = h5lexists(file, group//nul, h5p_default) > 0
   end function has
 
   !> Read the header of the result of a run that shall be resumed, an HDF5 file that `result_file` has found not to be empty.
@@ -324,6 +322,6 @@ contains
     call get_text(file, 'deck/text', origin%deck_text, h5)
     call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
     if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason(h5))
-    if (file >= 0) call h5fclose_f(file, ignored)
+    if (file >= 0) ignored = h5fclose(file)
   end subroutine read_origin
 end module dst_hdf5_origin

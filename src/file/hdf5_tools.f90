@@ -5,23 +5,21 @@
 !> failure. Every statement is guarded by `if (h5%status >= 0)`; objects that remain open after a failure are closed with the file.
 !> Text is variable-length UTF-8. Sources: HDF5 1.10 reference manual; HDF5 Dimension Scale Specification.
 module dst_hdf5_tools
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_char, c_null_char, c_null_ptr, c_loc, &
-    c_funloc, c_f_pointer
-  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5dont_atexit_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, h5iget_file_id_f, &
-    h5idec_ref_f, h5fget_filesize_f, h5pset_fclose_degree_f, h5p_file_access_f, h5f_close_strong_f, h5f_acc_excl_f, &
-    h5f_acc_rdonly_f, h5pset_libver_bounds_f, h5f_libver_v18_f, &
-    h5tcopy_f, h5tset_cset_f, h5tis_variable_str_f, h5tget_class_f, h5tget_size_f, h5t_string, h5t_cset_utf8_f, &
-    h5t_native_double, h5t_native_integer, h5t_std_i32le, h5t_ieee_f64le, h5t_integer_f, h5t_float_f, h5t_string_f, &
-    h5screate_f, h5screate_simple_f, h5sselect_hyperslab_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
-    h5sget_simple_extent_npoints_f, h5s_scalar_f, h5s_unlimited_f, h5s_select_set_f, &
-    h5aexists_f, h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aget_type_f, h5aget_space_f, &
-    h5dcreate_f, h5dopen_f, h5dget_type_f, h5dread_f, h5dwrite_f, h5dset_extent_f, h5dget_space_f, h5dget_create_plist_f, &
-    h5dget_storage_size_f, h5d_virtual_f, h5gcreate_f, h5gget_info_f, &
-    h5lexists_f, h5ldelete_f, h5lget_info_f, h5lget_name_by_idx_f, h5l_type_hard_f, h5_index_name_f, h5_iter_inc_f, &
-    h5pcreate_f, h5pset_chunk_f, h5pset_chunk_cache_f, h5pset_buffer_f, h5pset_fletcher32_f, h5pget_layout_f, h5pget_nfilters_f, &
-    h5pget_filter_f, h5pget_external_count_f, h5z_filter_shuffle_f, h5z_filter_fletcher32_f, h5p_dataset_create_f, &
-    h5p_dataset_access_f, h5p_dataset_xfer_f
-  use h5ds, only: h5dsset_scale_f, h5dsattach_scale_f
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_char, c_size_t, c_double, nul => c_null_char, c_null_ptr, c_null_funptr, &
+    c_loc, c_funloc, c_f_pointer
+  use dst_hdf5_library, only: hid_t, hsize_t, h5open, h5dont_atexit, h5eset_auto, h5ewalk, h5e_error_t, h5e_default, &
+    h5e_walk_upward, h5fcreate, h5fopen, h5fget_filesize, h5fget_vfd_handle, h5f_acc_excl, h5f_acc_rdonly, h5f_close_strong, &
+    h5f_libver_v18, h5iget_file_id, h5idec_ref, &
+    h5tcopy, h5tset_size, h5tset_cset, h5tis_variable_str, h5tget_class, h5tget_size, h5t_variable, h5t_cset_utf8, h5t_c_s1, &
+    h5t_native_double, h5t_native_int, h5t_std_i32le, h5t_ieee_f64le, h5t_integer, h5t_float, h5t_string, &
+    h5screate_simple, h5sselect_hyperslab, h5sget_simple_extent_ndims, h5sget_simple_extent_npoints, h5s_all, h5s_unlimited, &
+    h5s_select_set, h5aexists, h5acreate, h5aopen, h5awrite, h5aread, h5aget_type, h5aget_space, &
+    h5dcreate, h5dopen, h5dget_type, h5dread, h5dwrite, h5dset_extent, h5dget_space, h5dget_create_plist, &
+    h5dget_storage_size, h5dsset_scale, h5dsattach_scale, h5d_virtual, h5gcreate, h5gget_info, h5g_info_t, &
+    h5lexists, h5ldelete, h5lget_val, h5lget_name_by_idx, h5_index_name, h5_iter_inc, &
+    h5pcreate, h5pset_chunk, h5pset_chunk_cache, h5pset_buffer, h5pset_fletcher32, h5pset_fclose_degree, h5pset_libver_bounds, &
+    h5pget_layout, h5pget_nfilters, h5pget_filter, h5pget_external_count, h5p_default, h5p_dataset_create, h5p_dataset_access, &
+    h5p_dataset_xfer, h5p_file_access, h5z_filter_shuffle, h5z_filter_fletcher32
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, wait_seconds, with_remedy
   use dst_posix, only: fortran_text, ignore_size_limit_signal
@@ -36,14 +34,15 @@ module dst_hdf5_tools
 
   !> The status of a sequence of calls.
   type :: hdf5_t
-    integer :: status = 0                  !! negative after a failure
+    integer :: status = 0                  !! what the last call returned; negative after a failure
     character(:), allocatable :: refusal   !! an object that was refused although HDF5 could read it, and why
   contains
+    procedure, private :: take
     procedure, private :: refuse
   end type hdf5_t
 
   !> Room [bytes] to convert one value.
-  integer(hsize_t), parameter :: conversion_buffer = 64
+  integer(c_size_t), parameter :: conversion_buffer = 64
 
   !> A dataset that grows: one number or text in each row, or rows of `row_length` numbers.
   type :: dataset_t
@@ -67,42 +66,28 @@ module dst_hdf5_tools
     module procedure put_text, put_number
   end interface put_value
 
-  !> One entry of HDF5's error stack (H5E_error2_t).
-  type, bind(c) :: stack_entry_t
-    integer(c_int64_t) :: class, major, minor
-    integer(c_int) :: line
-    type(c_ptr) :: procedure_name, source_file, description
-  end type stack_entry_t
-
-  interface
-    integer(c_int) function h5ewalk(stack, direction, visit, user_data) bind(c, name='H5Ewalk2')
-      import :: c_int, c_int64_t, c_funptr, c_ptr
-      integer(c_int64_t), value :: stack
-      integer(c_int), value :: direction
-      type(c_funptr), value :: visit
-      type(c_ptr), value :: user_data
-    end function h5ewalk
-
-    integer(c_int) function h5fget_vfd_handle(file, access, handle) bind(c, name='H5Fget_vfd_handle')
-      import :: c_int, c_int64_t, c_ptr
-      integer(c_int64_t), value :: file, access
-      type(c_ptr), intent(out) :: handle
-    end function h5fget_vfd_handle
-  end interface
-
 contains
 
   !> Initialise HDF5: no messages on errors, no signal at a limit of file sizes, and without its clean-up at exit, which loops
   !> forever if the disk is full.
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
-    integer :: ignored
 
     call ignore_size_limit_signal()
-    call h5dont_atexit_f(ignored)
-    call h5open_f(h5%status)
-    if (h5%status >= 0) call h5eset_auto_f(0, h5%status)
+    h5%status = h5dont_atexit()
+    h5%status = h5open()
+    if (h5%status >= 0) h5%status = h5eset_auto(h5e_default, c_null_funptr, c_null_ptr)
   end subroutine start_hdf5
+
+  !> Keep the identifier or number that a call returned; it is negative after a failure.
+  subroutine take(self, returned, object)
+    class(hdf5_t), intent(inout) :: self
+    integer(hid_t), intent(in) :: returned
+    integer(hid_t), intent(out) :: object
+
+    object = returned
+    if (object < 0) self%status = -1
+  end subroutine take
 
   !> Create a file that does not exist, or open one; its objects are closed with it.
   subroutine open_file(file_name, mode, file, h5)
@@ -113,15 +98,15 @@ contains
     integer(hid_t) :: access
 
     file = -1
-    if (h5%status >= 0) call h5pcreate_f(h5p_file_access_f, access, h5%status)
-    if (h5%status >= 0) call h5pset_fclose_degree_f(access, h5f_close_strong_f, h5%status)
+    if (h5%status >= 0) call h5%take(h5pcreate(h5p_file_access), access)
+    if (h5%status >= 0) h5%status = h5pset_fclose_degree(access, h5f_close_strong)
     ! The oldest format with checksums of the metadata. A file of a newer one would have to be released with h5clear after a kill.
-    if (h5%status >= 0) call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, h5%status)
+    if (h5%status >= 0) h5%status = h5pset_libver_bounds(access, h5f_libver_v18, h5f_libver_v18)
     if (h5%status >= 0) then
-      if (mode == h5f_acc_excl_f) then
-        call h5fcreate_f(file_name, mode, file, h5%status, access_prp=access)
+      if (mode == h5f_acc_excl) then
+        call h5%take(h5fcreate(file_name//nul, mode, h5p_default, access), file)
       else
-        call h5fopen_f(file_name, mode, file, h5%status, access_prp=access)
+        call h5%take(h5fopen(file_name//nul, mode, access), file)
       end if
     end if
     call release([access], h5)
@@ -137,7 +122,7 @@ contains
 
     do i = 1, most_tries
       call start_hdf5(h5)
-      call open_file(file_name, h5f_acc_rdonly_f, file, h5)
+      call open_file(file_name, h5f_acc_rdonly, file, h5)
       if (h5%status >= 0) return
       if (index(failure_reason(), 'temporarily unavailable') == 0) return
       call wait_seconds(0.05_wp)
@@ -148,10 +133,10 @@ contains
   subroutine release(objects, h5)
     integer(hid_t), intent(in) :: objects(:)
     type(hdf5_t), intent(inout) :: h5
-    integer :: i, references
+    integer :: i
 
     do i = 1, size(objects)
-      if (h5%status >= 0) call h5idec_ref_f(objects(i), references, h5%status)
+      if (h5%status >= 0) h5%status = h5idec_ref(objects(i))
     end do
   end subroutine release
 
@@ -159,14 +144,12 @@ contains
   function failure_reason() result(reason)
     character(:), allocatable :: reason
     character(*), parameter :: system_words = "error message = '"
-    integer(c_int64_t), parameter :: current_stack = 0
-    integer(c_int), parameter :: innermost_first = 0
     type(c_ptr), target :: description
     integer(c_int) :: ignored
     integer :: first
 
     description = c_null_ptr
-    ignored = h5ewalk(current_stack, innermost_first, c_funloc(keep_first_description), c_loc(description))
+    ignored = h5ewalk(h5e_default, h5e_walk_upward, c_funloc(keep_first_description), c_loc(description))
     reason = fortran_text(description)
     first = index(reason, system_words)
     if (first > 0) then
@@ -179,7 +162,7 @@ contains
   integer(c_int) function keep_first_description(depth, entry_address, user_data) bind(c) result(status)
     integer(c_int), value :: depth
     type(c_ptr), value :: entry_address, user_data
-    type(stack_entry_t), pointer :: entry
+    type(h5e_error_t), pointer :: entry
     type(c_ptr), pointer :: description
 
     status = 0
@@ -216,12 +199,11 @@ contains
     integer(hid_t), intent(in) :: file
     integer(c_int), intent(out) :: descriptor
     type(hdf5_t), intent(inout) :: h5
-    integer(c_int64_t), parameter :: default_access = 0
     integer(c_int), pointer :: value
     type(c_ptr) :: handle
 
     descriptor = -1
-    if (h5%status >= 0) h5%status = h5fget_vfd_handle(int(file, c_int64_t), default_access, handle)
+    if (h5%status >= 0) h5%status = h5fget_vfd_handle(file, h5p_default, handle)
     if (h5%status < 0) return
     call c_f_pointer(handle, value)
     descriptor = value
@@ -248,7 +230,7 @@ contains
     integer, intent(in), target :: number
     type(hdf5_t), intent(inout) :: h5
 
-    call write_attribute(object, name, h5t_std_i32le, h5t_native_integer, c_loc(number), h5)
+    call write_attribute(object, name, h5t_std_i32le, h5t_native_int, c_loc(number), h5)
   end subroutine put_integer_attribute
 
   !> Write an attribute's value, and create the attribute if it does not exist.
@@ -258,18 +240,18 @@ contains
     type(c_ptr), intent(in) :: value
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: space, attribute
-    logical :: there
 
-    if (h5%status >= 0) call h5aexists_f(object, name, there, h5%status)
+    if (h5%status >= 0) h5%status = h5aexists(object, name//nul)
     if (h5%status < 0) return
-    if (there) then
-      call h5aopen_f(object, name, attribute, h5%status)
+    if (h5%status > 0) then
+      call h5%take(h5aopen(object, name//nul, h5p_default), attribute)
     else
-      call h5screate_f(h5s_scalar_f, space, h5%status)
-      if (h5%status >= 0) call h5acreate_f(object, name, stored_as, space, attribute, h5%status)
+      call create_scalar(space, h5)
+      if (h5%status >= 0) &
+        call h5%take(h5acreate(object, name//nul, stored_as, space, h5p_default, h5p_default), attribute)
       call release([space], h5)
     end if
-    if (h5%status >= 0) call h5awrite_f(attribute, memory_type, value, h5%status)
+    if (h5%status >= 0) h5%status = h5awrite(attribute, memory_type, value)
     call release([attribute], h5)
   end subroutine write_attribute
 
@@ -282,7 +264,7 @@ contains
     type(c_ptr), target :: address
 
     address = c_null_ptr
-    call read_attribute(object, name, h5t_string_f, 'is no text', c_loc(address), h5)
+    call read_attribute(object, name, h5t_string, 'is no text', c_loc(address), h5)
     text = fortran_text(address)
   end subroutine get_text_attribute
 
@@ -293,7 +275,7 @@ contains
     type(hdf5_t), intent(inout) :: h5
 
     number = 0
-    call read_attribute(object, name, h5t_integer_f, 'is no integer', c_loc(number), h5)
+    call read_attribute(object, name, h5t_integer, 'is no integer', c_loc(number), h5)
   end subroutine get_integer_attribute
 
   !> Read an attribute that has one value of a class of types: the address of a text, or an integer.
@@ -303,15 +285,13 @@ contains
     integer, intent(in) :: class
     type(c_ptr), intent(in) :: value
     type(hdf5_t), intent(inout) :: h5
-    type(c_ptr) :: buffer
     integer(hid_t) :: attribute, stored_as, space
 
-    buffer = value
-    if (h5%status >= 0) call h5aopen_f(object, name, attribute, h5%status)
-    if (h5%status >= 0) call h5aget_type_f(attribute, stored_as, h5%status)
-    if (h5%status >= 0) call h5aget_space_f(attribute, space, h5%status)
+    if (h5%status >= 0) call h5%take(h5aopen(object, name//nul, h5p_default), attribute)
+    if (h5%status >= 0) call h5%take(h5aget_type(attribute), stored_as)
+    if (h5%status >= 0) call h5%take(h5aget_space(attribute), space)
     call check_single(name, space, stored_as, class, otherwise, h5)
-    if (h5%status >= 0) call h5aread_f(attribute, merge(stored_as, h5t_native_integer, class == h5t_string_f), buffer, h5%status)
+    if (h5%status >= 0) h5%status = h5aread(attribute, merge(stored_as, h5t_native_int, class == h5t_string), value)
     call release([attribute, stored_as], h5)
   end subroutine read_attribute
 
@@ -321,17 +301,17 @@ contains
     integer(hid_t), intent(in) :: space, stored_as
     integer, intent(in) :: class
     type(hdf5_t), intent(inout) :: h5
-    integer(hsize_t) :: points
-    integer :: found
     logical :: is_right
 
-    found = class
-    if (h5%status >= 0) call h5tget_class_f(stored_as, found, h5%status)
-    is_right = found == class
-    if (h5%status >= 0 .and. class == h5t_string_f .and. is_right) call h5tis_variable_str_f(stored_as, is_right, h5%status)
+    if (h5%status >= 0) h5%status = h5tget_class(stored_as)
+    is_right = h5%status == class
+    if (is_right .and. class == h5t_string) then
+      h5%status = h5tis_variable_str(stored_as)
+      is_right = h5%status > 0
+    end if
     if (h5%status >= 0 .and. .not. is_right) call h5%refuse(name, otherwise)
-    if (h5%status >= 0) call h5sget_simple_extent_npoints_f(space, points, h5%status)
-    if (h5%status >= 0 .and. points /= 1) call h5%refuse(name, 'is not a single value')
+    if (h5%status < 0) return
+    if (h5sget_simple_extent_npoints(space) /= 1) call h5%refuse(name, 'is not a single value')
     call release([space], h5)
   end subroutine check_single
 
@@ -374,12 +354,13 @@ contains
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: space, dataset, transfer
 
-    if (h5%status >= 0) call h5screate_f(h5s_scalar_f, space, h5%status)
-    if (h5%status >= 0) call h5dcreate_f(group, trim(quantity%name), stored_as, space, dataset, h5%status)
+    call create_scalar(space, h5)
+    if (h5%status >= 0) call h5%take(h5dcreate(group, trim(quantity%name)//nul, stored_as, space, h5p_default, h5p_default, &
+      h5p_default), dataset)
     ! For the conversion of each value HDF5 would clear a buffer of 1 MB: this is a tenth of the work of a run of one second.
-    if (h5%status >= 0) call h5pcreate_f(h5p_dataset_xfer_f, transfer, h5%status)
-    if (h5%status >= 0) call h5pset_buffer_f(transfer, conversion_buffer, h5%status)
-    if (h5%status >= 0) call h5dwrite_f(dataset, memory_type, value, h5%status, xfer_prp=transfer)
+    if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_xfer), transfer)
+    if (h5%status >= 0) h5%status = h5pset_buffer(transfer, conversion_buffer, c_null_ptr, c_null_ptr)
+    if (h5%status >= 0) h5%status = h5dwrite(dataset, memory_type, h5s_all, h5s_all, transfer, value)
     call describe(dataset, quantity, h5)
     call release([dataset, space, transfer], h5)
   end subroutine write_scalar
@@ -401,18 +382,9 @@ contains
     character(:), allocatable, intent(out) :: text
     type(hdf5_t), intent(inout) :: h5
     type(c_ptr), target :: address
-    type(c_ptr) :: buffer
-    integer(hid_t) :: dataset, text_type, space
 
     address = c_null_ptr
-    buffer = c_loc(address)
-    call open_own(object, name, dataset, h5)
-    if (h5%status >= 0) call h5dget_space_f(dataset, space, h5%status)
-    if (h5%status >= 0) call h5dget_type_f(dataset, text_type, h5%status)
-    call check_single(name, space, text_type, h5t_string_f, 'is no text', h5)
-    call check_size(name, dataset, 1_hsize_t, h5)
-    if (h5%status >= 0) call h5dread_f(dataset, text_type, buffer, h5%status)
-    call release([text_type, dataset], h5)
+    call read_scalar(object, name, h5t_string, 'is no text', c_loc(address), h5)
     text = fortran_text(address)
   end subroutine get_text
 
@@ -423,20 +395,30 @@ contains
     real(wp), intent(out) :: number
     type(hdf5_t), intent(inout) :: h5
     real(real64), target :: stored
-    type(c_ptr) :: buffer
-    integer(hid_t) :: dataset, number_type, space
 
     stored = 0.0_real64
-    buffer = c_loc(stored)
-    call open_own(object, name, dataset, h5)
-    if (h5%status >= 0) call h5dget_space_f(dataset, space, h5%status)
-    if (h5%status >= 0) call h5dget_type_f(dataset, number_type, h5%status)
-    call check_single(name, space, number_type, h5t_float_f, 'is no real number', h5)
-    call check_size(name, dataset, 1_hsize_t, h5)
-    if (h5%status >= 0) call h5dread_f(dataset, h5t_native_double, buffer, h5%status)
-    call release([number_type, dataset], h5)
+    call read_scalar(object, name, h5t_float, 'is no real number', c_loc(stored), h5)
     number = real(stored, wp)
   end subroutine get_number
+
+  !> Read a dataset that has one value of a class of types: the address of a text, or a real number.
+  subroutine read_scalar(object, name, class, otherwise, value, h5)
+    integer(hid_t), intent(in) :: object
+    character(*), intent(in) :: name, otherwise
+    integer, intent(in) :: class
+    type(c_ptr), intent(in) :: value
+    type(hdf5_t), intent(inout) :: h5
+    integer(hid_t) :: dataset, stored_as, space
+
+    call open_own(object, name, dataset, h5)
+    if (h5%status >= 0) call h5%take(h5dget_space(dataset), space)
+    if (h5%status >= 0) call h5%take(h5dget_type(dataset), stored_as)
+    call check_single(name, space, stored_as, class, otherwise, h5)
+    call check_size(name, dataset, 1_hsize_t, h5)
+    if (h5%status >= 0) h5%status = h5dread(dataset, merge(stored_as, h5t_native_double, class == h5t_string), h5s_all, h5s_all, &
+      h5p_default, value)
+    call release([stored_as, dataset], h5)
+  end subroutine read_scalar
 
   !> Create a group and open it.
   subroutine create_group(parent, name, group, h5)
@@ -446,7 +428,7 @@ contains
     type(hdf5_t), intent(inout) :: h5
 
     group = -1
-    if (h5%status >= 0) call h5gcreate_f(parent, name, group, h5%status)
+    if (h5%status >= 0) call h5%take(h5gcreate(parent, name//nul, h5p_default, h5p_default, h5p_default), group)
   end subroutine create_group
 
   !> Remove a group or dataset, if it exists.
@@ -454,11 +436,9 @@ contains
     integer(hid_t), intent(in) :: parent
     character(*), intent(in) :: name
     type(hdf5_t), intent(inout) :: h5
-    logical :: there
 
-    if (h5%status >= 0) call h5lexists_f(parent, name, there, h5%status)
-    if (h5%status < 0) return
-    if (there) call h5ldelete_f(parent, name, h5%status)
+    if (h5%status >= 0) h5%status = h5lexists(parent, name//nul, h5p_default)
+    if (h5%status > 0) h5%status = h5ldelete(parent, name//nul, h5p_default)
   end subroutine delete_link
 
   !> Create an empty dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`. For columns of numbers the
@@ -481,22 +461,22 @@ contains
     if (present(row_length)) dataset%row_length = row_length
     rank = size(extent(dataset, 0_hsize_t))
     chunk(:rank) = extent(dataset, int(chunk_rows, hsize_t))
-    if (rank > 1) chunk(1) = min(chunk(1), longest_chunk)
+    if (rank > 1) chunk(2) = min(chunk(2), longest_chunk)
     cached_rows = chunk_rows
     if (present(whole_chunks)) cached_rows = merge(0, chunk_rows, whole_chunks)
     if (h5%status >= 0) &
-      call h5screate_simple_f(rank, extent(dataset, 0_hsize_t), space, h5%status, extent(dataset, h5s_unlimited_f))
-    if (h5%status >= 0) call h5pcreate_f(h5p_dataset_create_f, creation, h5%status)
-    if (h5%status >= 0) call h5pset_chunk_f(creation, rank, chunk, h5%status)
-    if (h5%status >= 0 .and. present(stored_as)) call h5pset_fletcher32_f(creation, h5%status)
+      call h5%take(h5screate_simple(rank, extent(dataset, 0_hsize_t), extent(dataset, h5s_unlimited)), space)
+    if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_create), creation)
+    if (h5%status >= 0) h5%status = h5pset_chunk(creation, rank, chunk)
+    if (h5%status >= 0 .and. present(stored_as)) h5%status = h5pset_fletcher32(creation)
     call create_access(merge(cached_rows, -1, present(stored_as) .and. rank == 1), access, h5)
     if (present(stored_as)) then
       file_type = stored_as
     else
       call create_text_type(file_type, h5)
     end if
-    if (h5%status >= 0) &
-      call h5dcreate_f(group, trim(quantity%name), file_type, space, dataset%id, h5%status, creation, dapl_id=access)
+    if (h5%status >= 0) call h5%take(h5dcreate(group, trim(quantity%name)//nul, file_type, space, h5p_default, creation, access), &
+      dataset%id)
     call release([space, creation, access], h5)
     if (.not. present(stored_as)) call release([file_type], h5)
     call describe(dataset%id, quantity, h5)
@@ -508,8 +488,8 @@ contains
     integer(hsize_t), intent(in) :: rows
     integer(hsize_t) :: sides(merge(2, 1, dataset%row_length > 0))
 
-    sides(1) = dataset%row_length
-    sides(size(sides)) = rows
+    sides(size(sides)) = dataset%row_length
+    sides(1) = rows
   end function extent
 
   !> The properties with which a dataset is opened: its cache has room for this many rows; negative: HDF5's default.
@@ -517,11 +497,11 @@ contains
     integer, intent(in) :: cached_rows
     integer(hid_t), intent(out) :: access
     type(hdf5_t), intent(inout) :: h5
-    integer(size_t), parameter :: slots = 7
+    integer(c_size_t), parameter :: slots = 7
 
-    if (h5%status >= 0) call h5pcreate_f(h5p_dataset_access_f, access, h5%status)
+    if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_access), access)
     if (h5%status >= 0 .and. cached_rows >= 0) &
-      call h5pset_chunk_cache_f(access, slots, int(8*cached_rows, size_t), 1.0, h5%status)
+      h5%status = h5pset_chunk_cache(access, slots, int(8*cached_rows, c_size_t), 1.0_c_double)
   end subroutine create_access
 
   !> Open an existing column of numbers, with all its rows.
@@ -532,16 +512,13 @@ contains
     type(dataset_t), intent(out) :: dataset
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: access, space
-    integer(hsize_t) :: rows(1), largest(1)
-    integer :: rank
 
     call create_access(chunk_rows, access, h5)
     call open_own(group, name, dataset%id, h5, access)
-    if (h5%status >= 0) call h5dget_space_f(dataset%id, space, h5%status)
-    if (h5%status >= 0) call h5sget_simple_extent_ndims_f(space, rank, h5%status)
-    if (h5%status >= 0 .and. rank /= 1) call h5%refuse(name, 'is no list')
-    if (h5%status >= 0) call h5sget_simple_extent_dims_f(space, rows, largest, h5%status)
-    if (h5%status >= 0) dataset%rows = rows(1)
+    if (h5%status >= 0) call h5%take(h5dget_space(dataset%id), space)
+    if (h5%status >= 0) h5%status = h5sget_simple_extent_ndims(space)
+    if (h5%status >= 0 .and. h5%status /= 1) call h5%refuse(name, 'is no list')
+    if (h5%status >= 0) call h5%take(h5sget_simple_extent_npoints(space), dataset%rows)
     call release([access, space], h5)
   end subroutine open_dataset
 
@@ -553,18 +530,19 @@ contains
     integer(hid_t), intent(out) :: dataset
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t), intent(in), optional :: access
-    integer(hid_t) :: creation
-    integer :: layout, externals
+    integer(hid_t) :: creation, properties
 
     dataset = -1
+    properties = h5p_default
+    if (present(access)) properties = access
     call check_links(object, name, h5)
-    if (h5%status >= 0) call h5dopen_f(object, name, dataset, h5%status, access)
-    if (h5%status >= 0) call h5dget_create_plist_f(dataset, creation, h5%status)
-    if (h5%status >= 0) call h5pget_layout_f(creation, layout, h5%status)
+    if (h5%status >= 0) call h5%take(h5dopen(object, name//nul, properties), dataset)
+    if (h5%status >= 0) call h5%take(h5dget_create_plist(dataset), creation)
+    if (h5%status >= 0) h5%status = h5pget_layout(creation)
     ! A query of the extent of a virtual dataset would open its sources.
-    if (h5%status >= 0 .and. layout == h5d_virtual_f) call h5%refuse(name, 'is made of other datasets')
-    if (h5%status >= 0) call h5pget_external_count_f(creation, externals, h5%status)
-    if (h5%status >= 0 .and. externals > 0) call h5%refuse(name, 'has its data in another file')
+    if (h5%status == h5d_virtual) call h5%refuse(name, 'is made of other datasets')
+    if (h5%status >= 0) h5%status = h5pget_external_count(creation)
+    if (h5%status > 0) call h5%refuse(name, 'has its data in another file')
     call check_filters(name, creation, h5)
     call release([creation], h5)
   end subroutine open_own
@@ -574,17 +552,14 @@ contains
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     type(hdf5_t), intent(inout) :: h5
-    integer(hsize_t) :: address
-    integer(size_t) :: length
-    integer :: last, character_set, order, kind
-    logical :: is_ordered
+    integer :: last
 
     last = 0
     do while (last <= len(name) .and. h5%status >= 0)
       last = last + index(name(last + 1:)//'/', '/')
       associate (part => name(:last - 1))
-        call h5lget_info_f(object, part, character_set, order, is_ordered, kind, address, length, h5%status)
-        if (h5%status >= 0 .and. kind /= h5l_type_hard_f) call h5%refuse(part, 'is a link')
+        ! A hard link has no value.
+        if (h5lget_val(object, part//nul, c_null_ptr, 0_c_size_t, h5p_default) >= 0) call h5%refuse(part, 'is a link')
       end associate
     end do
   end subroutine check_links
@@ -594,17 +569,14 @@ contains
     character(*), intent(in) :: name
     integer(hid_t), intent(in) :: creation
     type(hdf5_t), intent(inout) :: h5
-    integer(size_t) :: parameters
-    integer :: i, n, flags, values(8), filter
-    character(32) :: filter_name
+    integer :: i, n
 
-    n = 0
-    if (h5%status >= 0) call h5pget_nfilters_f(creation, n, h5%status)
+    if (h5%status >= 0) h5%status = h5pget_nfilters(creation)
+    n = h5%status
     do i = 0, n - 1
-      parameters = size(values)
-      if (h5%status >= 0) call h5pget_filter_f(creation, i, flags, parameters, values, len(filter_name, size_t), filter_name, &
-        filter, h5%status)
-      if (h5%status >= 0 .and. filter /= h5z_filter_shuffle_f .and. filter /= h5z_filter_fletcher32_f) &
+      if (h5%status >= 0) h5%status = h5pget_filter(creation, i, c_null_ptr, c_null_ptr, c_null_ptr, 0_c_size_t, c_null_ptr, &
+        c_null_ptr)
+      if (h5%status >= 0 .and. h5%status /= h5z_filter_shuffle .and. h5%status /= h5z_filter_fletcher32) &
         call h5%refuse(name, 'is compressed (h5repack -f NONE undoes that)')
     end do
   end subroutine check_filters
@@ -616,19 +588,15 @@ contains
     integer(hsize_t), intent(in) :: points   !! number of values claimed
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: file, stored_as
-    integer(hsize_t) :: stored
-    integer(size_t) :: value_bytes, file_bytes
-    integer :: no_storage
+    integer(hsize_t) :: file_bytes, room
 
-    if (h5%status >= 0) call h5iget_file_id_f(dataset, file, h5%status)
-    if (h5%status >= 0) call h5fget_filesize_f(file, file_bytes, h5%status)
-    if (h5%status >= 0) call h5dget_type_f(dataset, stored_as, h5%status)
-    if (h5%status >= 0) call h5tget_size_f(stored_as, value_bytes, h5%status)
+    if (h5%status >= 0) call h5%take(h5iget_file_id(dataset), file)
+    if (h5%status >= 0) h5%status = h5fget_filesize(file, file_bytes)
+    if (h5%status >= 0) call h5%take(h5dget_type(dataset), stored_as)
     if (h5%status < 0) return
-    call h5dget_storage_size_f(dataset, stored, no_storage)
-    if (no_storage < 0) stored = 0
+    room = min(h5dget_storage_size(dataset), file_bytes)/max(1_c_size_t, h5tget_size(stored_as))
     call release([stored_as, file], h5)
-    if (points > min(stored, int(file_bytes, hsize_t))/value_bytes) call h5%refuse(name, 'claims more than it has')
+    if (h5%status >= 0 .and. points > room) call h5%refuse(name, 'claims more than it has')
   end subroutine check_size
 
   !> Append rows of numbers, one after the other in `values`.
@@ -674,9 +642,10 @@ contains
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: rows_in_file, rows_in_memory
 
-    if (h5%status >= 0) call h5dset_extent_f(dataset%id, extent(dataset, dataset%rows + rows), h5%status)
+    if (h5%status >= 0) h5%status = h5dset_extent(dataset%id, extent(dataset, dataset%rows + rows))
     call select_rows(dataset, dataset%rows, int(rows, hsize_t), rows_in_file, rows_in_memory, h5)
-    if (h5%status >= 0) call h5dwrite_f(dataset%id, memory_type, values, h5%status, rows_in_memory, rows_in_file)
+    if (h5%status >= 0) &
+      h5%status = h5dwrite(dataset%id, memory_type, rows_in_memory, rows_in_file, h5p_default, values)
     call release([rows_in_memory, rows_in_file], h5)
     if (h5%status >= 0) dataset%rows = dataset%rows + rows
   end subroutine append_rows
@@ -692,11 +661,11 @@ contains
 
     rank = size(extent(dataset, rows))
     from = 0
-    from(rank) = first
-    if (h5%status >= 0) call h5dget_space_f(dataset%id, rows_in_file, h5%status)
+    from(1) = first
+    if (h5%status >= 0) call h5%take(h5dget_space(dataset%id), rows_in_file)
     if (h5%status >= 0) &
-      call h5sselect_hyperslab_f(rows_in_file, h5s_select_set_f, from(:rank), extent(dataset, rows), h5%status)
-    if (h5%status >= 0) call h5screate_simple_f(rank, extent(dataset, rows), rows_in_memory, h5%status)
+      h5%status = h5sselect_hyperslab(rows_in_file, h5s_select_set, from, c_null_ptr, extent(dataset, rows), c_null_ptr)
+    if (h5%status >= 0) call h5%take(h5screate_simple(rank, extent(dataset, rows), extent(dataset, rows)), rows_in_memory)
   end subroutine select_rows
 
   !> Read the numbers of a column after its first `first` rows.
@@ -705,13 +674,12 @@ contains
     integer(hsize_t), intent(in) :: first
     real(real64), intent(out), contiguous, target :: values(:)
     type(hdf5_t), intent(inout) :: h5
-    type(c_ptr) :: buffer
     integer(hid_t) :: rows_in_file, rows_in_memory
 
     if (size(values) == 0) return
-    buffer = c_loc(values(1))
     call select_rows(dataset, first, size(values, kind=hsize_t), rows_in_file, rows_in_memory, h5)
-    if (h5%status >= 0) call h5dread_f(dataset%id, h5t_native_double, buffer, h5%status, rows_in_memory, rows_in_file)
+    if (h5%status >= 0) &
+      h5%status = h5dread(dataset%id, h5t_native_double, rows_in_memory, rows_in_file, h5p_default, c_loc(values(1)))
     call release([rows_in_memory, rows_in_file], h5)
   end subroutine read_rows
 
@@ -722,7 +690,7 @@ contains
     type(hdf5_t), intent(inout) :: h5
 
     dataset%rows = min(dataset%rows, rows)
-    if (h5%status >= 0) call h5dset_extent_f(dataset%id, [dataset%rows], h5%status)
+    if (h5%status >= 0) h5%status = h5dset_extent(dataset%id, [dataset%rows])
   end subroutine cut
 
   !> Make a column a dimension scale.
@@ -731,17 +699,16 @@ contains
     character(*), intent(in) :: name
     type(hdf5_t), intent(inout) :: h5
 
-    if (h5%status >= 0) call h5dsset_scale_f(dataset%id, h5%status, name)
+    if (h5%status >= 0) h5%status = h5dsset_scale(dataset%id, name//nul)
   end subroutine make_scale
 
-  !> Make `scale` the coordinate of a dataset along a dimension: 1, the one that grows, or 2, along the rows. HDF5 counts from 1,
-  !> but in C's order.
+  !> Make `scale` the coordinate of a dataset along a dimension: 1, the one that grows, or 2, along the rows.
   subroutine attach_scale(dataset, scale, side, h5)
     type(dataset_t), intent(in) :: dataset, scale
     integer, intent(in) :: side
     type(hdf5_t), intent(inout) :: h5
 
-    if (h5%status >= 0) call h5dsattach_scale_f(dataset%id, scale%id, side, h5%status)
+    if (h5%status >= 0) h5%status = h5dsattach_scale(dataset%id, scale%id, side - 1)
   end subroutine attach_scale
 
   !> The names of all objects in a file or group, in alphabetical order; if there are many, the first ones.
@@ -749,19 +716,19 @@ contains
     integer(hid_t), intent(in) :: group
     type(path_t), allocatable, intent(out) :: names(:)
     type(hdf5_t), intent(inout) :: h5
-    integer, parameter :: most_names = 1000
-    character(256) :: name
+    integer(hsize_t), parameter :: most_names = 1000
+    character(257) :: name
+    type(h5g_info_t) :: info
     integer(hsize_t) :: i
-    integer :: storage, count, order
 
-    count = 0
-    if (h5%status >= 0) call h5gget_info_f(group, storage, count, order, h5%status)
-    count = min(count, most_names)
-    allocate (names(count))
-    do i = 1, count
-      if (h5%status >= 0) &
-        call h5lget_name_by_idx_f(group, '.', h5_index_name_f, h5_iter_inc_f, i - 1_hsize_t, name, h5%status)
-      names(i)%text = trim(name)
+    info%links = 0
+    if (h5%status >= 0) h5%status = h5gget_info(group, info)
+    allocate (names(merge(min(info%links, most_names), 0_hsize_t, h5%status >= 0)))
+    do i = 1, size(names)
+      name = nul
+      if (h5%status >= 0) h5%status = int(h5lget_name_by_idx(group, '.'//nul, h5_index_name, h5_iter_inc, i - 1_hsize_t, name, &
+        len(name, c_size_t), h5p_default))
+      names(i)%text = name(:index(name, nul) - 1)
     end do
   end subroutine names_in
 
@@ -774,13 +741,12 @@ contains
     type(dataset_t) :: dataset
     real(real64), allocatable :: read(:)
     integer(hid_t) :: stored_as
-    integer :: class
 
     call open_dataset(group, name, 1, dataset, h5)
     call check_size(name, dataset%id, dataset%rows, h5)
-    if (h5%status >= 0) call h5dget_type_f(dataset%id, stored_as, h5%status)
-    if (h5%status >= 0) call h5tget_class_f(stored_as, class, h5%status)
-    if (h5%status >= 0 .and. class /= h5t_integer_f .and. class /= h5t_float_f) call h5%refuse(name, 'holds no numbers')
+    if (h5%status >= 0) call h5%take(h5dget_type(dataset%id), stored_as)
+    if (h5%status >= 0) h5%status = h5tget_class(stored_as)
+    if (h5%status >= 0 .and. h5%status /= h5t_integer .and. h5%status /= h5t_float) call h5%refuse(name, 'holds no numbers')
     allocate (read(merge(dataset%rows, 0_hsize_t, h5%status >= 0)))
     call read_rows(dataset, 0_hsize_t, read, h5)
     call release([stored_as, dataset%id], h5)
@@ -791,15 +757,25 @@ contains
     integer(hid_t), intent(out) :: text_type
     type(hdf5_t), intent(inout) :: h5
 
-    if (h5%status >= 0) call h5tcopy_f(h5t_string, text_type, h5%status)
-    if (h5%status >= 0) call h5tset_cset_f(text_type, h5t_cset_utf8_f, h5%status)
+    if (h5%status >= 0) call h5%take(h5tcopy(h5t_c_s1), text_type)
+    if (h5%status >= 0) h5%status = h5tset_size(text_type, h5t_variable)
+    if (h5%status >= 0) h5%status = h5tset_cset(text_type, h5t_cset_utf8)
   end subroutine create_text_type
+
+  !> The space of a single value: it has no dimensions.
+  subroutine create_scalar(space, h5)
+    integer(hid_t), intent(out) :: space
+    type(hdf5_t), intent(inout) :: h5
+    integer(hsize_t), parameter :: none(1) = 1
+
+    if (h5%status >= 0) call h5%take(h5screate_simple(0, none, none), space)
+  end subroutine create_scalar
 
   !> Text in the form that C uses.
   pure function c_bytes(text) result(bytes)
     character(*), intent(in) :: text
     character(c_char) :: bytes(len(text) + 1)
 
-    bytes = transfer(text//c_null_char, bytes)
+    bytes = transfer(text//nul, bytes)
   end function c_bytes
 end module dst_hdf5_tools

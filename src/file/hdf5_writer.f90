@@ -10,8 +10,6 @@
 !> sum of both has 32 digits, and every reader can use the other datasets.
 module dst_hdf5_writer
   use, intrinsic :: iso_c_binding, only: c_int
-  use hdf5, only: hid_t, hsize_t, h5fclose_f, h5fflush_f, h5fget_filesize_f, h5f_acc_excl_f, h5f_acc_rdwr_f, &
-    h5f_scope_local_f, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, outcome_t
@@ -19,6 +17,8 @@ module dst_hdf5_writer
   use dst_checkpoint, only: provenance_t
   use dst_crc32, only: crc32_t
   use dst_disk, only: reserve_space, set_file_size, make_durable, lock_file, unlock_file, with_remedy
+  use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5fflush, h5fget_filesize, h5f_acc_excl, h5f_acc_rdwr, h5f_scope_local, &
+    h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor, &
     put_attribute, put_value, create_group, delete_link, release, dataset_t, create_dataset, open_dataset, append, cut, &
     read_rows, make_scale, attach_scale
@@ -121,7 +121,7 @@ contains
 
     call prepare(self, shown_name, columns, expected_rows)
     call start_hdf5(h5)
-    call open_file(file_name, h5f_acc_excl_f, self%file, h5)
+    call open_file(file_name, h5f_acc_excl, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)
     self%sound = h5%status >= 0
     if (.not. self%sound) then
@@ -236,7 +236,7 @@ contains
         if (allocated(new%failure) .and. .not. allocated(reason)) reason = new%failure%text
       end if
     end if
-    if (old%file >= 0) call h5fclose_f(old%file, ignored)
+    if (old%file >= 0) ignored = h5fclose(old%file)
     if (allocated(reason)) call raise(error, file_error, shown_name//': cannot resume: '//reason)
   end subroutine rebuild_hdf5
 
@@ -291,7 +291,7 @@ contains
 
     call prepare(self, shown_name, columns, expected_rows)
     call start_hdf5(h5)
-    call open_file(file_name, h5f_acc_rdwr_f, self%file, h5)
+    call open_file(file_name, h5f_acc_rdwr, self%file, h5)
     call file_descriptor(self%file, self%descriptor, h5)
     call open_columns(self, h5)
     ! Before anything is changed.
@@ -499,10 +499,9 @@ contains
     integer(hsize_t) :: present_size
     integer(int64) :: needed
     character(:), allocatable :: reason
-    integer :: status, i
+    integer :: i
 
-    call h5fget_filesize_f(self%file, present_size, status)
-    if (status < 0) return
+    if (h5fget_filesize(self%file, present_size) < 0) return
     needed = ending_bytes
     do i = 1, size(self%columns)
       needed = needed + 2*(8_int64*size(self%waiting(self%columns(i)%group)%values, 1) + index_bytes)
@@ -633,12 +632,9 @@ contains
   subroutine close_file(self)
     class(hdf5_writer_t), intent(inout) :: self
     integer(hsize_t) :: bytes
-    integer :: status
 
-    call h5fget_filesize_f(self%file, bytes, status)
-    if (status >= 0) call set_file_size(self%descriptor, int(bytes, int64))
-    call h5fclose_f(self%file, status)
-    if (status < 0) call self%fail(failure_reason(), sound=.false.)
+    if (h5fget_filesize(self%file, bytes) >= 0) call set_file_size(self%descriptor, int(bytes, int64))
+    if (h5fclose(self%file) < 0) call self%fail(failure_reason(), sound=.false.)
     self%file = -1
   end subroutine close_file
 
@@ -651,10 +647,10 @@ contains
     ! the lock, a reader could open the file of a run that was killed while the child writes.
     call unlock_file(self%descriptor)
     if (is_child()) then
-      call h5fflush_f(self%file, h5f_scope_local_f, h5%status)
+      h5%status = h5fflush(self%file, h5f_scope_local)
       call end_child()
     end if
     call lock_file(self%descriptor)
-    call h5fflush_f(self%file, h5f_scope_local_f, h5%status)
+    h5%status = h5fflush(self%file, h5f_scope_local)
   end subroutine flush_file
 end module dst_hdf5_writer

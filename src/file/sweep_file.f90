@@ -4,9 +4,9 @@
 !> complete.
 module dst_sweep_file
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use hdf5, only: hid_t, h5fclose_f, h5f_acc_excl_f, h5t_ieee_f64le, h5t_std_i32le
   use dst_disk, only: path_t, place_of, utc_at, with_remedy
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
+  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_excl, h5t_ieee_f64le, h5t_std_i32le
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
     create_dataset, append, append_texts, make_scale, attach_scale
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
@@ -111,7 +111,7 @@ contains
       return
     end if
     call start_hdf5(h5)
-    call open_file(file%path(), h5f_acc_excl_f, output%file, h5)
+    call open_file(file%path(), h5f_acc_excl, output%file, h5)
     call file%adopt()
     call write_metadata(output%file, metadata, h5)
     call create_columns(output, sweep, h5)
@@ -119,7 +119,7 @@ contains
     call describe_sweep(output, sweep, head, index, h5)
     if (h5%status < 0) call raise_cannot_write(result_file, error)
     status = 0
-    if (output%file >= 0) call h5fclose_f(output%file, status)
+    if (output%file >= 0) status = h5fclose(output%file)
     if (status < 0) call raise_cannot_write(result_file, error)
     if (.not. allocated(error)) call file%seal(checksum, error)
     if (.not. allocated(error)) call file%put_in_place(error)

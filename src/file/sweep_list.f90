@@ -1,10 +1,10 @@
 !> The list of points of a sweep: from an HDF5 file with a dataset for each key, or from a CSV file.
 module dst_sweep_list
-  use hdf5, only: hid_t, h5f_acc_rdonly_f, h5fclose_f
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: range_problem
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
+  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_rdonly
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, names_in, read_list
   use dst_hdf5_origin, only: is_hdf5
   use dst_sweep, only: axis_t
@@ -43,7 +43,7 @@ contains
     integer :: i, n, ignored
 
     call start_hdf5(h5)
-    call open_file(path, h5f_acc_rdonly_f, file, h5)
+    call open_file(path, h5f_acc_rdonly, file, h5)
     call names_in(file, names, h5)
     if (h5%status < 0) then
       call raise(error, file_error, path//': cannot be read: '//failure_reason())
@@ -63,7 +63,7 @@ contains
         exit
       end if
     end do
-    call h5fclose_f(file, ignored)
+    ignored = h5fclose(file)
     if (n == 0) call raise(error, file_error, path//': holds no points: give one-dimensional datasets with names of keys, '// &
       'like /system.misalignment_deg')
   end subroutine read_datasets

@@ -5,8 +5,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
 help_if_wanted "$@"
 
-if ! have h5pfc || ! have mpifort; then
-  printf 'Parallel HDF5: skipped, h5pfc or mpifort is not installed (Debian: libhdf5-openmpi-dev)\n'
+if ! have h5pcc || ! have mpifort; then
+  printf 'Parallel HDF5: skipped, h5pcc or mpifort is not installed (Debian: libhdf5-openmpi-dev)\n'
   exit 0
 fi
 prepare

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
+import dynstiction.__main__ as commands_of_python
 import pytest
 from programs import DONE, FILE_ERROR, INPUTS, Program
 
@@ -157,6 +159,17 @@ def test_wrong_command_of_python(command: str, status: int, words: tuple[str, ..
     before = sorted(folder.iterdir())
     answered(Program(package.first, folder)(*command.split()), status, words)
     assert sorted(folder.iterdir()) == before
+
+
+
+def test_a_command_of_the_executable_where_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert commands_of_python.main(["run", "own.nml"]) == USAGE
+    said = capsys.readouterr().err
+    assert "'run' is a command of the executable, which is not installed here" in said and "ds.run" in said
 
 
 @pytest.mark.parametrize(("pattern", "instead", "words"), DECKS)

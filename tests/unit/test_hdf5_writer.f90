@@ -1,11 +1,12 @@
 !> The result file through its writer: written data are read back, invalid data are refused and left unchanged.
 program test_hdf5_writer
+  use, intrinsic :: iso_c_binding, only: c_loc, nul => c_null_char
   use checks, only: check, finish
-  use hdf5, only: hid_t, hsize_t, h5fopen_f, h5fclose_f, h5dopen_f, h5dread_f, h5dclose_f, h5dget_space_f, h5sclose_f, &
-    h5sget_simple_extent_npoints_f, h5f_acc_rdonly_f, h5t_native_double
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: quantity_t, outcome_t
+  use dst_hdf5_library, only: hid_t, h5fopen, h5fclose, h5dopen, h5dread, h5idec_ref, h5dget_space, h5sget_simple_extent_npoints, &
+    h5f_acc_rdonly, h5t_native_double, h5s_all, h5p_default
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute, get_text
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
   use dst_parameters, only: parameter_t
@@ -254,21 +255,18 @@ contains
   function read_column(path, from) result(values)
     character(*), intent(in) :: path
     character(*), intent(in), optional :: from
-    real(real64), allocatable :: values(:)
+    real(real64), allocatable, target :: values(:)
     integer(hid_t) :: file, dataset, space
-    integer(hsize_t) :: rows
-    integer :: error
+    integer :: ignored
 
     file = opened(from)
-    call h5dopen_f(file, path, dataset, error)
-    call h5dget_space_f(dataset, space, error)
-    call h5sget_simple_extent_npoints_f(space, rows, error)
-    call h5sclose_f(space, error)
-    allocate (values(rows))
-    call h5dread_f(dataset, h5t_native_double, values, [rows], error)
-    call check('read '//path, error == 0)
-    call h5dclose_f(dataset, error)
-    call h5fclose_f(file, error)
+    dataset = h5dopen(file, path//nul, h5p_default)
+    space = h5dget_space(dataset)
+    allocate (values(h5sget_simple_extent_npoints(space)))
+    call check('read '//path, h5dread(dataset, h5t_native_double, h5s_all, h5s_all, h5p_default, c_loc(values)) >= 0)
+    ignored = h5idec_ref(space)
+    ignored = h5idec_ref(dataset)
+    ignored = h5fclose(file)
   end function read_column
 
   integer function root_integer(name, from)
@@ -276,12 +274,12 @@ contains
     character(*), intent(in), optional :: from
     integer(hid_t) :: file
     type(hdf5_t) :: h5
-    integer :: error
+    integer :: ignored
 
     file = opened(from)
     call get_attribute(file, name, root_integer, h5)
     call check('attribute '//name, h5%status >= 0)
-    call h5fclose_f(file, error)
+    ignored = h5fclose(file)
   end function root_integer
 
   function root_text(name) result(text)
@@ -289,12 +287,12 @@ contains
     character(:), allocatable :: text
     integer(hid_t) :: file
     type(hdf5_t) :: h5
-    integer :: error
+    integer :: ignored
 
     file = opened()
     call get_attribute(file, name, text, h5)
     call check('attribute '//name, h5%status >= 0)
-    call h5fclose_f(file, error)
+    ignored = h5fclose(file)
   end function root_text
 
   function text_at(path) result(text)
@@ -302,24 +300,23 @@ contains
     character(:), allocatable :: text
     integer(hid_t) :: file
     type(hdf5_t) :: h5
-    integer :: error
+    integer :: ignored
 
     file = opened()
     call get_text(file, path, text, h5)
     call check('text '//path, h5%status >= 0)
-    call h5fclose_f(file, error)
+    ignored = h5fclose(file)
   end function text_at
 
   integer(hid_t) function opened(from)
     character(*), intent(in), optional :: from
-    integer :: error
 
     if (present(from)) then
-      call h5fopen_f(from, h5f_acc_rdonly_f, opened, error)
+      opened = h5fopen(from//nul, h5f_acc_rdonly, h5p_default)
     else
-      call h5fopen_f(file_name, h5f_acc_rdonly_f, opened, error)
+      opened = h5fopen(file_name//nul, h5f_acc_rdonly, h5p_default)
     end if
-    call check('the file opens', error == 0)
+    call check('the file opens', opened >= 0)
   end function opened
 
   !> Bit for bit; arrays of different lengths differ.
