@@ -728,7 +728,7 @@ contains
       name = nul
       if (h5%status >= 0) h5%status = int(h5lget_name_by_idx(group, '.'//nul, h5_index_name, h5_iter_inc, i - 1_hsize_t, name, &
         len(name, c_size_t), h5p_default))
-      names(i)%text = name(:index(name, nul) - 1)
+      names(i)%text = trim(name(:index(name, nul) - 1))
     end do
   end subroutine names_in
 

@@ -53,8 +53,8 @@ module dst_hdf5_writer
     integer :: place = 0                             !! in the rows of that group
     integer :: part = 1                              !! 2: rounding errors of the doubles
     type(quantity_t) :: quantity
-    type(dataset_t) :: dataset
-    type(crc32_t) :: checksum                        !! of all its rows
+    type(dataset_t) :: dataset = dataset_t()
+    type(crc32_t) :: checksum = crc32_t()            !! of all its rows
   contains
     procedure :: path => path_of_column
     procedure :: append => append_to_column

@@ -86,7 +86,7 @@ module dst_sweep_shard
     integer :: values = value_count, columns = 0 !! of a case, of its series or cycles
     integer :: cases = 0
     integer(int64) :: begun = 0                  !! s since 1970
-    type(division_t) :: division
+    type(division_t) :: division = division_t()
     logical :: is_whole = .true.                 !! false: of a process that was killed before it had written it, or is writing it
   contains
     procedure :: is_of_build

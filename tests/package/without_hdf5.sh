@@ -21,7 +21,7 @@ hide_hdf5() {
   export PKG_CONFIG_LIBDIR=$scratch/pkgconfig
 }
 
-setup() { meson setup "$@" "$checkout" --native-file "$scratch/native.ini" --prefix="$prefix" -Dpython.install_env=prefix; }
+setup() { meson setup "$1" "$checkout" --native-file "$scratch/native.ini" --prefix="$prefix" -Dpython.install_env=prefix "${@:2}"; }
 is_refused_with_the_remedy() {
   local printed
   ! printed=$(setup "$scratch/refused" -Dtests=false 2>&1) && grep 'HDF5 .* was not found: .* -Dprogram=false' <<< "$printed"
@@ -30,7 +30,8 @@ is_refused_with_the_remedy() {
 hide_hdf5
 rm -rf "$folder"
 check 'the program needs HDF5' is_refused_with_the_remedy
-check 'without the program' setup "$folder" -Dprogram=false
+check 'without the program' setup "$folder" -Dprogram=false -Dtests=false
+check 'with the tests that need no HDF5' setup "$scratch/tests" -Dprogram=false
 check 'it compiles' ninja -C "$folder"
 check 'it is installed' meson install -C "$folder" --quiet --no-rebuild
 check 'no program' fails find "$prefix/bin"
