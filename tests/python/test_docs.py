@@ -98,6 +98,13 @@ def test_links_lead_somewhere() -> None:
     assert not broken
 
 
+def test_the_readme_names_its_files_in_words() -> None:
+    """Package indexes show it without the files that it refers to."""
+    links = re.findall(r"(?<!!)\[([^\]]*)\]\(([^)#\s]+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(links) > 20
+    assert not [(text, target) for text, target in links if text != target]
+
+
 FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)
 
 
