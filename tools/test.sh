@@ -171,7 +171,7 @@ benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/sho
 # The packages that users install.
 package_tests() {
   local script
-  for script in sdist meson_install wheel parallel_hdf5 without_hdf5; do
+  for script in sdist bounds meson_install wheel parallel_hdf5 without_hdf5; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
   run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \

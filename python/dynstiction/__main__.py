@@ -10,7 +10,7 @@ import os
 import shutil
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import partial
@@ -317,7 +317,7 @@ def _export(options: argparse.Namespace) -> None:
     if "sweep" in groups:
         files = export_sweep_csv(options.file, folder, name, overwrite=options.overwrite)
     else:
-        result = open_trade(options.file) if "trade" in groups else _open(options.file)
+        result = open_trade(options.file) if "trade" in groups else _open(options.file, groups)
         files = export_csv(result, folder, name, overwrite=options.overwrite)
     for file in files:
         _say(printable(str(file)))
@@ -395,8 +395,9 @@ def _validate_creep(options: argparse.Namespace) -> int:
     return 0 if validation.holds else 1
 
 
-def _open(file: Path) -> Result:
-    """Result in the file of a run; if it is incomplete, a line on stderr says so."""
+def _open(file: Path, groups: Set[str] | None = None) -> Result:
+    """Result in the file of a run with these groups; if it is incomplete, a line on stderr says so."""
+    groups = groups_in(file) if groups is None else groups
     for group, what, remedy in (
         ("sweep", "a sweep", "dynstiction plot draws it, dynstiction export writes its tables"),
         (
@@ -405,7 +406,7 @@ def _open(file: Path) -> Result:
             "dynstiction plot draws it, dynstiction export writes its points",
         ),
     ):
-        if group in groups_in(file):
+        if group in groups:
             raise FileError(f"{printable(str(file))}: holds {what}, not one run: {remedy}")
     with _warnings_in_one_line():
         return open(file)
@@ -419,7 +420,7 @@ def _open_any(file: Path) -> Drawable:
     if "sweep" in groups:
         with _warnings_in_one_line():
             return open_sweep(file)
-    return _open(file)
+    return _open(file, groups)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Callable
 from math import ceil, prod
 from typing import NamedTuple, NoReturn, TypeAlias
 
@@ -98,16 +99,20 @@ ADDED = Kind((0, 1, 2), texts=True)
 """Other objects, which a user may have added; they are not read."""
 
 
-def judge(file: h5py.File, name: str) -> None:
-    """Refuse a newly opened file that refers to data outside itself; the `FileError` names the object."""
-    judge = _Judge(file, name)
+def judge(file: h5py.File, name: str, show_life: Callable[[], None] = lambda: None) -> None:
+    """Refuse a newly opened file that refers to data outside itself; the `FileError` names the object.
+
+    `show_life` is called before each step whose time does not depend on the size of the file.
+    """
+    judge = _Judge(file, name, show_life)
     judge.heaps()
     judge.group(file.id, "")
 
 
 class _Judge:
-    def __init__(self, file: h5py.File, name: str) -> None:
+    def __init__(self, file: h5py.File, name: str, show_life: Callable[[], None]) -> None:
         self.name = name
+        self.show_life = show_life
         self.descriptor = file.id.get_vfd_handle()
         self.size = os.fstat(self.descriptor).st_size
         self.most_memory = max(LEAST_MEMORY, MOST_EXPANSION * self.size)
@@ -128,6 +133,7 @@ class _Judge:
         """Refuse collections of texts that HDF5 would read without end: a text of size 0, or of a size that wraps around."""
         before = b""
         for start in range(0, self.size, BLOCK):
+            self.show_life()
             block = before + os.pread(self.descriptor, BLOCK, start)
             place = block.find(HEAP)
             while place >= 0:
@@ -167,6 +173,7 @@ class _Judge:
             self.object(h5o.open(group, raw), inner)
 
     def object(self, item: h5py.h5o.ObjectID, path: str) -> None:
+        self.show_life()
         address = h5o.get_info(item).addr
         if address in self.addresses:
             self.refuse(path, "is the same object as another one")
@@ -191,6 +198,7 @@ class _Judge:
         if self.objects > MOST_OBJECTS:
             self.refuse(path, "has too many attributes")
         for i in range(count):
+            self.show_life()
             attribute = h5a.open(item, index=i)
             name = attribute.name.decode("utf-8", "replace")
             if name not in SCALES:
@@ -281,6 +289,7 @@ class _Judge:
         found: list[Piece] = []
 
         def note(info: h5d.StoreInfo) -> bool | None:
+            self.show_life()
             found.append((info.byte_offset, info.size, info.filter_mask))
             return True if len(found) > expected else None
 
@@ -298,6 +307,7 @@ class _Judge:
 
     def unpacked(self, piece: Piece, filters: tuple[int, ...], length: int) -> bytes:
         """Decompressed bytes of a piece, at most one more than `length`."""
+        self.show_life()
         place, size, mask = piece
         data = os.pread(self.descriptor, size, place)
         if GZIP in filters and not mask & 1 << filters.index(GZIP):

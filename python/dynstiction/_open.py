@@ -1,4 +1,7 @@
-"""Opening result files that may be damaged or forged: every possible check comes before HDF5 reads a byte of data."""
+"""Opening files that may be damaged or forged: every possible check comes before HDF5 reads a byte of data.
+
+A file that has the checksum in its seal is opened; every other one is first read by a child process (`guard`).
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from ._guard import guard
 from .errors import FileError
 from .record import Info, si_units
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["groups_in", "info_of", "open_file"]
+__all__ = ["groups_in", "has_seal", "info_of", "open_file"]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FORMAT = b"\x02\x08\x08"
@@ -48,8 +52,8 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     Raises
     ------
     FileError
-        If the file is missing, is not a regular file, has another format, differs from its seal, or refers to data outside
-        the file (`judge`).
+        If the file is missing, is not a regular file, has another format, differs from its seal, refers to data outside the
+        file (`judge`), or makes HDF5 crash or never end (`guard`).
     """
     name = os.fspath(path)
     # Opening a pipe would wait for its writer without end.
@@ -60,7 +64,9 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     from ._judge import judge  # noqa: PLC0415
 
     try:
-        _check(name)
+        _check_format(name)
+        if not has_seal(name):
+            guard(name)
         with h5py.File(name, "r") as file:
             judge(file, name)
             yield file
@@ -72,12 +78,9 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
 
 
 def groups_in(path: str | os.PathLike[str]) -> set[str]:
-    """Names at the root of a result file, which show what it holds; no names if the file cannot be opened."""
-    try:
-        with open_file(path) as file:
-            return set(file)
-    except FileError:
-        return set()
+    """Names at the root of a result file, which show what it holds."""
+    with open_file(path) as file:
+        return set(file)
 
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
@@ -86,8 +89,27 @@ def info_of(name: str, dataset: h5py.Dataset) -> Info:
     return Info(name, units, str(dataset.attrs.get("long_name", "")))
 
 
-def _check(name: str) -> None:
-    """Refuse a file of another format, and one that differs from its seal. Files of killed runs and edited files have no seal."""
+def has_seal(name: str) -> bool:
+    """Whether the last line of a file is its checksum; files of killed runs, edited files and those of others have no such line.
+
+    Raises
+    ------
+    FileError
+        If the file has such a line with another checksum, or after it something else.
+    """
+    # This includes a file that was truncated, or has something appended.
+    with open(name, "rb") as stream:
+        first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
+        stream.seek(first)
+        end = stream.read()
+    place = end.find(MARK)
+    if place >= 0 and end[place:] != SEAL % _crc32(name, first + place):
+        raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
+    return place >= 0
+
+
+def _check_format(name: str) -> None:
+    """Refuse a file of another format."""
     with open(name, "rb") as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
             stream.seek(0)
@@ -99,13 +121,6 @@ def _check(name: str) -> None:
             raise FileError(
                 f"{name}: is no file of dynstiction, or of another format of HDF5: h5repack -j 1 -k 1 makes that readable"
             )
-        # This includes a file that was truncated, or has something appended.
-        first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
-        stream.seek(first)
-        end = stream.read()
-    place = end.find(MARK)
-    if place >= 0 and end[place:] != SEAL % _crc32(name, first + place):
-        raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
 
 
 def _crc32(name: str | os.PathLike[str], length: int) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import secrets
 import zlib
@@ -33,9 +34,6 @@ ERROR, NOT_APPLICABLE = "error_", -1.0
 """Columns of a comparison that may have no value, and the value that is written instead."""
 
 Table = Described[NDArray[np.float64] | NDArray[np.str_]]
-
-GROWTH = 2**20
-"""Number of bytes by which the file in memory grows."""
 
 
 def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = None) -> None:
@@ -101,14 +99,14 @@ def _exists(path: str) -> FileError:
 
 
 def _image(result: Record, trade: Table | None) -> bytes:
-    """The bytes of the file, which has a different name in HDF5 for each thread."""
-    with h5py.File(
-        secrets.token_hex(16), "w", libver=FORMAT, driver="core", backing_store=False, block_size=GROWTH
-    ) as file:
-        _write_contents(file, result, trade)
-        file.flush()
-        image: bytes = file.id.get_file_image()
-    return image
+    """The bytes of the file.
+
+    They are not taken from `H5Fget_file_image`, whose superblock has a wrong checksum in HDF5 1.14.
+    """
+    with io.BytesIO() as stream:
+        with h5py.File(stream, "w", libver=FORMAT) as file:
+            _write_contents(file, result, trade)
+        return stream.getvalue()
 
 
 def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:

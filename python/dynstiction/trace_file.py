@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import number, path_name, shown
+from ._guard import guard
+from ._open import has_seal
 from .errors import FileError, UsageError
 from .trace import QUANTITIES, Trace
 
@@ -430,15 +432,20 @@ def _read_hdf5(
 ) -> Trace:
     import h5py  # noqa: PLC0415  (slow to import)
 
+    paths = {
+        quantity: ALTERNATIVES.get(quantity, ()) if column is None else (column,)
+        for quantity, column in wanted.items()
+        if quantity != "time" or interval is None
+    }
     try:
+        if not has_seal(name):
+            guard(name, [[path for path in each if isinstance(path, str)] for each in paths.values() if each])
         with h5py.File(name, "r") as file:
-            values = {}
-            for quantity, column in wanted.items():
-                usual = ALTERNATIVES.get(quantity, ())
-                if (column is None and not usual) or (quantity == "time" and interval is not None):
-                    continue
-                dataset = _dataset(file, name, quantity, usual if column is None else (column,))
-                values[quantity] = _dataset_values(dataset, name, quantity, factors)
+            values = {
+                quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity, factors)
+                for quantity, each in paths.items()
+                if each
+            }
     except (FileError, UsageError):
         raise
     except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy

@@ -12,10 +12,11 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.record import Described
-from hypothesis import HealthCheck, Phase, assume, given, settings
-from hypothesis import strategies as st
 from invariants import Ending, balance_faults, finish
 from matrix import FIG3, KINDS, Groups, Kind, Profile, scene_of
+
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+assume, given, settings, st = hypothesis.assume, hypothesis.given, hypothesis.settings, hypothesis.strategies
 
 FULL = "DYNSTICTION_FULL" in os.environ
 MOTIONS = [kind for kind in KINDS if kind.model in {"full", "low_frequency", "high_frequency"}]
@@ -27,8 +28,8 @@ examples = settings(
     derandomize=True,
     database=None,
     deadline=None,
-    suppress_health_check=list(HealthCheck),
-    phases=(Phase.explicit, Phase.generate, Phase.shrink),
+    suppress_health_check=list(hypothesis.HealthCheck),
+    phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate, hypothesis.Phase.shrink),
 )
 
 

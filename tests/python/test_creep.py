@@ -9,7 +9,8 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from fig3 import CONSTANT, SLIDER
-from scipy.integrate import solve_ivp
+
+solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
 
 DEGREES = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 # Errors at tau = 0.5, computed in quadruple precision.

@@ -10,9 +10,10 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from fig3 import changed, slider
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from programs import INPUTS
+
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+st = hypothesis.strategies
 
 GROWTH = ("lyapunov_exponent", "lyapunov_error", "regularity")
 COUNTERS = ("cycles_leapt", "cycles_sampled", "excursions_reused")
@@ -104,8 +105,8 @@ def test_the_map_makes_the_motion_of_the_steps(examples: int) -> None:
     leapt = []
 
     # Hypothesis varies one thing at a time; scenes that have sticks need all of them spread.
-    @given(st.integers(0, 2**32 - 1))
-    @settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+    @hypothesis.given(st.integers(0, 2**32 - 1))
+    @hypothesis.settings(max_examples=examples, deadline=None, derandomize=True, database=None)
     def whatever(seed: int) -> None:
         leapt.append(compare(random_scene(seed)))
 

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from programs import ROOT
-from scipy.integrate import simpson, solve_ivp
-from scipy.optimize import brentq
+
+integrate = pytest.importorskip("scipy.integrate", reason="pip install scipy")
+simpson, solve_ivp = integrate.simpson, integrate.solve_ivp
+brentq = pytest.importorskip("scipy.optimize", reason="pip install scipy").brentq
 
 IMPLICIT = ["radau5", "radau9", "radau13"]
 EXPLICIT = ["dopri5", "dop853"]

@@ -406,7 +406,7 @@ def same(ours: dict, theirs: dict) -> bool:
 
 @pytest.mark.parametrize("source", [*DECKS, "template"], ids=lambda s: s if isinstance(s, str) else s.stem)
 def test_f90nml_reads_the_same(source, program, tmp_path):
-    f90nml = pytest.importorskip("f90nml")
+    f90nml = pytest.importorskip("f90nml", reason="pip install f90nml")
     text = program("template").stdout if source == "template" else source.read_text()
     for points in INPUTS.glob("*.csv"):
         shutil.copy(points, tmp_path)
@@ -423,7 +423,7 @@ def test_f90nml_reads_the_same(source, program, tmp_path):
 
 
 def test_f90nml_reads_long_lists_and_quotes(program, tmp_path):
-    f90nml = pytest.importorskip("f90nml")
+    f90nml = pytest.importorskip("f90nml", reason="pip install f90nml")
     times = [i**0.5 for i in range(300)]
     speeds = [1e-3 / (i + 3) for i in range(300)]
     text = GOOD.replace("velocity = 1.0e-3", f"velocity = {str(speeds)[1:-1]}\n time = {str(times)[1:-1]}")

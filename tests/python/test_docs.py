@@ -28,10 +28,16 @@ PAGES = (
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}
 
 
+EXTRAS = {"howto/fit_a_trace": "scipy", "python_ten_minutes": "scipy", "howto/read_files": "h5netcdf"}
+"""What the commands of a page need besides the package's own dependencies."""
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page(page: str, executable: Path, tmp_path: Path) -> None:
     if shutil.which("h5dump") is None:
         pytest.skip("h5dump is not installed")
+    if package := EXTRAS.get(page):
+        pytest.importorskip(package, reason=f"pip install {package}")
     for deck in ("fig3", "map_anisotropy"):
         shutil.copy(ROOT / "inputs" / f"{deck}.nml", tmp_path)
     folders = [str(executable.parent), str(Path(sys.executable).parent), os.environ["PATH"]]
@@ -96,6 +102,13 @@ def test_links_lead_somewhere() -> None:
             if "://" not in target and not (page.parent / target).exists():
                 broken.append(f"{page.relative_to(ROOT)}: {target}")
     assert not broken
+
+
+def test_the_readme_names_its_files_in_words() -> None:
+    """Package indexes show it without the files that it refers to."""
+    links = re.findall(r"(?<!!)\[([^\]]*)\]\(([^)#\s]+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(links) > 20
+    assert not [(text, target) for text, target in links if text != target]
 
 
 FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)

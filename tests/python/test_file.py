@@ -123,7 +123,7 @@ def test_samples_are_in_order_and_end_at_t_end(result_file):
 
 def test_xarray_opens_it_without_options(result_file):
     xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
+    pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
     with xarray.open_dataset(result_file, group="time_series", engine="h5netcdf") as data:
         assert list(data.dims) == ["time"]
         assert list(data.coords) == ["time"]

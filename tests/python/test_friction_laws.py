@@ -12,7 +12,8 @@ import pytest
 from fig3 import CONSTANT, DECK, FRICTION, TEXT
 from programs import DONE, Program, executable
 from results import assert_same
-from scipy.integrate import solve_ivp
+
+solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
 
 Deck = dict[str, dict[str, Any]]
 

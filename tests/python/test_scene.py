@@ -14,17 +14,18 @@ from pathlib import Path
 from typing import Any
 
 import dynstiction as ds
-import f90nml
 import fig3 as fig3_deck
 import numpy as np
 import pytest
 from dynstiction import _native
 from dynstiction._native import schema
 from dynstiction.deck_group import DeckGroup
-from hypothesis import given
-from hypothesis import strategies as st
 from programs import ROOT, Program
 from results import assert_same
+
+f90nml = pytest.importorskip("f90nml", reason="pip install f90nml")
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+st = hypothesis.strategies
 
 GROUPS = {group.group: group for group in DeckGroup.__subclasses__()}
 # But for what is so by default.
@@ -154,7 +155,7 @@ def test_faults_name_keys_not_lines_of_a_text_that_nobody_wrote(fig3: ds.Scene) 
             ds.Scene(**{**FIG3, "drive": {"time": list(range(30)), "velocity": velocity}}).check()
 
 
-@given(st.lists(st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40))
+@hypothesis.given(st.lists(st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40))
 def test_a_fault_is_told_whole_whatever_the_value_is(parts: list[str]) -> None:
     law = "y" + "".join(parts)
     made = ds.Scene(**{**FIG3, "friction": {**FIG3["friction"].given(), "law": law}})
@@ -357,7 +358,7 @@ def flat(value: Any) -> Any:
     return value
 
 
-@given(decks())
+@hypothesis.given(decks())
 def test_every_value_survives_deck_python_deck(deck: dict[str, dict[str, Any]]) -> None:
     wanted = {group: {key: flat(value) for key, value in keys.items()} for group, keys in deck.items()}
     scene = ds.Scene(**deck)
@@ -371,7 +372,7 @@ def test_every_value_survives_deck_python_deck(deck: dict[str, dict[str, Any]]) 
         assert all(getattr(group, key) == value for key, value in wanted[name].items())
 
 
-@given(decks())
+@hypothesis.given(decks())
 def test_f90nml_finds_the_same_values(deck: dict[str, dict[str, Any]]) -> None:
     # f90nml takes an apostrophe doubled in quotes for the end of the text.
     text = ds.Scene(**deck).text.replace("''", "")

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 import results
 from dynstiction import _progress
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from programs import INPUTS
+
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+st = hypothesis.strategies
 
 SHORT = {"t_end": 0.05}
 
@@ -44,8 +45,8 @@ def assert_same(a: ds.Result, b: ds.Result) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@given(shares=st.lists(st.floats(0.0, 1.0), max_size=8))
-@settings(max_examples=8, deadline=None)
+@hypothesis.given(shares=st.lists(st.floats(0.0, 1.0), max_size=8))
+@hypothesis.settings(max_examples=8, deadline=None)
 def test_steps_end_in_the_bits_of_the_run(name: str, shares: list[float]) -> None:
     scene = SCENES[name]
     whole = ds.run(scene)

@@ -11,7 +11,7 @@ import pytest
 from fig3 import SLIDER
 from programs import Program
 
-solve_ivp = pytest.importorskip("scipy.integrate").solve_ivp
+solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
 
 
 @pytest.mark.parametrize(

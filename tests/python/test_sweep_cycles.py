@@ -151,7 +151,7 @@ def test_a_file_opens_as_what_the_sweep_returns(sweep, tmp_path):
 
 def test_a_file_opens_in_xarray(sweep, tmp_path):
     xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
+    pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
     sweep.run("o.h5", status=0)
     with xarray.open_dataset(tmp_path / "o.h5", group="sweep/cycles", engine="h5netcdf") as data:
         assert dict(data.sizes) == {"case": 60, "cycle": MOST}

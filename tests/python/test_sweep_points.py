@@ -156,7 +156,7 @@ def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
 
 def test_hdf5_as_xarray_writes_it(sweep, expected, tmp_path):
     xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
+    pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
     columns = {"system.misalignment_deg": ("case", ANGLES), "drive.velocity": ("case", VELOCITIES)}
     xarray.Dataset(columns, {"case": [0, 1, 2]}).to_netcdf(tmp_path / "cases.h5", engine="h5netcdf")
     assert with_hdf5(sweep).returncode == 0

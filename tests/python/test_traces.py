@@ -15,9 +15,10 @@ import pytest
 from dynstiction.trace_comparison import simulate_like
 from dynstiction.trace_cycles import mean_lateral, noise_level
 from dynstiction.trace_file import UNITS
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from programs import Program
+
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+st = hypothesis.strategies
 
 SCENE = """&scene
   title = 'a rig on the bench', model = 'low_frequency', t_end = 3.0
@@ -66,8 +67,8 @@ ROWS = [(round(0.01 * i, 6), round(1.0 + 0.1 * (i % 7), 6)) for i in range(30)]
 # What is read -------------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=150, deadline=None)
-@given(
+@hypothesis.settings(max_examples=150, deadline=None)
+@hypothesis.given(
     values=st.lists(st.floats(-1e6, 1e6, allow_nan=False).map(lambda x: float(f"{x:.9g}")), min_size=4, max_size=40),
     delimiter=st.sampled_from([",", ";", "\t", " ", "|"]),
     comma=st.booleans(),
@@ -416,8 +417,10 @@ def test_slips_between_two_samples_have_no_duration() -> None:
     assert cycles.means()["period"] == pytest.approx(0.7, rel=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
-@given(scale=st.floats(1e-6, 1e6), offset=st.floats(-10.0, 10.0), stretch=st.floats(1e-3, 1e3), begin=st.floats(-100.0, 100.0))
+@hypothesis.settings(max_examples=40, deadline=None)
+@hypothesis.given(
+    scale=st.floats(1e-6, 1e6), offset=st.floats(-10.0, 10.0), stretch=st.floats(1e-3, 1e3), begin=st.floats(-100.0, 100.0)
+)
 def test_cycles_scale_with_their_trace(scale: float, offset: float, stretch: float, begin: float) -> None:
     trace = sawtooth(noise=0.01)
     exact = ds.find_cycles(trace)
