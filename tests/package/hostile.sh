@@ -230,4 +230,33 @@ check 'Fig. 3 again' run --quiet
 check 'Fig. 3 has 5398 sticks again' counts fig3
 check 'and now nothing is left to do' again
 
+if [[ $whole == yes ]]; then
+  # A worktree, whose .git is a file.
+  git clone --quiet --local "$checkout" "$scratch/clone"
+  git -C "$scratch/clone" worktree add --quiet "$place/worktree" HEAD
+  give "$scratch/clone" "$place/worktree"
+  here=$place/worktree
+  check 'a worktree' short worktree
+  check 'its revision' grep "($(git -C "$checkout" rev-parse --short=12 HEAD)[,-]" <("$here/.venv/bin/dynstiction" --version)
+
+  # A disk that fills up during the installation.
+  disk=$scratch/disk
+  mkdir "$disk"
+  if mount -t tmpfs -o size=700m,mode=755 none "$disk" 2> /dev/null; then
+    trap 'umount "$disk"; rm -rf "$scratch"' EXIT
+    copy_to "$disk/checkout"
+    give "$disk"
+    here=$disk/checkout
+    fills_up() {
+      started short full
+      until compgen -G "$here/.venv/lib/python*/site-packages/numpy" > /dev/null || ! kill -0 "$process" 2> /dev/null; do sleep 0.1; done
+      head -c 1G /dev/zero > "$disk/filler" 2> /dev/null || true
+      ! wait "$process" && tail -n 3 "$scratch/started.log" | tee /dev/stderr | grep -q 'room on the disk'
+    }
+    check 'a disk that fills up is the reason' fills_up
+    rm -f "$disk/filler"
+    check 'with room again' short refilled
+  fi
+fi
+
 summary 'Hostile environments'
