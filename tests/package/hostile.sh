@@ -234,10 +234,11 @@ if [[ $whole == yes ]]; then
   # A worktree, whose .git is a file.
   git clone --quiet --local "$checkout" "$scratch/clone"
   git -C "$scratch/clone" worktree add --quiet "$place/worktree" HEAD
+  revision=$(git -C "$scratch/clone" rev-parse --short=12 HEAD)
   give "$scratch/clone" "$place/worktree"
   here=$place/worktree
   check 'a worktree' short worktree
-  check 'its revision' grep "($(git -C "$checkout" rev-parse --short=12 HEAD)[,-]" <("$here/.venv/bin/dynstiction" --version)
+  check 'its revision' grep "($revision," <("$here/.venv/bin/dynstiction" --version)
 
   # A disk that fills up during the installation.
   disk=$scratch/disk
