@@ -41,7 +41,7 @@ trap - INT
 export DYNSTICTION_EXE=$venv/bin/dynstiction
 "$DYNSTICTION_EXE" run "$deck" --overwrite "$@"
 # Isolated from modules in the current folder.
-"$venv/bin/python" -I -m dynstiction plot "$file" -o "$picture"
+MPLBACKEND=agg "$venv/bin/python" -I -m dynstiction plot "$file" -o "$picture"
 printf '%s\n' "$file" "$picture"
 if [[ $is_new == yes ]]; then
   say "For the command dynstiction and the Python package in this shell: source $(printf '%q' "$venv/bin/activate")"

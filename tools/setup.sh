@@ -43,7 +43,7 @@ clean_environment() {
   # Numbers and messages as the scripts read them, and no options of the calling shell for those that they start.
   { export LC_ALL=C.UTF-8; } 2> /dev/null
   export -n SHELLOPTS BASHOPTS
-  export MPLBACKEND=agg MPLCONFIGDIR=$venv/matplotlib
+  export MPLCONFIGDIR=$venv/matplotlib
   choose_temporary_folder
 }
 
