@@ -13,13 +13,7 @@ log=$checkout/build/docs.log
 # The tools of the manual, and the package of .venv beside them.
 create_tools() {
   local requirements=$checkout/docs/requirements.txt
-  cmp -s "$requirements" "$tools/installed" && return
-  say "Installing into $tools: $(names_in "$requirements")"
-  rm -f "$tools/installed"
-  rm -rf "$tools"
-  "$python" -m venv "$tools"
-  venv=$tools pip_install -r "$requirements"
-  cp "$requirements" "$tools/installed"
+  is_whole "$tools" "$requirements" || new_environment "$tools" "$requirements"
 }
 
 # FORD's pages would fetch style sheets and scripts from the network; docs/ford.css takes their place.
@@ -40,16 +34,21 @@ quietly() {
   busy "$log" '^(reading sources|writing output|Processing|Generating).*' "${@:2}" || { cat "$log" >&2; die "$1 failed: see above"; }
 }
 
+make_manual() {
+  local notebook name
+  create_tools
+  quietly 'Making the manual' env PYTHONPATH="$(echo "$venv"/lib/python*/site-packages)" \
+    "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
+  for notebook in "$checkout"/docs/notebooks/*.ipynb; do
+    name=$(basename "$notebook" .ipynb)
+    grep -q '<img[^>]*_images/' "$manual/notebooks/$name.html" || die "the notebook $name draws no figure"
+  done
+  quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
+  ! grep -i warning "$log" || die 'FORD warns: see above'
+  cut_network "$manual/fortran"
+}
+
 prepare
 build_program -Dtests=false
-create_tools
-export PYTHONPATH=$venv/lib/python$python_version/site-packages
-quietly 'Making the manual' "$tools/bin/sphinx-build" -W --keep-going -E -a -b html -d "$checkout/build/doctrees" "$checkout/docs" "$manual"
-for notebook in "$checkout"/docs/notebooks/*.ipynb; do
-  name=$(basename "$notebook" .ipynb)
-  grep -q '<img[^>]*_images/' "$manual/notebooks/$name.html" || die "the notebook $name draws no figure"
-done
-quietly 'Making the pages of the Fortran modules' "$tools/bin/ford" -o "$manual/fortran" "$checkout/docs/ford.md"
-! grep -i warning "$log" || die 'FORD warns: see above'
-cut_network "$manual/fortran"
+locked make_manual
 printf '%s\n' "$manual/index.html"

@@ -38,8 +38,10 @@ build_program -Dtests=false
 say "Running $deck"
 # From here on the program itself handles Ctrl-C.
 trap - INT
-dynstiction run "$deck" --overwrite "$@"
-PYTHONDONTWRITEBYTECODE='' python -m dynstiction plot "$file" -o "$picture"
+export DYNSTICTION_EXE=$venv/bin/dynstiction
+"$DYNSTICTION_EXE" run "$deck" --overwrite "$@"
+# Isolated from modules in the current folder.
+MPLBACKEND=agg "$venv/bin/python" -I -m dynstiction plot "$file" -o "$picture"
 printf '%s\n' "$file" "$picture"
 if [[ $is_new == yes ]]; then
   say "For the command dynstiction and the Python package in this shell: source $(printf '%q' "$venv/bin/activate")"

@@ -48,7 +48,7 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=15 [full]=60 [sanitize]=3 [cluster]=7 [package]=10 [bench]=2 [mutation]=6)
+declare -A minutes=([proof]=2 [release]=8 [standard]=15 [full]=60 [sanitize]=3 [cluster]=7 [package]=18 [bench]=2 [mutation]=6)
 
 say_how_long() {
   local part total first=0 second=0
@@ -171,7 +171,7 @@ benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/sho
 # The packages that users install.
 package_tests() {
   local script
-  for script in sdist bounds meson_install wheel parallel_hdf5 without_hdf5; do
+  for script in sdist bounds meson_install wheel parallel_hdf5 without_hdf5 recipes hostile; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
   run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
@@ -239,7 +239,7 @@ main() {
     debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
   fi
   if is_wanted package; then
-    debian_packages+=(patch musl-tools)
+    debian_packages+=(patch musl-tools debhelper dh-python)
     sets+=(package)
   fi
   ! is_wanted bench || debian_packages+=(g++ libboost-dev)

@@ -36,20 +36,28 @@ archive_of() {
 # One word of several that Meson splits at blanks.
 quoted() { printf "'%s'" "${1//\'/\'\\\'\'}"; }
 
+# In a folder of its own from the beginning, so that it does not depend on what an interrupted one has left.
+make_wheel() {
+  rm -rf "$build"
+  collect_archives
+  say 'Building the wheel (about a minute) ...'
+  busy "$build/build.log" '^\[[0-9]+/[0-9]+\]' python -m build --wheel --no-isolation --outdir "$build/plain" "-Cbuild-dir=$build/meson" \
+    -Csetup-args=-Dprefer_static=true "-Csetup-args=-Dfortran_link_args=$(quoted "-L$archives") -static-libgcc" "$checkout" || {
+    cat "$build/build.log" >&2
+    die 'building the wheel failed: see above'
+  }
+  # The path of this Python's own library is useless on other machines.
+  auditwheel repair --strip --wheel-dir "$build/repaired" "$build/plain"/*.whl > "$build/repair.log" 2>&1 || {
+    cat "$build/repair.log" >&2
+    die 'auditwheel refused the wheel: see above'
+  }
+}
+
 prepare package
-collect_archives
-rm -rf "$build/plain" "$build/repaired"
-say 'Building the wheel (about a minute) ...'
-busy "$build/build.log" '^\[[0-9]+/[0-9]+\]' python -m build --wheel --no-isolation --outdir "$build/plain" "-Cbuild-dir=$build/meson" \
-  -Csetup-args=-Dprefer_static=true "-Csetup-args=-Dfortran_link_args=$(quoted "-L$archives") -static-libgcc" "$checkout" || {
-  cat "$build/build.log" >&2
-  die 'building the wheel failed: see above'
-}
-# The path of this Python's own library is useless on other machines.
-auditwheel repair --strip --wheel-dir "$build/repaired" "$build/plain"/*.whl > "$build/repair.log" 2>&1 || {
-  cat "$build/repair.log" >&2
-  die 'auditwheel refused the wheel: see above'
-}
+locked make_wheel
+wheel=$(basename "$build/repaired"/*.whl)
 mkdir -p "$folder"
-mv "$build/repaired"/*.whl "$folder/"
-printf '%s\n' "$folder/$(basename "$(ls -t "$folder"/*.whl | head -1)")"
+# Complete, or not there.
+cp "$build/repaired/$wheel" "$folder/.$wheel.new"
+mv "$folder/.$wheel.new" "$folder/$wheel"
+printf '%s\n' "$folder/$wheel"

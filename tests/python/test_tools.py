@@ -84,11 +84,15 @@ def test_the_tests_have_every_extra() -> None:
 
 
 STUB = """#!/usr/bin/env bash
-# Stands for Python: makes an environment, and installs into it unless there is a file `offline`.
-echo "$*" >> calls
+# Stands for Python: makes an environment, and installs into it unless there is a file `offline`. `contents` lists what is installed.
+contents=${0%/*}/contents
+[[ $2 == *environment.py ]] || echo "$3" >> calls
 case "$*" in
-  "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" && : > "$3/bin/activate" ;;
-  *" pip install "*) [[ ! -e offline ]] || { echo 'Collecting numpy'; echo 'ERROR: no network'; exit 1; } ;;
+  *"/environment.py whole "*) shift 5; [[ -e $contents ]] && ! cat "$@" | grep -v '^#' | grep -vxF -f "$contents" ;;
+  "-I -m venv "*) mkdir -p "$4/bin" && cp "$0" "$4/bin/python" && : > "$4/bin/activate" && : > "$4/bin/contents" ;;
+  *" pip install "*)
+    [[ ! -e offline ]] || { echo 'Collecting numpy'; echo 'ERROR: no network'; exit 1; }
+    for word; do [[ $word != */requirements*.txt ]] || cat "$word"; done >> "$contents" ;;
 esac
 """
 
@@ -109,11 +113,11 @@ def in_setup(checkout: Path, lines: str, **options: object) -> subprocess.Comple
 
 
 def calls(checkout: Path) -> list[str]:
-    """How Python was called since the last look: the first word that says what for."""
+    """The modules of Python that were called since the last look."""
     file = checkout / "calls"
     lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
     file.unlink(missing_ok=True)
-    return [line.split()[1] for line in lines]
+    return lines
 
 
 def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout: Path) -> None:
@@ -124,7 +128,8 @@ def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout
     assert "start the same command again" in said
     assert calls(checkout) == ["venv", "pip"]
     (checkout / "offline").unlink()
-    in_setup(checkout, install, status=0)
+    said = in_setup(checkout, install, status=0).stderr
+    assert "again: meson" in said
     assert calls(checkout) == ["venv", "pip", "pip", "compileall"]
     assert in_setup(checkout, install, status=0).stderr == ""
     assert calls(checkout) == []
@@ -137,16 +142,24 @@ def test_a_removal_that_was_interrupted_is_noticed(checkout: Path) -> None:
     in_setup(checkout, "create_environment", status=0)
     build = checkout / "build" / "debug"
     build.mkdir(parents=True)
-    (build / "build.ninja").touch()
+    (build / "configured").touch()
     with (checkout / "tools" / "requirements.txt").open("a", encoding="utf-8") as file:
         file.write("another\n")
     # Killed while it removes folders.
     killed = 'rm() { [[ $1 != -rf ]] || kill -KILL $$; command rm "$@"; }\ncreate_environment'
     in_setup(checkout, killed, status=-signal.SIGKILL)
-    assert not (checkout / ".venv" / "installed").exists() and not (build / "build.ninja").exists()
+    assert not (build / "configured").exists()
     calls(checkout)
     in_setup(checkout, "create_environment", status=0)
     assert calls(checkout) == ["venv", "pip"] and not build.exists()
+
+
+def test_an_environment_of_somebody_else_is_kept(checkout: Path) -> None:
+    own = checkout / ".venv" / "own"
+    own.parent.mkdir()
+    own.touch()
+    said = in_setup(checkout, "create_environment", status=0).stderr
+    assert "not made by" in said and (checkout / ".venv.before" / "own").exists() and not own.exists()
 
 
 def test_a_build_that_was_not_configured_to_the_end_is_configured_again(checkout: Path) -> None:
@@ -172,7 +185,7 @@ def test_what_takes_long_says_how_far_it_is(checkout: Path) -> None:
     done = in_setup(
         checkout, "busy build/x.log '^[0-9]+ of 99' bash -c 'for i in {1..9}; do echo $i of 99; sleep 1; done; exit 7'", status=7
     )
-    assert re.fullmatch(r"  8 s: [789] of 99\n", done.stderr)
+    assert re.fullmatch(r"  (8|9|10) s: [789] of 99\n", done.stderr)
     assert done.stdout == ""
 
 

@@ -53,21 +53,21 @@ contains
     call check('critical angles without error', .not. allocated(error))
   end function critical_of
 
-  real(wp) function limit_of(slider, velocity)
+  real(wp) function limit_of(slider, velocity) result(limit)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
     type(error_t), allocatable :: error
 
-    call low_frequency_limit(slider, velocity, limit_of, error)
+    call low_frequency_limit(slider, velocity, limit, error)
     call check('limit without error', .not. allocated(error))
   end function limit_of
 
-  logical function stable(slider, velocity)
+  logical function stable(slider, velocity) result(holds)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
     type(error_t), allocatable :: error
 
-    call is_stable(slider, velocity, stable, error)
+    call is_stable(slider, velocity, holds, error)
     call check('stability without error', .not. allocated(error))
   end function stable
 
