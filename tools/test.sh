@@ -12,7 +12,8 @@
 # In addition to any of these:
 #
 #   --cluster    sweeps on real MPI and Slurm
-#   --package    wheel, source archive, library, another compiler, manual and notebooks
+#   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
+#                with --full also recipes of distributors, hostile environments, and every compiler
 #   --bench      the short forms of all benchmarks
 #   --mutation   25 small changes of the core that the tests must notice
 #
@@ -168,14 +169,20 @@ cluster_tests() {
 
 benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$mpi"; }
 
-# The packages that users install.
+# The packages that users install. The newest versions are those of this environment.
 package_tests() {
-  local script
-  for script in sdist bounds meson_install wheel parallel_hdf5 without_hdf5 recipes hostile; do
+  local script scripts=(sdist meson_install wheel parallel_hdf5 without_hdf5) bound=lowest matrix=()
+  if [[ $level == full ]]; then
+    scripts+=(recipes hostile)
+    bound=''
+    matrix=(--full)
+  fi
+  for script in "${scripts[@]}"; do
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
+  run_tests 'Lower bounds of the requirements' "$python_summary|[0-9]+ passed" "$checkout/tests/package/bounds.sh" ${bound:+"$bound"}
   run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
-    $([[ $level != full ]] || printf %s --full)
+    ${matrix[@]+"${matrix[@]}"}
 }
 
 # Making the manual runs the notebooks. If all Python tests have run, only the heavy tests of these files are left.

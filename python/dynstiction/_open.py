@@ -1,6 +1,7 @@
 """Opening files that may be damaged or forged: every possible check comes before HDF5 reads a byte of data.
 
-A file that has the checksum in its seal is opened; every other one is first read by a child process (`guard`).
+A file that has the checksum in its seal is opened; every other one is read by a child process, which returns a copy
+(`sound_copy`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from ._guard import guard
+from ._guard import sound_copy
 from .errors import FileError
 from .record import Info, si_units
 
@@ -53,7 +54,7 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     ------
     FileError
         If the file is missing, is not a regular file, has another format, differs from its seal, refers to data outside the
-        file (`judge`), or makes HDF5 crash or never end (`guard`).
+        file (`judge`), or makes HDF5 crash or never end (`sound_copy`).
     """
     name = os.fspath(path)
     # Opening a pipe would wait for its writer without end.
@@ -65,10 +66,10 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
 
     try:
         _check_format(name)
-        if not has_seal(name):
-            guard(name)
-        with h5py.File(name, "r") as file:
-            judge(file, name)
+        sealed = has_seal(name)
+        with h5py.File(name if sealed else sound_copy(name), "r") as file:
+            if sealed:
+                judge(file, name)
             yield file
     except FileError:
         raise

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import number, path_name, shown
-from ._guard import guard
+from ._guard import sound_copy
 from ._open import has_seal
 from .errors import FileError, UsageError
 from .trace import QUANTITIES, Trace
@@ -438,9 +438,8 @@ def _read_hdf5(
         if quantity != "time" or interval is None
     }
     try:
-        if not has_seal(name):
-            guard(name, [[path for path in each if isinstance(path, str)] for each in paths.values() if each])
-        with h5py.File(name, "r") as file:
+        sought = [[path for path in each if isinstance(path, str)] for each in paths.values() if each]
+        with h5py.File(name if has_seal(name) else sound_copy(name, sought), "r") as file:
             values = {
                 quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity, factors)
                 for quantity, each in paths.items()

@@ -125,7 +125,7 @@ def test_a_loop_that_only_the_child_finds(files: dict[str, Path], tmp_path: Path
     file = bare(files["run"], tmp_path)
     with_endless_heap(file)
     child = "\nimport dynstiction._judge as judge\njudge._Judge.heaps = lambda self: None\n"
-    place = _guard.CHILD.index("_guard.read_all")
+    place = _guard.CHILD.index("_guard.send_copy")
     monkeypatch.setattr(_guard, "CHILD", _guard.CHILD[:place] + child + _guard.CHILD[place:])
     with pytest.raises(ds.FileError, match=r"bare_run\.h5: is damaged: reading it never ends in HDF5: take a sound copy"):
         ds.open(file)

@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.f90")}
 POSIX_C, POSIX_F90 = ROOT / "src" / "system" / "posix.c", "src/system/posix.f90"
+HDF5_F90 = "src/file/hdf5_library.f90"
 # Of the C library itself: their arguments are int, size_t and texts everywhere.
 PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "unlink"}
 # Imports of posix.c by which no file and no process is reached: no fault of theirs is looked for.
@@ -54,10 +55,12 @@ def test_one_module_declares_what_the_system_has() -> None:
     elsewhere = {
         file: names
         for file, text in SOURCES.items()
-        if file != POSIX_F90
-        and (names := [name for name in bound_names(text) if not name.startswith("H5") and (file, name) != ("src/file/crc32.f90", "crc32")])
+        if file not in (POSIX_F90, HDF5_F90) and (names := [name for name in bound_names(text) if (file, name) != ("src/file/crc32.f90", "crc32")])
     }  # fmt: skip
     assert not elsewhere, f"declare them in {POSIX_F90}"
+    of_the_library = re.findall(r"bind\(c, name='(\w+)'\)", SOURCES[HDF5_F90])
+    assert len(of_the_library) > 30
+    assert all(name.startswith(("H5", "dst_h5")) for name in of_the_library)
 
 
 def test_no_number_of_the_system_is_written_down() -> None:

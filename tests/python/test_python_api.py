@@ -251,7 +251,7 @@ def test_missing_names_name_the_nearest(fig3: ds.Scene, fig3_result: ds.Result) 
         (lambda: fig3.replace(misalignmen_deg=2.0), "'misalignmen_deg' is not a key of a deck: did you mean 'misalignment_deg'"),
         (lambda: fig3.replace(**{"system.mas": 2.0}), r"did you mean 'system\.mass'"),
         (lambda: ds.run(fig3, systm=2.0), "not a group of a deck: did you mean 'system'"),
-        (lambda: ds.run(fig3, qqqqq=2.0), r"nor a group \(scene, system, .*template"),
+        (lambda: ds.run(fig3, qqqqq=2.0), r"nor a group of a deck \(scene, system, .*template"),
     ):
         with pytest.raises(ds.UsageError, match=words):
             call()

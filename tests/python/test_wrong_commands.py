@@ -161,7 +161,6 @@ def test_wrong_command_of_python(command: str, status: int, words: tuple[str, ..
     assert sorted(folder.iterdir()) == before
 
 
-
 def test_a_command_of_the_executable_where_there_is_none(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -308,15 +308,16 @@ contains
     ignored = h5fclose(file)
   end function text_at
 
-  integer(hid_t) function opened(from)
+  function opened(from) result(file)
     character(*), intent(in), optional :: from
+    integer(hid_t) :: file
 
     if (present(from)) then
-      opened = h5fopen(from//nul, h5f_acc_rdonly, h5p_default)
+      file = h5fopen(from//nul, h5f_acc_rdonly, h5p_default)
     else
-      opened = h5fopen(file_name//nul, h5f_acc_rdonly, h5p_default)
+      file = h5fopen(file_name//nul, h5f_acc_rdonly, h5p_default)
     end if
-    call check('the file opens', opened >= 0)
+    call check('the file opens', file >= 0)
   end function opened
 
   !> Bit for bit; arrays of different lengths differ.

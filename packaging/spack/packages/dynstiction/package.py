@@ -25,7 +25,7 @@ class Dynstiction(MesonPackage):
     depends_on("py-h5py", type="run")
     depends_on("py-matplotlib", type="run")
     depends_on("py-xarray", type="run")
-    depends_on("hdf5+fortran~mpi")
+    depends_on("hdf5~mpi")
     depends_on("lapack")
     depends_on("zlib-api")
     depends_on("mpi", when="+mpi")
