@@ -205,7 +205,7 @@ def test_scenes_beyond_the_estimates_are_full(groups: dict[str, dict[str, object
 
 def estimated(choice: str, model: str) -> float:
     """The error that a choice speaks of."""
-    found = re.search(model + r" may have an error of +([-+.\dE]+)", choice)
+    found = re.search(model + r" may have an error of +([-+.\de]+)", choice)
     assert found, choice
     return float(found[1])
 

@@ -183,8 +183,8 @@ def test_a_case_that_fails_keeps_what_it_has(sweep, tmp_path):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (("sweep.keep=summary",), "'cycles' is not used with keep summary"),
-        (("sweep.keep=series", "output.interval=0.1"), "'cycles' is not used with keep series"),
+        (("sweep.keep=summary", "sweep.cycles=3"), "'cycles' is not used with keep summary"),
+        (("sweep.keep=series", "output.interval=0.1", "sweep.cycles=3"), "'cycles' is not used with keep series"),
         (("sweep.cycles=0",), "it must be >= 1 and <= 100"),
         (("sweep.cycles=101",), "it must be >= 1 and <= 100"),
         (("sweep.cycles=2.5",), "takes an integer"),
@@ -194,6 +194,12 @@ def test_a_case_that_fails_keeps_what_it_has(sweep, tmp_path):
 def test_refused(sweep, settings, words):
     done = sweep.program("check", sweep.deck, settings=settings, status=2)
     assert words in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_cycles_of_the_deck_are_left_out_with_another_keep(sweep):
+    done = sweep.program("check", sweep.deck, settings=("sweep.keep=summary",), status=0)
+    assert "note: 'cycles' is not used with keep summary and is left out" in done.stderr
+    assert "cycles =" not in done.stdout.partition("&sweep")[2]
 
 
 @pytest.mark.parametrize("model", ["creep", "creep_asymptotic", "high_frequency"])
