@@ -15,7 +15,7 @@
 #   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
 #                with --full also recipes of distributors, hostile environments, and every compiler
 #   --bench      the short forms of all benchmarks
-#   --mutation   25 small changes of the core that the tests must notice
+#   --mutation   10 small changes of the core that the tests must notice, with --full 25
 #
 # The output of each set of tests is in build/tests. See docs/testing.md.
 
@@ -49,13 +49,13 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=15 [full]=60 [sanitize]=3 [cluster]=7 [package]=18 [bench]=2 [mutation]=6)
+declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=7 [package]=16 [bench]=3 [mutation]=4)
 
 say_how_long() {
   local part total first=0 second=0
   for part in ${extras[@]+"${extras[@]}"}; do
     case $part in
-      package | bench) second=$((second + ${minutes[$part]})) ;;
+      package) second=$((second + ${minutes[$part]})) ;;
       *) first=$((first + ${minutes[$part]})) ;;
     esac
   done
@@ -196,7 +196,7 @@ manual_tests() {
 
 mutation_tests() {
   run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
-    python "$checkout/tests/mutation/mutate.py" --count 25 --jobs "$(nproc)"
+    python "$checkout/tests/mutation/mutate.py" --count "$([[ $level == full ]] && printf 25 || printf 10)" --jobs "$(nproc)"
 }
 
 tests_with_checks() {
@@ -228,13 +228,13 @@ tests_with_sanitizers() {
 first_list() {
   ! is_wanted cluster || cluster_tests
   ! is_wanted mutation || mutation_tests
+  # After the cluster: one of them uses the program for MPI that it has built.
+  ! is_wanted bench || benchmarks
 }
 second_list() {
   renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
   ! is_wanted package || package_tests
   ! is_wanted package || manual_tests
-  # Last: one of them uses the program for MPI that the other list has built.
-  ! is_wanted bench || benchmarks
 }
 
 # A function, so that the script is read to its end before it begins, and may be changed during its run.
@@ -246,7 +246,8 @@ main() {
     debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
   fi
   if is_wanted package; then
-    debian_packages+=(patch musl-tools debhelper dh-python)
+    debian_packages+=(patch musl-tools)
+    [[ $level != full ]] || debian_packages+=(debhelper dh-python)
     sets+=(package)
   fi
   ! is_wanted bench || debian_packages+=(g++ libboost-dev)

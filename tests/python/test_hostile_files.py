@@ -186,7 +186,7 @@ def unsealed(file: Path, folder: Path) -> Path:
     return copy
 
 
-@pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.full)])
+@pytest.mark.parametrize("count", [80, pytest.param(5000, marks=pytest.mark.full)])
 def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) -> None:
     """Damage of a file without a seal, as a killed run leaves it: HDF5 reads all of it."""
     assert refusals(unsealed(sound, tmp_path), tmp_path, count) > count / 4
@@ -210,7 +210,7 @@ def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int)
     assert refusals(sound, tmp_path, count, flips="1") >= count - 1 - in_words
 
 
-@pytest.mark.parametrize("count", [100, pytest.param(2000, marks=pytest.mark.full)])
+@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.full)])
 def test_a_damaged_comparison_is_read_or_refused(program: Program, fig3_text: str, tmp_path: Path, count: int) -> None:
     (tmp_path / "short.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.02"))
     program("trade", "short.nml", "--budget", "2", "-o", "trade.h5", "--quiet", status=0)
