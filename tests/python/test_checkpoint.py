@@ -230,7 +230,7 @@ def test_a_result_behind_a_link_is_resumed_by_each_of_its_names(program, referen
 
 def test_a_signal_stops_a_command_with_several_decks(program, tmp_path):
     decks = [str(INPUTS / "fig3.nml"), str(INPUTS / "reversal.nml")]
-    command = [program.executable, "run", *decks, "--quiet", "--set", "scene.t_end=1e5"]
+    command = [program.executable, "run", *decks, "--quiet", "--set", "scene.t_end=1e5", "--set", "output.interval=0.1"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     wait_for((tmp_path / "fig3.h5").exists, "fig3.h5")
     process.terminate()
