@@ -13,7 +13,7 @@ module dst_processes
   use dst_errors, only: error_t, raise, usage_error, some_failed, stopped_early
   use dst_disk, only: wait_seconds
   use dst_kinds, only: wp, int64
-  use dst_signals, only: stop_signal, stopped_by, no_signal, stop_listening
+  use dst_signals, only: stop_signal, stopped_by, no_signal, stop_listening, end_after
   use dst_stopwatch, only: wall_clock
   use dst_standard_streams, only: put_error
   use dst_text, only: printable
@@ -38,6 +38,7 @@ module dst_processes
     procedure :: wait
     procedure :: end
     procedure, private :: finish
+    procedure, private :: patience
   end type processes_t
 
   !> A process that has been asked to stop waits for others this long [s]. The first processes report this before the others do.
@@ -174,13 +175,15 @@ contains
     call mpi_recv(numbers, length, mpi_integer, rank, subject, mpi_comm_world, mpi_status_ignore)
   end subroutine look_for_message
 
-  !> End MPI. From here on signals have their usual effect: MPI may wait for a process that is gone.
+  !> End MPI, which may wait for a process that is gone. From here on signals have their usual effect, and one that came shortly
+  !> before has it after a while.
   subroutine end(self)
     class(processes_t), intent(inout) :: self
 
     if (.not. self%started) return
     self%started = .false.
     call stop_listening()
+    if (stop_signal() /= no_signal) call end_after(self%patience(), no_answer(), stopped_early)
     call mpi_finalize()
   end subroutine end
 
@@ -211,11 +214,23 @@ contains
     call wait_seconds(pause)
     if (stop_signal() == no_signal) return
     if (told_at < 0.0_wp) told_at = wall_clock()
-    if (wall_clock() - told_at < longest_wait + stagger*min(self%rank, most_staggered)) return
-    call put_error('dynstiction: '//stopped_by()//', and another process does not answer: all '// &
-      'are ended; start it again to continue'//new_line('a'))
+    if (wall_clock() - told_at < self%patience()) return
+    call put_error(no_answer()//new_line('a'))
     call mpi_abort(mpi_comm_world, stopped_early)
   end subroutine wait
+
+  !> How long this process waits for others if it has been asked to stop [s].
+  real(wp) function patience(self)
+    class(processes_t), intent(in) :: self
+
+    patience = longest_wait + stagger*min(self%rank, most_staggered)
+  end function patience
+
+  function no_answer() result(text)
+    character(:), allocatable :: text
+
+    text = 'dynstiction: '//stopped_by()//', and another process does not answer: all are ended; start it again to continue'
+  end function no_answer
 
   !> Name and version of the library.
   function mpi_library() result(text)

@@ -60,6 +60,26 @@ void dst_stop_listening(int number) { handle_unless_ignored(number, SIG_DFL); }
 /* The number of the signal that asked to stop, or 0. */
 int dst_stop_signal(void) { return received; }
 
+static struct { char message[256]; size_t length; int status; } last_words;
+
+static void end_now(int number) {
+  (void)number;
+  ssize_t ignored = write(STDERR_FILENO, last_words.message, last_words.length);
+  (void)ignored;
+  _exit(last_words.status);
+}
+
+/* Unless the program has ended by then, end it after some seconds with a message and a status, whatever it waits for. */
+void dst_end_after(double seconds, const char *message, int64_t length, int status) {
+  last_words.length = (size_t)length < sizeof last_words.message ? (size_t)length : sizeof last_words.message;
+  memcpy(last_words.message, message, last_words.length);
+  last_words.status = status;
+  handle(SIGALRM, end_now);
+  time_t whole = (time_t)seconds;
+  struct itimerval timer = {.it_value = {.tv_sec = whole, .tv_usec = (suseconds_t)(1e6 * (seconds - (double)whole))}};
+  setitimer(ITIMER_REAL, &timer, NULL);
+}
+
 /* Let a write beyond the file-size limit fail instead of killing the process. */
 void dst_ignore_size_limit_signal(void) { handle(SIGXFSZ, SIG_IGN); }
 

@@ -36,6 +36,14 @@ module dst_posix
       integer(c_int), value :: signal
     end subroutine c_stop_listening
 
+    subroutine c_end_after(seconds, message, length, status) bind(c, name='dst_end_after')
+      import :: c_double, c_char, c_int64_t, c_int
+      real(c_double), value :: seconds
+      character(c_char), intent(in) :: message(*)
+      integer(c_int64_t), value :: length
+      integer(c_int), value :: status
+    end subroutine c_end_after
+
     integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
       import :: c_int
     end function stop_signal

@@ -299,6 +299,12 @@ int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1
 
 pid_t getpid(void) { return pretended && self() == first ? pretended : self(); }
 
+/* SIGTERM has its usual effect again. */
+int sigaction(int number, const struct sigaction *action, struct sigaction *before) {
+  if (armed && number == SIGTERM && action && action->sa_handler == SIG_DFL) look("unlisten", 0, "-");
+  return REAL(sigaction)(number, action, before);
+}
+
 /* MPI, as a Fortran program calls it. */
 void mpi_init_thread_f08_(int *required, int *provided, int *error) {
   if (armed) look("init", 0, "-");

@@ -65,6 +65,8 @@ SIGNALS = {"SIGKILL": signal.SIGKILL, "SIGTERM": signal.SIGTERM, "SIGUSR1": sign
 ONE, ANY = ("rank 0", "another"), ("rank 0", "another", "mpirun", "all")
 BEFORE, UNDER_WAY = ("launch",), ("running", "stopping", "merging", "ending")
 ABSENT = ("exit 7", "missing program")
+# When the rank has noticed all that it looks for, but has not begun to end MPI.
+LATE = "late SIGTERM"
 # Fault: whom it may befall, and when. What a file system does to one rank is a matter of its folder, so of its start.
 MATRIX = [
     *((name, ANY, MOMENTS) for name in SIGNALS),
@@ -75,6 +77,7 @@ MATRIX = [
     ("file exists", ("all",), ("running", "stopping", "merging")),
     ("slow", ANY, MOMENTS),
     ("slow, then SIGTERM", ONE, MOMENTS),
+    (LATE, ONE, ("finalizing",)),
     ("exit 7", ("rank 0", "another", "all"), BEFORE),
     ("missing program", ("rank 0", "another", "all"), BEFORE),
 ]
@@ -136,6 +139,8 @@ def allowed(case: Case) -> Allowed:
         # mpirun may have to kill the rank, or lose patience.
         status = killed_by(signal.SIGTERM) | killed_by(signal.SIGKILL) | ended_mpirun(case)
         right = Allowed(status | finished, {STOPPED, None} | finished, {0, 1})
+    elif case.fault == LATE:
+        right = Allowed({STOPPED} | killed_by(signal.SIGKILL), {STOPPED, None}, {1})
     elif case.fault in ABSENT:
         status = {7} if case.fault == "exit 7" else {127, 1, 255}
         right = Allowed(status | killed_by(signal.SIGTERM) | ended_mpirun(case), {None}, {0})
@@ -353,6 +358,8 @@ def orders(case: Case) -> dict[int, list[str]]:
         if case.moment == "launch" and case.who != "all" and case.fault in ("missing folder", "file exists", "bad deck"):
             found[rank].append('cd "$room/elsewhere"')
     for rank, what in faults.items():
+        if case.fault == LATE and rank in case.ranks:
+            what.append("TERM:all:unlisten@1")
         if what:
             found[rank].append(f"export FAULT={shlex.quote(';'.join(what))}")
     return found
@@ -430,7 +437,7 @@ class Laboratory:
         lasting = self.strike_now(launch)
         # A rank that never begins does not prevent a signal from ending all. SIGUSR1 asks to stop, which is for all to do; and a
         # rank that is held here does not see mpirun die.
-        ends_all = case.fault in ("SIGKILL", "SIGTERM") and case.who != "mpirun"
+        ends_all = case.fault in ("SIGKILL", "SIGTERM", LATE) and case.who != "mpirun"
         for_ever = case.moment in ("init", "finalizing") and ends_all
         if not for_ever and case.fault != "slow, then SIGTERM":
             time.sleep(0.2)

@@ -33,6 +33,7 @@ SHARE = (
     "merging/rank 0/slow, then SIGTERM",
     "ending/all/SIGKILL",
     "finalizing/another/SIGTERM",
+    "finalizing/another/late SIGTERM",
 )
 CASES = mpi_faults.every_case(list(MPI))
 QUICK = [case for case in CASES if str(case).partition("/")[2] in SHARE]
