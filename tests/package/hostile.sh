@@ -168,6 +168,14 @@ notices_a_short_file() {
   cat "$scratch/away" > "$1"
   return $status
 }
+accepts_a_longer_file() {
+  cp -p "$1" "$scratch/away"
+  echo '# certificates of a network' >> "$1"
+  local status=0
+  is_whole_now || status=1
+  cat "$scratch/away" > "$1"
+  return $status
+}
 notices_another_interpreter() {
   local file=$here/.venv/bin/f2py status=0
   cp -p "$file" "$scratch/away"
@@ -178,6 +186,7 @@ notices_another_interpreter() {
   return $status
 }
 check 'with a short file it is not whole' notices_a_short_file "$site/matplotlib/__init__.py"
+check 'with a longer file it is whole' accepts_a_longer_file "$site/matplotlib/__init__.py"
 check 'with a command of another environment it is not whole' notices_another_interpreter
 check 'and afterwards it is whole' is_whole_now
 
