@@ -259,6 +259,7 @@ main() {
     # Without a browser the report is not opened, and without other compilers the program is built only by gfortran.
     have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
     have flang-new-22 || (apt_install flang-22 libflang-22-dev) || (apt_install flang-19 libflang-19-dev) || say 'No flang: a compiler is left out'
+    [[ $level != full ]] || (apt_install gfortran-11) || say 'No older gfortran: it is left out'
     have qemu-aarch64 || (apt_install gfortran-aarch64-linux-gnu gcc-aarch64-linux-gnu qemu-user) || say 'No emulator: aarch64 is left out'
   fi
   build_release

@@ -110,13 +110,14 @@ contains
     type(argument_t), allocatable, intent(inout) :: words(:)
     character(*), intent(in) :: text
     type(argument_t), allocatable :: longer(:)
-    integer :: i
+    integer :: i, n
 
-    allocate (longer(size(words) + 1))
-    do i = 1, size(words)
+    n = size(words) + 1
+    allocate (longer(n))
+    do i = 1, n - 1
       call move_alloc(words(i)%text, longer(i)%text)
     end do
-    longer(size(longer))%text = text
+    longer(n)%text = text
     call move_alloc(longer, words)
   end subroutine append
 

@@ -387,7 +387,8 @@ contains
     n = case%number - block%first + 1
     last = size(block%columns, 2)
     if (nint(block%columns(n, last)) /= not_run) return
-    block%columns(n, last - value_count:) = [real(case%values, real64), real(case%result_code, real64)]
+    block%columns(n, last - value_count:last - 1) = real(case%values, real64)
+    block%columns(n, last) = real(case%result_code, real64)
     if (case%result_code /= result_done) block%message(n)%text = case%result_text
     if (layout%columns > 0) block%rows(n) = size(case%table, 2)
     do j = 1, layout%columns

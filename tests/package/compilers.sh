@@ -1,18 +1,22 @@
 #!/usr/bin/env bash
-# tests/package/compilers.sh [--full]: builds the program with other compilers and flags, and for another processor. Each build runs
+# tests/package/compilers.sh [--full [NAME]...]: builds the program with other compilers and flags, and for another processor. Each build runs
 # the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11.
 #
-#   --full   all builds, and all unit tests for the other processor; without it LLVM's flang, and an emulated aarch64 with products and
-#            sums that are rounded together and a few unit tests
+#   --full   all builds, or those named, and all unit tests for the other processor; without it LLVM's flang, and an emulated aarch64
+#            with products and sums that are rounded together and a few unit tests
 #
 # A compiler that is not installed is skipped, with a line that says so. On Debian: apt-get install flang-22 libflang-22-dev,
-# gfortran-11, and for aarch64 gfortran-aarch64-linux-gnu qemu-user, whose libraries are downloaded into build/aarch64.
+# gfortran-11, libopenblas-dev, libblis-dev, and for aarch64 gfortran-aarch64-linux-gnu qemu-user, whose libraries are downloaded into build/aarch64.
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 help_if_wanted "$@"
 
 is_full=no
-[[ ${1:-} != --full ]] || is_full=yes
+if [[ ${1:-} == --full ]]; then
+  is_full=yes
+  shift
+fi
+named=" $* "
 skipped=0
 prepare
 reference=$scratch/reference.h5
@@ -49,13 +53,20 @@ assert difference[worst] < 1e-11
 END
 }
 
+is_wanted() { [[ $named == '  ' || $named == *" $1 "* ]]; }
+
+skip() {
+  say "skipped $*"
+  skipped=$((skipped + 1))
+}
+
 # with NAME COMPILER [OPTION of Meson]...: a build, its unit tests, Fig. 3.
 with() {
   local name=$1 compiler=$2 folder=$checkout/build/with_$1
+  is_wanted "$name" || return 0
   shift 2
   if ! have "${compiler%% *}"; then
-    say "skipped $name: no $compiler"
-    skipped=$((skipped + 1))
+    skip "$name: no $compiler"
     return
   fi
   rm -rf "$folder"
@@ -63,9 +74,15 @@ with() {
   say "== $name: $compiler $*"
   check "$name: configures" env FC="$compiler" meson setup "$folder" "$checkout" -Dpython=false "$@"
   [[ -e $folder/build.ninja ]] || return 0
-  check "$name: compiles" ninja -C "$folder"
+  check "$name: compiles" compiles "$folder" "$compiler"
   check "$name: unit tests" meson test -C "$folder" --no-rebuild --print-errorlogs --no-suite fuzz --no-suite threads
   run_fig3 "$name" "$folder/src/dynstiction"
+}
+
+# compiles FOLDER COMPILER: this machine's own gfortran without a warning.
+compiles() {
+  ninja -C "$1" 2>&1 | tee "$scratch/compiles.log"
+  [[ $2 != gfortran ]] || fails grep -q 'warning:' "$scratch/compiles.log"
 }
 
 run_fig3() {
@@ -81,9 +98,9 @@ newest() { # newest PATTERN: the newest installed program with such a name
 
 for_aarch64() {
   local folder=$checkout/build/aarch64 quick=(archive models numerics plain_numbers result_file seal sha256 stability)
+  is_wanted aarch64 || return 0
   if ! have aarch64-linux-gnu-gfortran || ! have qemu-aarch64 || ! have dpkg; then
-    say 'skipped aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
-    skipped=$((skipped + 1))
+    skip 'aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
     return
   fi
   say '== aarch64, emulated'
@@ -156,6 +173,15 @@ libraries_for_aarch64() {
   touch "$root/complete"
 }
 
+# with_lapack LIBRARY[,LIBRARY]: a build with this LAPACK, if it is there.
+with_lapack() {
+  if printf 'program p\nexternal dgeev\ncall dgeev()\nend program p\n' | gfortran -x f95 - -o "$scratch/links" $(sed 's/^\|,/ -l/g' <<< "$1") 2> /dev/null; then
+    with "${1//,/_}" gfortran "-Dlapack=$1"
+  elif is_wanted "${1//,/_}"; then
+    skip "${1//,/_}: it is not installed"
+  fi
+}
+
 flang=$(newest 'flang-new-[0-9]+') || true
 with flang "${flang:-flang}" -Doptimization=2
 for_aarch64
@@ -169,6 +195,7 @@ if [[ $is_full == yes ]]; then
   with plain gfortran --buildtype=plain -Dfortran_args=-O1
   with native gfortran -Dnative=true
   with lto gfortran -Db_lto=true
+  for library in openblas lapack,blis flexiblas; do with_lapack "$library"; done
   with checks gfortran -Doptimization=1 '-Dfortran_args=-fcheck=all -ffpe-trap=invalid -finit-real=snan'
 fi
 say "$skipped skipped"

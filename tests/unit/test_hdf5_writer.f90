@@ -269,7 +269,7 @@ contains
     ignored = h5fclose(file)
   end function read_column
 
-  integer function root_integer(name, from)
+  integer function root_integer(name, from) result(value)
     character(*), intent(in) :: name
     character(*), intent(in), optional :: from
     integer(hid_t) :: file
@@ -277,7 +277,7 @@ contains
     integer :: ignored
 
     file = opened(from)
-    call get_attribute(file, name, root_integer, h5)
+    call get_attribute(file, name, value, h5)
     call check('attribute '//name, h5%status >= 0)
     ignored = h5fclose(file)
   end function root_integer
