@@ -11,7 +11,7 @@ program test_models
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release
+  use dst_rest, only: spring_force_size, is_held, release_delay, slip_start_t, start_of_slip, start_at_release
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
@@ -215,8 +215,8 @@ contains
     call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
     u = slider%elongation_at_limit(0.5_wp)
     call check_close('static limit: of the spring force', spring_force_size(slider, u), 2.5_wp, 4.0_wp*eps)
-    call check('static limit: rest holds below, not above', holds(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
-      .not. holds(slider, 1.01_wp*u, 1.0e-3_wp))
+    call check('static limit: rest holds below, not above', is_held(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
+      .not. is_held(slider, 1.01_wp*u, 1.0e-3_wp))
     begin = start_at_release(slider, u, 1.0e-3_wp)
     call check_close('static limit: acceleration at the release', begin%rate(1), 0.5_wp/0.25_wp, 4.0_wp*eps)
     begin = start_of_slip(slider, 1.2_wp*u, 1.0e-3_wp)
@@ -641,11 +641,11 @@ contains
 
     slider = fig3_slider()
     slider%along = [1.0_wp, 0.0_wp]
-    call check('holds below the limit', holds(slider, 0.95_wp*u, 1.0e-3_wp) .and. holds(slider, 0.95_wp*u, -1.0e-3_wp))
-    call check('does not hold above it', .not. (holds(slider, 1.05_wp*u, 1.0e-3_wp) .or. holds(slider, 1.05_wp*u, -1.0e-3_wp)))
-    call check('at the limit: held if it is unloaded or nothing moves', holds(slider, u, -1.0e-3_wp) &
-      .and. holds(slider, u, 0.0_wp) .and. holds(slider, -u, 1.0e-3_wp))
-    call check('at the limit: not held if it is loaded', .not. (holds(slider, u, 1.0e-3_wp) .or. holds(slider, -u, -1.0e-3_wp)))
+    call check('holds below the limit', is_held(slider, 0.95_wp*u, 1.0e-3_wp) .and. is_held(slider, 0.95_wp*u, -1.0e-3_wp))
+    call check('does not hold above it', .not. (is_held(slider, 1.05_wp*u, 1.0e-3_wp) .or. is_held(slider, 1.05_wp*u, -1.0e-3_wp)))
+    call check('at the limit: held if it is unloaded or nothing moves', is_held(slider, u, -1.0e-3_wp) &
+      .and. is_held(slider, u, 0.0_wp) .and. is_held(slider, -u, 1.0e-3_wp))
+    call check('at the limit: not held if it is loaded', .not. (is_held(slider, u, 1.0e-3_wp) .or. is_held(slider, -u, -1.0e-3_wp)))
     call check_close('at the limit: forwards', release_delay(slider, u, drive_segment_t(velocity=1.0e-3_wp), 0.0_wp), &
       0.0_wp, 0.0_wp)
     call check_close('at the limit: forwards by a ramp from rest', &
@@ -832,6 +832,6 @@ contains
     call check('brake: speeding up at first is no stop', .not. stops)
     from%u = [-3.0e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
-    call check('brake: beyond the limit it ends in a turn', stops .and. .not. holds(slider, to%u, drive%velocity))
+    call check('brake: beyond the limit it ends in a turn', stops .and. .not. is_held(slider, to%u, drive%velocity))
   end subroutine test_brake
 end program test_models
