@@ -151,7 +151,7 @@ contains
     drive_velocity = drive%velocity_at(to%time)
     if (comes_to_rest(slider, atan2(before(2), before(1)), to%u, drive_velocity, drive%acceleration)) return
     force = slider%force_at_rest(to%u, drive_velocity)
-    to%y(1:2) = epsilon(1.0_wp)*norm2(before)*force/norm2(force)
+    to%y(1:2) = epsilon(1.0_wp)*hypot(before(1), before(2))*force/hypot(force(1), force(2))
   end subroutine turn
 
   !> w_1 and f_1 of A w_1 + f_1 = b.

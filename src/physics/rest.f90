@@ -108,8 +108,8 @@ contains
       across = merge([0.0_wp, 1.0_wp], [1.0_wp, 0.0_wp], abs(direction(1)) > abs(direction(2)))
     drive = slider%drive_coupling()*drive_velocity
     is_on_line = abs(dot_product(across, direction)) <= line_angle &
-      .and. abs(dot_product(across, u)) <= line_roundoff*norm2(u) &
-      .and. abs(dot_product(across, drive)) <= line_roundoff*norm2(drive)
+      .and. abs(dot_product(across, u)) <= line_roundoff*hypot(u(1), u(2)) &
+      .and. abs(dot_product(across, drive)) <= line_roundoff*hypot(drive(1), drive(2))
   end function is_on_line
 
   !> Speed C [m/s] at which slip of the speed v [m/s] in the direction `theta` [rad] turns into the direction of a force f above the
