@@ -36,6 +36,7 @@ module dst_python_api
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_stability_report, only: held_velocities
+  use dst_stiffness, only: stiffness_note
   use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
@@ -739,8 +740,8 @@ contains
     end select
   end subroutine make_text
 
-  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', and what the samples will not show:
-  !> 'sampling_note'.
+  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', what the samples will not show:
+  !> 'sampling_note', and why the method is slow: 'stiffness_note'.
   subroutine make_run_text(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -754,21 +755,28 @@ contains
       self%text = self%model_choice
     case ('sampling_note')
       self%text = sampling_note(self%simulation%scene)
+    case ('stiffness_note')
+      self%text = stiffness_note(self%simulation%scene, 1.0_wp)
     case default
       call self%session_t%make_text(which)
     end select
   end subroutine make_run_text
 
-  !> The deck is that of the sweep, with the values that it determines.
+  !> The deck is that of the sweep, with the values that it determines; also 'stiffness_note'.
   subroutine make_sweep_text(self, which)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
+    type(scene_t) :: scene
 
-    if (which == 'resolved') then
+    select case (which)
+    case ('resolved')
       self%text = resolved(self%sweep%deck)
-    else
+    case ('stiffness_note')
+      call scene_from_deck(self%sweep%deck, scene)
+      self%text = stiffness_note(scene, real(self%sweep%cases, wp))
+    case default
       call self%session_t%make_text(which)
-    end if
+    end select
   end subroutine make_sweep_text
 
   !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and events

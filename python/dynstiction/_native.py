@@ -276,6 +276,8 @@ class Run(Session):
         """Why 'auto' chose the model; empty if the deck names another model."""
         self.sampling_note = _named_text(handle, "sampling_note")
         """Note on what the samples will not show; empty if they show everything."""
+        self.stiffness_note = _named_text(handle, "stiffness_note")
+        """Why the method is slow on this scene; empty if it is not."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
@@ -441,6 +443,8 @@ class Sweep(Session):
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
         self.quantities = _infos(handle, "quantities")
+        self.stiffness_note = _named_text(handle, "stiffness_note")
+        """Why the method is slow on the scene of the deck; empty if it is not."""
         cycles, (most,) = _table(handle, "cycles", described=True)
         self.cycle_quantities = [info for info, *_ in cycles]
         self.most_cycles = int(max(most, default=0))
