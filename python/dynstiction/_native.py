@@ -377,7 +377,13 @@ class Ends(Session):
         super().__init__(handle)
         self._raise(deck, status)
         cells, numbers = _table(handle, "ends")
-        self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
+        self.obstacles = {name: obstacle for name, obstacle in cells if obstacle}
+        """Why the slow motion does not give an end, by its name."""
+        self.values = {
+            name: value
+            for (name, obstacle), value in zip(cells, numbers[0].tolist(), strict=True)
+            if not obstacle
+        }
         """Numbers by name; those that do not exist are left out."""
 
 
