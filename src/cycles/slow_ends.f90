@@ -98,7 +98,7 @@ contains
     associate (angle => merge(critical, end%at, end%kind == ends_nowhere))
       at_end%along = [cos(angle), sin(angle)]
     end associate
-    end%validity = slow_validity(at_end, velocity)
+    call judge(at_end, velocity, end, error)
   end subroutine misalignment_end
 
   !> The drive velocity at which stick-slip ends, at the slider's own misalignment; steady sliding is stable beyond `critical`
@@ -117,8 +117,19 @@ contains
     call find_end(family, log(critical), end, error)
     end%at = exp(end%at)
     end%steady_limit = critical
-    end%validity = slow_validity(slider, merge(critical, end%at, end%kind == ends_nowhere))
+    call judge(slider, merge(critical, end%at, end%kind == ends_nowhere), end, error)
   end subroutine velocity_end
+
+  !> Whether the slow motion holds where it ends; if it does not, it is no matter that the end could not be computed.
+  subroutine judge(slider, velocity, end, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(slow_end_t), intent(inout) :: end
+    type(error_t), allocatable, intent(inout) :: error
+
+    end%validity = slow_validity(slider, velocity)
+    if (allocated(error) .and. end%validity%obstacle /= '') deallocate (error)
+  end subroutine judge
 
   !> The farthest cycle that is large enough; steady sliding changes its stability at the parameter `first`. `end%at` is p.
   subroutine find_end(family, first, end, error)
