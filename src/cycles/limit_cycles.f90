@@ -10,7 +10,7 @@ module dst_limit_cycles
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
-  use dst_slow_validity, only: slow_validity_t, slow_validity
+  use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   use dst_stability, only: steady_sliding_eigenvalues, is_stable
   use dst_writer, only: quantity_t
   implicit none
@@ -141,7 +141,7 @@ contains
     type(slow_validity_t) :: validity
     integer :: i
 
-    validity = slow_validity(slider, velocity)
+    validity = slow_validity(slider, velocity, common_accuracy)
     if (validity%obstacle /= '') then
       call raise(error, deck_error, 'scene.model: the slow motion does not hold here: '//trim(validity%obstacle)// &
         ": give model 'full'", 'scene.model')

@@ -16,7 +16,7 @@ module dst_slow_ends
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, slow_gain_t, slow_gain, slow_cycle_of, find_slow_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
-  use dst_slow_validity, only: slow_validity_t, slow_validity
+  use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   implicit none
   private
 
@@ -127,7 +127,7 @@ contains
     type(slow_end_t), intent(inout) :: end
     type(error_t), allocatable, intent(inout) :: error
 
-    end%validity = slow_validity(slider, velocity)
+    end%validity = slow_validity(slider, velocity, common_accuracy)
     if (allocated(error) .and. end%validity%obstacle /= '') deallocate (error)
   end subroutine judge
 

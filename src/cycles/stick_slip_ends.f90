@@ -6,7 +6,7 @@ module dst_stick_slip_ends
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
   use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, least_swing
-  use dst_slow_validity, only: slow_validity_t, slow_validity
+  use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   use dst_slow_laws, only: law_end_t, canard_end, swing_end, bautin_point, critical_velocities, criticality
   use dst_stability, only: low_frequency_limit
   implicit none
@@ -75,7 +75,7 @@ contains
     call bautin_point(own%law, ends%bautin_velocity, ends%bautin_angle, ends%has_bautin_point)
     if (ends%has_bautin_point) then
       own%along = [cos(ends%bautin_angle), sin(ends%bautin_angle)]
-      validity = slow_validity(own, ends%bautin_velocity)
+      validity = slow_validity(own, ends%bautin_velocity, common_accuracy)
       ends%has_bautin_point = validity%obstacle == ''
       own%along = abs(slider%along)
     end if

@@ -15,7 +15,7 @@ module dst_slow_validity
   implicit none
   private
 
-  public :: slow_validity_t, slow_validity, rigidity_obstacle, slip_error, margin, gradual
+  public :: slow_validity_t, slow_validity, rigidity_obstacle, slip_error, common_accuracy, margin, gradual
 
   !> Whether the slow motion holds.
   type :: slow_validity_t
@@ -31,8 +31,9 @@ module dst_slow_validity
   !> Largest force (F_s - F_0) sin(theta) of a release with a static limit over the force v sqrt(m k_y) with which the oscillation
   !> reaches rest, at slip. Twice: the first of 60 random scenes with mu_static has no stick-slip where the slow motion has.
   real(wp), parameter :: largest_release = 0.05_wp
-  !> Largest estimated error, at which D is about 1. Twice: ends of stick-slip up to a tenth off, which says little, also count as known.
-  real(wp), parameter :: largest_error = 0.15_wp
+  !> Estimated error up to which cycles and ends of stick-slip count as known: with D = 1 it is the same. Twice: answers that say
+  !> little, ends up to a tenth off.
+  real(wp), parameter :: common_accuracy = 0.15_wp
   !> Margin over the errors that occurred, and weights of the feeding, of k_x/(k_y sin(theta)^2) and of exp(-D).
   real(wp), parameter :: margin = 4.0_wp, feeding_weight = 0.05_wp, elastic_weight = 0.2_wp, decay_weight = 0.1_wp
   !> Weakening over sqrt(m k_x) below which slip is gradual and cycles are sensitive, and by how much.
@@ -43,9 +44,10 @@ contains
   !> Whether the slow motion of a slider without dampers holds under a constant drive velocity [m/s], through its slips. A slider
   !> whose stiff axis is rigid, stiffness 0, is that of the slow motion itself. The slow motion never rests: a static limit only has
   !> an effect on whether it holds.
-  function slow_validity(slider, velocity) result(validity)
+  function slow_validity(slider, velocity, accuracy) result(validity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
+    real(wp), intent(in) :: accuracy                     !! largest estimated error that is accepted
     type(slow_validity_t) :: validity
     type(critical_t) :: critical
     type(error_t), allocatable :: error
@@ -74,7 +76,7 @@ contains
       validity%obstacle = 'the oscillation on the stiff spring does not decay before slip (D = '//number_text(last%decay, 2)//')'
     else if (.not. release <= largest_release) then
       validity%obstacle = 'with mu_static the oscillation on the stiff spring does not die before slip'
-    else if (.not. validity%error <= largest_error) then
+    else if (.not. validity%error <= accuracy) then
       validity%obstacle = 'the stiff spring is not rigid enough at slip (estimated error '//number_text(validity%error, 2)//')'
     end if
   end function slow_validity

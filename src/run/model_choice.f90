@@ -368,7 +368,7 @@ contains
         if (slope(3) < 0.0_wp) small%share = (slider%along(2)/slider%along(1))**2*friction(3)/(-speed*slope(3))
         small%speed = speed/scene%v_f
         small%end = creep_end(slider, speed)
-        small%slow = slow_validity(slider, speed)
+        small%slow = slow_validity(slider, speed, excluded)
         small%will_slip = small%end%exists .and. small%length > surely_slipped
       end if
     end associate

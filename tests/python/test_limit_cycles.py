@@ -247,16 +247,10 @@ def test_where_the_slow_motion_does_not_hold_it_does_not_answer(name: str, veloc
 
 
 def test_steady_sliding_that_is_stable_at_no_angle_has_no_end_of_stick_slip() -> None:
-    chance = random.Random(31)
-    none = 0
-    for _ in range(12):
-        name = chance.choice(sorted(RIGS))
-        scene = rig_at(name, 10 ** chance.uniform(2.4, 4.0), 10 ** chance.uniform(-3.5, -1.5))
-        end = ds.stick_slip_ends(scene).misalignment
-        window = ds.critical_misalignment(scene).window
-        assert end is None or end.at < window[1]
-        none += end is None and bool(np.isnan(window[1]))
-    assert 2 < none < 10
+    for name, ratio, velocity in (("fig3", 390, 1e-3), ("fig3", 3e3, 1e-4), ("harder", 350, 0.5e-3), ("readme", 354, 0.3e-3)):
+        scene = rig_at(name, ratio, velocity)
+        assert np.isnan(ds.critical_misalignment(scene).window[1])
+        assert ds.stick_slip_ends(scene).misalignment is None
 
 
 def test_a_static_limit_moves_no_end() -> None:
