@@ -606,9 +606,9 @@ contains
         self%table%number(n + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
       end associate
     case ('sliding')
-      call new_table(self%table, 1, 0, 3)
+      call new_table(self%table, 1, 0, 4)
       self%table%number(:, 1) = [self%cycles%sliding_load, merge(1.0_wp, 0.0_wp, self%cycles%sliding_is_stable), &
-        self%cycles%velocity]
+        self%cycles%velocity, self%cycles%error]
     case ('eigenvalues')
       call new_table(self%table, size(self%cycles%eigenvalues), 0, 2)
       do i = 1, size(self%cycles%eigenvalues)

@@ -355,8 +355,9 @@ class Cycles(Session):
         )
         self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
         self.slow_cycles, self.count = int(slow), int(count)
-        load, stable, velocity = _table(handle, "sliding")[1][:, 0].tolist()
-        self.sliding_load, self.sliding_is_stable, self.velocity = load, stable == 1.0, velocity
+        sliding = _table(handle, "sliding")[1][:, 0].tolist()
+        self.sliding_load, stable, self.velocity, self.model_error = sliding
+        self.sliding_is_stable = stable == 1.0
         real, imaginary = _table(handle, "eigenvalues")[1]
         self.eigenvalues = real + 1j * imaginary
 

@@ -59,7 +59,7 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
     DeckError
         If the scene cannot be read.
     UsageError
-        If these functions do not have its friction law, or its drive has no constant velocity other than 0.
+        If these functions do not have its friction law, or its drive keeps no velocity other than 0, or several.
     """
     system, friction = scene.system, scene.friction
     values: dict[str, float | None] = {

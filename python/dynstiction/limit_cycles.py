@@ -74,6 +74,8 @@ class Cycles(NamedTuple):
     """Eigenvalues of a small disturbance of steady sliding [1/s], by decreasing real part; shape (2,), for the full model (4,)."""
     regularity: Regularity | None
     """Regularity of the full model."""
+    error: float
+    """Estimated largest relative error of the slow motion against the full one [-]; 0 for the full model, and without its k_y."""
 
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
@@ -172,6 +174,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.sliding_is_stable,
             found.eigenvalues,
             _regularity(found) if found.model == "full" else None,
+            found.model_error,
         )
 
 

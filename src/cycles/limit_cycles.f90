@@ -40,6 +40,7 @@ module dst_limit_cycles
     complex(wp), allocatable :: eigenvalues(:)
     !> For the full model: what the motion from the scene's initial state is like.
     type(regularity_t) :: regularity
+    real(wp) :: error = 0.0_wp                     !! of the slow motion, relative to the full one, estimated
   contains
     procedure :: number
   end type limit_cycles_t
@@ -147,6 +148,7 @@ contains
         ": give model 'full'", 'scene.model')
       return
     end if
+    cycles%error = validity%error
     call new_slow_map(slider, velocity, rtol, map)
     cycles%sliding_load = slider%stiffness(1)*map%equilibrium
     cycles%sliding_is_stable = map%damping > 0.0_wp

@@ -1,5 +1,5 @@
-!> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion, where
-!> that holds (dst_slow_validity), and the results of the laws (docs/closed_laws.md).
+!> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion,
+!> where that holds (dst_slow_validity), and the results of the laws (docs/closed_laws.md).
 module dst_stick_slip_ends
   use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_friction, only: exponential_form, falls_exponentially

@@ -1,10 +1,10 @@
 !> Where the slow motion (model low_frequency) stands for that of the full model, and how far its answers may be off.
 !>
-!> The slow motion takes the stiff axis as rigid. It needs k_y >> k_x, an angle at which the object creeps instead of resting, and an
-!> oscillation on the stiff spring that has decayed before a slip begins, so that it cannot trigger it: by exp(-D), D of
+!> The slow motion takes the stiff axis as rigid. It needs k_y >> k_x, an angle at which the object creeps instead of resting,
+!> and an oscillation on the stiff spring that has decayed before a slip begins, so that it cannot trigger it: by exp(-D), D of
 !> dst_creep_end. Where creep does not end in slip it becomes steady sliding, in which the oscillation must decay (dst_stability).
-!> How rigid the stiff spring is at slip gives the error of what follows: of period, forces and slip length, and of the angle or the
-!> velocity at which stick-slip ends. docs/models.md, section low_frequency, has the comparison with the full model.
+!> How rigid the stiff spring is at slip gives the error of what follows: of period, forces and slip length, and of the angle or
+!> the velocity at which stick-slip ends. docs/models.md, section low_frequency, compares it with the full model.
 module dst_slow_validity
   use dst_creep_end, only: creep_end_t, creep_end, fast_growth_rate
   use dst_errors, only: error_t
@@ -23,8 +23,8 @@ module dst_slow_validity
     real(wp) :: error = 0.0_wp                 !! largest relative error then, estimated
   end type slow_validity_t
 
-  ! Fitted to random scenes of the full model and tested on others (bench/model_choice.py). A wider range admits scenes that have not
-  ! been tested.
+  ! Fitted to random scenes of the full model and tested on others (bench/model_choice.py, docs/models.md). A wider range admits
+  ! scenes that have not been tested.
   !
   !> Smallest stiffness_y/stiffness_x; largest k_x/(k_y tan(phi)), the share of l_x during which the object truly rests; smallest D.
   real(wp), parameter :: least_anisotropy = 300.0_wp, largest_delay = 1.0_wp/3.0_wp, least_decay = 1.0_wp
@@ -68,8 +68,8 @@ contains
       return
     end if
     last = last_of_creep(own, velocity, slope(2))
-    validity%error = margin*slip_error(last, -slope(1)/sqrt(own%mass*own%stiffness(1)))
-    release = (slider%law%static_limit - own%law%kinetic_limit)*sin(last%angle)/(last%speed*sqrt(own%mass*own%stiffness(2)))
+    validity%error = margin*slip_error(last, -slope(1)/(sqrt(own%mass)*sqrt(own%stiffness(1))))
+    release = (slider%law%static_limit - own%law%kinetic_limit)*sin(last%angle)/(last%speed*sqrt(own%mass)*sqrt(own%stiffness(2)))
     if (slope(2) < 0.0_wp .and. .not. atan2(abs(own%along(2)), abs(own%along(1))) < critical%window(2)) then
       validity%obstacle = 'the oscillation on the stiff spring grows in steady sliding'
     else if (.not. last%decay >= least_decay) then
@@ -94,8 +94,8 @@ contains
     end if
   end function rigidity_obstacle
 
-  !> Relative error of the slow motion from the elasticity of the stiff spring and the remainder of its oscillation where creep ends,
-  !> without the margin. `weakening`: -F' over sqrt(m k_x).
+  !> Relative error of the slow motion from the elasticity of the stiff spring and the remainder of its oscillation where creep
+  !> ends, without the margin. `weakening`: -F' over sqrt(m k_x).
   pure real(wp) function slip_error(end, weakening)
     type(creep_end_t), intent(in) :: end
     real(wp), intent(in) :: weakening

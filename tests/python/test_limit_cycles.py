@@ -179,12 +179,10 @@ def test_constant_friction_has_no_stick_slip() -> None:
 RIGS = {
     "fig3": FIG3,
     "harder": FIG3.replace(
-        system={"mass": 0.4, "stiffness_x": 2e4},
-        friction={"mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3, "normal_load": 20.0},
+        system={"mass": 0.4, "stiffness_x": 2e4}, friction={"mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3, "normal_load": 20.0}
     ),
     "readme": FIG3.replace(
-        system={"mass": 1.0, "stiffness_x": 5e3},
-        friction={"mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
+        system={"mass": 1.0, "stiffness_x": 5e3}, friction={"mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0}
     ),
 }
 
