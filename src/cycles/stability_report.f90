@@ -80,7 +80,7 @@ contains
     logical :: stable
 
     call page%line('# '//name//': steady sliding at V = '//long_text(velocity)//' m/s, phi = '// &
-                   long_text(misalignment_deg)//' deg')
+                   long_text(misalignment_deg)//' deg, model full')
     call list_eigenvalues(page, slider, velocity, error)
     if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
     if (allocated(error)) return
@@ -162,6 +162,7 @@ contains
     type(error_t), allocatable :: error
     real(wp) :: lambda, angle, misalignment, zeta
 
+    call page%line('Damping of the slow motion (rigid stiff axis)')
     call damping_scale(slider, velocity, lambda, error)
     if (allocated(error)) then
       call page%row('Lambda, zeta, theta*', 'no value: '//error%text)

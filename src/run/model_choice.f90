@@ -159,9 +159,12 @@ contains
       if (lack == '') then
         error = estimated_error(scene, slider, small, model, slow)
         accept = error <= scene%accuracy
-        lack = model//' is not known to be that accurate here'
-        if (error < excluded) lack = model//' may have an error of '//number_text(error, 2)
-        lack = lack//', more than accuracy = '//number_text(scene%accuracy, 2)
+        if (error < excluded) then
+          lack = model//' may have an error of '//number_text(error, 2)//', more than accuracy = '//number_text(scene%accuracy, 2)
+        else
+          lack = model//' is not known to be that accurate here'
+          if (scene%quantities == 'stick_slip' .and. small%slow%obstacle /= '') lack = lack//': '//trim(small%slow%obstacle)
+        end if
       end if
       if (.not. accept) then
         if (passed_over /= '') passed_over = passed_over//'; '
