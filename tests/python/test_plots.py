@@ -413,8 +413,8 @@ def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> Non
 def test_a_diagram_has_an_end_of_stick_slip_where_the_slow_motion_holds(stiffness: float, ends: int) -> None:
     pytest.importorskip("xarray")
     angles = {"system.misalignment_deg": [7.0, 9.0]}
-    data = ds.sweep(INPUTS / "fig3.nml", angles, system={"stiffness_y": stiffness}, scene={"t_end": 0.1}, sweep=KEEP, threads=1)
-    lines = plot.draw(data, "bifurcation").axes[0].lines
+    data = ds.sweep(INPUTS / "fig3.nml", angles, system={"stiffness_y": stiffness}, scene={"t_end": 0.1}, threads=1)
+    lines = plot.draw(data, "map").axes[0].lines
     assert [line.get_xdata()[0] for line in lines if line.get_color() == VERMILION] == [pytest.approx(8.184, abs=1e-3)] * ends
 
 
