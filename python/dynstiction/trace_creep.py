@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._optional import needed
 from .trace import Trace
 from .trace_cycles import find_cycles
 
@@ -68,8 +67,7 @@ def creep_test(trace: Trace) -> CreepTest:
     FileError
         If the trace has no stick-slip, see `find_cycles`.
     """
-    needed("scipy", "creep_test")
-    from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     cycles = find_cycles(trace)
     means, errors = cycles.means(), cycles.errors()

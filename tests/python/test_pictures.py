@@ -311,18 +311,6 @@ def test_what_differs_is_the_physics(result: ds.Result) -> None:
     assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
 
 
-def test_figures_need_no_scipy(result: ds.Result, tmp_path: Path) -> None:
-    result.save(tmp_path / "run.h5")
-    lines = [
-        "import sys, dynstiction as ds, dynstiction.plot as plot",
-        "sys.modules['scipy'] = None",
-        "result = ds.open('run.h5')",
-        "print(sum(len(plot.draw(result, kind).axes) > 0 for kind in plot.KINDS))",
-    ]
-    done = Program((sys.executable, "-c"), folder=tmp_path)("\n".join(lines), status=0)
-    assert done.stdout == f"{len(plot.KINDS)}\n"
-
-
 def test_commands_name_what_they_wrote_and_what_is_wrong(
     package: Program, result: ds.Result, coarse: ds.Result, tmp_path: Path
 ) -> None:

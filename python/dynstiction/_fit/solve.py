@@ -133,7 +133,7 @@ def least_squares_of(
     delay : float
         Initial delay, over the fall.
     """
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     at = residuals(model, wave, weights_of(wave, coarse), offset)
     exact = 1.0 / weights_of(wave, coarse)[-1] / wave.period
