@@ -60,7 +60,7 @@ def test_position_and_rates_are_turned_by_the_misalignment(motion: tuple[ds.Resu
 
 def test_rates_are_derivatives(motion: tuple[ds.Result, float, float]) -> None:
     """Central differences, away from the events; u' = V e - w is Eq. (4)."""
-    r, angle, velocity = motion
+    r, _, _ = motion
     near = np.zeros(r.time.size, dtype=bool)
     for time in r.events["time"]:
         near |= np.abs(r.time - time) < 2 * INTERVAL

@@ -149,10 +149,10 @@ def test_a_profile_is_drawn_above(held: ds.Result) -> None:
 
 
 def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
-    """At t = 0 the object has its start velocity, |F| = F_0 and theta = phi; a moment later it rests under no load."""
+    """At t = 0 the object has its start velocity, |F| = F_0 and psi = 0; a moment later it rests under no load."""
     assert (result["friction"][0], result["friction"][1] < 1.0) == (pytest.approx(6.0), True)
-    _, _, friction, theta, _ = plot.draw(result, "history").axes
-    for axis, name in ((friction, "friction"), (theta, "theta")):
+    _, _, friction, angle, _ = plot.draw(result, "history").axes
+    for axis, name in ((friction, "friction"), (angle, "psi")):
         assert axis.lines[0].get_xdata()[0] == result.time[1]
         assert result[name][1] != result[name][0]
     segments = plot.draw(result, "path").axes[0].collections[0].get_segments()
@@ -272,7 +272,7 @@ def test_axes_of_the_user(result: ds.Result) -> None:
     assert plot.draw(result, columns=["friction", "X"], end=1.0, ax=[first, second]) is mine
     assert [axis.get_ylabel() for axis in mine.axes] == ["$|F|$ [N]", "$X$ [mm]"]
     assert plot.draw(result, ax=Figure().subplots()).axes[0].get_ylabel() == "$k_x u_x$ [N]"
-    for kind, label in (("path", "$F_x$ [N]"), ("damping", r"angle of friction to the soft axis, $\theta$ [deg]")):
+    for kind, label in (("path", "$F_x$ [N]"), ("damping", r"$\Lambda$")):
         assert plot.draw(result, kind, ax=Figure().subplots()).axes[0].get_xlabel() == label
     for wrong, how in (
         ("as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
@@ -290,7 +290,7 @@ def test_axes_of_the_user(result: ds.Result) -> None:
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
     figure = plot.overlay(runs)
-    assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\theta$ [deg]", "$X$ [mm]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
     for axis in figure.axes:
         assert len(axis.lines) == 2
@@ -410,7 +410,7 @@ def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
     axis.text(*place, "hidden", transform=figure.transFigure).set_in_layout(False)
     axis.text(0.9, 0.5, "beyond", transform=figure.transFigure).set_in_layout(False)
     found = overprinted(figure)
-    assert (r"damping ratio $\zeta$", "hidden") in found
+    assert (r"angle of friction to the soft axis, $\theta$ [deg]", "hidden") in found
     assert ("beyond", "the edge") in found
 
 
