@@ -20,7 +20,7 @@ class CreepTest(NamedTuple):
     """Whether an object creeps before it slips."""
 
     creep_share: float
-    """How far the force before slip is below the straight line of the loading, over the amplitude: mean over the cycles."""
+    """How far the force before slip is below the straight line of the loading, over the swing: mean over the cycles."""
     error: float
     """Its standard error."""
     of_inertia: float
@@ -41,7 +41,7 @@ class CreepTest(NamedTuple):
             else "no creep before slip is seen: static friction, or creep that is too small for this trace"
         )
         return (
-            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the amplitude, inertia alone {self.of_inertia:.4f}; "
+            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the swing, inertia alone {self.of_inertia:.4f}; "
             f"by chance with probability {self.probability:.1e}: {verdict}"
         )
 

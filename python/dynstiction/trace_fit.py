@@ -35,7 +35,7 @@ TOLD = 0.5
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 COARSE = (0.02, 0.005, 0.001)
-"""Errors relative to amplitude and period that are added, one fit after another."""
+"""Errors relative to swing and period that are added, one fit after another."""
 CORRECTIONS = 6
 """Largest number of times that the difference between the full model and the slow one is computed."""
 CORRECTED = 0.1

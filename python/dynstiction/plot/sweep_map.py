@@ -30,7 +30,7 @@ NOTHING = "0.8"
 """Colour of cases without the quantity."""
 
 RELATIVE = {
-    "swing": ("amplitude of $k_x u_x$ over $F_0$", "F_0"),
+    "swing": ("peak-to-peak $k_x u_x$ over $F_0$", "F_0"),
     "peak_force": ("mean peak of the load over $F_0$", "F_0"),
     "valley_force": ("mean valley of the load over $F_0$", "F_0"),
     "sticking_time": ("share of the time at true rest", "t_end"),
@@ -97,7 +97,7 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     """Values as they are drawn, and their label."""
     values = table.quantity(quantity)
     if _of_cycles(quantity) and "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
-        # Such a small amplitude is steady sliding: earlier cycles did not persist.
+        # Such a small swing is steady sliding: earlier cycles did not persist.
         values = np.where(slides_steadily(table).reshape(values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
