@@ -469,10 +469,36 @@ def test_no_period_where_no_cycle_persists(angles) -> None:
     np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
     (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
     np.testing.assert_array_equal(marks.get_xdata(), angles["system.misalignment_deg"].values[steady])
-    assert "no cycle persists" in [text.get_text() for text in axis.texts]
+    assert "no stick-slip" in [text.get_text() for text in axis.texts]
     # Ringing down towards steady sliding has had cycles, and none now.
     ringing = angles.assign(period=angles["period"].fillna(1.0))
     np.testing.assert_array_equal(np.isfinite(plot.draw(ringing, quantity="period").axes[0].lines[0].get_ydata()), ~steady)
+
+
+def test_each_reason_for_an_absent_value_has_its_colour() -> None:
+    grid = {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3, 3e-3]}
+    data = ds.sweep(deck("low_frequency"), grid, scene={"t_end": 6.0}, threads=1)
+    for name, given in {
+        "period": [[1.0, np.nan, np.nan], [np.nan] * 3],
+        "swing": [[1.0, 0.0, 1.0], [1.0, np.nan, np.nan]],
+        "cycles": [[9.0, 9.0, 9.0], [0.0, np.nan, np.nan]],
+        "result_code": [[0, 0, 0], [0, 44, -1]],
+    }.items():
+        data[name] = data[name].copy(data=np.array(given))
+    figure = plot.draw(data, quantity="period")
+    colours = {patch.get_label(): patch.get_facecolor() for patch in figure.legends[0].get_patches()}
+    seen = {}
+    for mesh in figure.axes[0].collections[1:]:
+        (cell,) = np.argwhere(~np.ma.getmaskarray(mesh.get_array()))
+        seen[next(text for text, colour in colours.items() if colour == mesh.cmap(0))] = tuple(cell)
+    # The misalignment is upwards.
+    places = {"no stick-slip": (0, 1), "rings down": (0, 2), "no cycle yet": (1, 0), "failed": (1, 1), "not run": (1, 2)}
+    assert seen == places
+    assert len(set(colours.values())) == 5
+    values = np.ma.masked_invalid(figure.axes[0].collections[0].get_array())
+    assert values.count() == 1
+    line = plot.draw(data.isel({"system.misalignment_deg": 1}), quantity="period")
+    assert {"no cycle yet", "failed", "not run"} <= {text.get_text() for text in line.axes[0].texts}
 
 
 def test_many_angles_have_a_bar_of_colours(angles) -> None:
