@@ -4,7 +4,7 @@
 
 Prints the time of `dynstiction.cycles` on Fig. 3 and how far its cycles are from those of settled runs; then for each row
 of the table in docs/maps.md the angle at which stick-slip ends, from `stick_slip_ends`, and whether two runs agree, 1e-8 of the
-angle below and above it: below it the amplitude (peak to peak) settles above 5 % of F_0, above it to less. At folds, with
+angle below and above it: below it the swing settles above 5 % of F_0, above it to less. At folds, with
 ``--folds`` (some minutes), stick-slip continues below the angle, and becomes steady sliding above it.
 """
 
@@ -103,7 +103,7 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 
 
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
-    """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to an amplitude that counts."""
+    """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to a swing that counts."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency"
     ).stable[-1]
@@ -112,7 +112,7 @@ def swings(scene: ds.Scene, at: float, angle: float) -> bool:
 
 
 def lasts(scene: ds.Scene, angle: float) -> bool:
-    """Whether stick-slip with a somewhat larger initial amplitude continues for a long time."""
+    """Whether stick-slip with a somewhat larger initial swing continues for a long time."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency"
     ).stable[-1]

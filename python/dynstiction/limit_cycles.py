@@ -66,7 +66,7 @@ class Cycles(NamedTuple):
     velocity: float
     """Drive velocity |V| [m/s]."""
     cycles: tuple[LimitCycle, ...]
-    """The cycles by increasing amplitude."""
+    """The cycles by increasing swing."""
     sliding_load: float
     """k_x u_x in steady sliding [N]."""
     sliding_is_stable: bool
@@ -94,7 +94,7 @@ class End(NamedTuple):
     at: float
     """Misalignment [rad] or drive velocity [m/s]."""
     is_fold: bool
-    """Whether a stable and an unstable cycle meet there; if not, the amplitude (peak to peak) of k_x u_x is 5 % of mu_0 W."""
+    """Whether a stable and an unstable cycle meet there; if not, the swing (peak to peak) of k_x u_x is 5 % of mu_0 W."""
     error: float
     """Estimated largest distance of the end of the full model from it, over `at` [-]."""
 
@@ -144,7 +144,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Returns
     -------
     Cycles
-        The cycles by increasing amplitude, and steady sliding.
+        The cycles by increasing swing, and steady sliding.
 
     Raises
     ------

@@ -43,6 +43,7 @@ def sawtooth(n: int = 20001) -> ds.Result:
         spring_force_y=np.sqrt(np.maximum(4.0 - force**2, 0.0)) + ripple,
         friction=np.full(n, 2.0),
         theta=np.arccos(np.clip(force / 2.0, 0.0, 1.0)),
+        psi=np.arccos(np.clip(force / 2.0, 0.0, 1.0)) - np.radians(1.0),
         X=np.where(time < 2.0, 1e-5 * time**2, 1e-3 * (np.floor(time) - 1.0)),
     )
 
@@ -62,7 +63,7 @@ def test_history_has_the_five_panels_of_fig3() -> None:
         assert values.max() == result[name].max()
         assert values.min() == result[name].min()
     # Without the sample at t = 0, after which friction jumps.
-    assert drawn[3].max() == np.degrees(result["theta"][1:].max())
+    assert drawn[3].max() == np.degrees(result["psi"][1:].max())
     assert drawn[4].max() == 1e3 * result["X"].max()
 
 
@@ -90,7 +91,7 @@ def test_first_release_of_a_sawtooth_and_of_a_plateau(sign: float) -> None:
     assert result.time[plot.first_release(sign * plateau)] == pytest.approx(1.98, abs=1e-3)
 
 
-UNITLESS = (r"$\zeta$", r"$\dot X/V$", r"$\tau", "rest", "P(u)", "u = k_x u_x/F_0", "$u$")
+UNITLESS = (r"$\zeta$", r"$\Lambda$", r"$\dot X/V$", r"$\tau", "rest", "P(u)", "u = k_x u_x/F_0", "$u$")
 """Of labels of numbers without unit."""
 
 
@@ -149,7 +150,7 @@ def test_path_is_that_of_the_friction_vector() -> None:
     np.testing.assert_allclose(np.hypot(*points.T), 2.0)
 
 
-NEEDED = {"history": "theta", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
+NEEDED = {"history": "psi", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
 
 
 @pytest.mark.parametrize("kind", NEEDED)
@@ -201,7 +202,7 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
         (line,) = column[0].lines
         assert line.get_ydata().max() == run["spring_force_x"].max()
         assert column[-1].get_xlabel()
-    fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "theta"]})}
+    fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "psi"]})}
     assert len(plot.compare(fewer).axes) == 2 * 4
     for wrong in ({"a": runs["phi1"]}, {str(i): runs["phi1"] for i in range(7)}):
         with pytest.raises(ds.UsageError, match="two to 6"):
