@@ -26,6 +26,10 @@ module dst_cycle_survey
   !> Permitted difference of the cycles left out of a table from its polynomials: this share of rtol, as the error of a method in a
   !> cycle is far below rtol, plus some roundoffs. Twice: 1 % fewer iterations, the same error; no change.
   real(wp), parameter :: allowed_error = 0.003_wp, allowed_roundoff = 5000.0_wp*epsilon(1.0_wp)
+  !> Permitted error of the motion inside the slip, of which samples are taken, over rtol. Slow cycles that are one cycle of a table
+  !> forget their beginning, so that a few points give their measures, but not their motion:
+  !> the table is made narrower, by this margin. Twice: no change on Fig. 3.
+  real(wp), parameter :: allowed_inside = 10.0_wp, narrower = 0.7_wp
   !> If more points do not reduce the error to this share, it is the error of the method, which is made in each cycle anyway: it may
   !> be this share of rtol. Twice: no change (radau5 needs them).
   real(wp), parameter :: noise_ratio = 0.3_wp, allowed_noise = 0.1_wp
@@ -287,6 +291,13 @@ contains
         self%asked = min(self%asked, profit)
         return
       end if
+      if (filled%error <= allowed_by(self)) then
+        ! Only the motion inside is not accurate enough; its error is that of a polynomial.
+        left = left + width
+        width = width*narrower*(allowed_by(self)/error)**(1.0_wp/real(filled%points, wp))
+        left = left - width
+        cycle
+      end if
       ! More points are enough if the error was slightly too large.
       if (error > near_miss*allowed_by(self)) self%asked = disappointment*self%asked
       if (error < 1.0_wp) self%hardness = max(self%hardness, min(most_hardness, &
@@ -339,9 +350,10 @@ contains
     real(wp), intent(out) :: error           !! huge if one of them is not a cycle
     logical :: found
     real(wp), allocatable :: observed(:)
-    real(wp) :: measure(measures), expected(measures), largest_turn, begin
+    real(wp) :: measure(measures), expected(measures), largest_turn, begin, inside
     integer :: j
 
+    inside = 0.0_wp
     j = 0
     if (allocated(self%observer)) j = self%observer%values
     allocate (observed(j))
@@ -370,11 +382,12 @@ contains
           call self%observer%observe(self%scout, self%sample, observed)
           call table%check_observed(angle, observed)
         end if
+        inside = max(inside, table%error_inside(self%scout%closed_form%grid, angle, self%sample))
         table%error = max(table%error, abs(measure(duration)/expected(duration) - 1.0_wp), &
           abs(measure(turn) - expected(turn))/largest_turn)
       end associate
     end do
-    error = table%error
+    error = max(table%error, inside*allowed_by(self)/(allowed_inside*self%rtol + allowed_roundoff))
   end subroutine fill_table
 
   !> The beginning of a table that continues from a release: there, or at the end of the table before, if that is near.

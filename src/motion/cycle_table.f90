@@ -58,6 +58,7 @@ module dst_cycle_table
     procedure :: take
     procedure :: settle
     procedure :: check_observed
+    procedure :: error_inside
     procedure :: measures_at
     procedure :: log_stretch
     procedure :: serialise
@@ -251,6 +252,36 @@ contains
     call chebyshev_polynomials(self%points, self%place(angle), polynomial)
     self%observed_error = max(self%observed_error, abs(matmul(polynomial, self%observed_coefficient) - observed))
   end subroutine check_observed
+
+  !> Largest error of the motion inside the slip of a recorded cycle that begins at an angle [rad], relative to the largest
+  !> elongation and slip speed in it: in the middle of each panel.
+  pure real(wp) function error_inside(self, grid, angle, recording) result(error)
+    class(cycle_table_t), intent(in) :: self
+    type(grid_t), intent(in) :: grid
+    real(wp), intent(in) :: angle
+    type(recording_t), intent(in) :: recording
+    real(wp) :: found(slip_columns), right(slip_columns), slip, elapsed, begin, largest(slip_columns)
+    type(state_t) :: from, state
+    type(piece_t) :: piece
+    integer :: k, now
+
+    largest = [(maxval(abs(self%inside(k, :, :, :))), k=1, slip_columns)]
+    error = 0.0_wp
+    from = recording%from(1)
+    slip = recording%end_of(recording%count - 1)
+    do k = 1, self%panels
+      elapsed = 0.5_wp*slip*(self%panel_end(k - 1) + self%panel_end(k))
+      now = min(recording%place_of(elapsed), recording%count - 1)
+      call recording%get(now, piece)
+      begin = 0.0_wp
+      if (now > 1) begin = recording%end_of(now - 1)
+      state = piece%inside(min(1.0_wp, max(0.0_wp, (elapsed - begin)/piece%path%step)))
+      right = [state%u - from%u, state%y(1), state%y(2) - from%y(2)]
+      found = self%slip_at(grid, angle, elapsed/slip)
+      ! The direction matters as much as the speed.
+      error = max(error, maxval(abs(found(1:3) - right(1:3))/largest(1:3)), abs(found(4) - right(4))*right(3)/largest(3))
+    end do
+  end function error_inside
 
   !> The measures of the cycle that begins at an angle [rad].
   pure function measures_at(self, angle) result(measure)

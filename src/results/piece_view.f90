@@ -5,7 +5,7 @@ module dst_piece_view
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t
   use dst_piece, only: piece_t, slips
-  use dst_slip_system, only: max_unknowns
+  use dst_slip_system, only: max_components, max_unknowns
   use dst_state, only: state_t
   use dst_stretch, only: moment_t, stretch_t
   implicit none
@@ -148,6 +148,7 @@ contains
         state = self%piece%from
         do i = 0, s
           state%y = path%nodal(i, column_y:column_y + max_unknowns - 1)
+          if (self%piece%held > 0) state%y(max_components) = self%piece%from%y(max_components)
           state%time = self%first%time + path%grid%node(i)*self%duration()
           velocity = self%motion%velocity(state)
           rate(i) = dot_product(velocity, along)
