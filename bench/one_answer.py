@@ -55,7 +55,9 @@ def turns(scenes: dict[str, audit.Scene], report: Path | None) -> None:
                 if report:
                     report.write_text("\n".join(decks))
     print(f"{done} scenes, {len(scenes) - done} without a reference")
-    print("| rtol | wrong by more than 30 rtol (1 + C) | excused | load wrong by more than 1 % of F_s | of these, by both |")
+    print(
+        "| rtol | wrong by more than 30 rtol (1 + C) | excused | load wrong by more than 1 % of F_s | of these, by both |"
+    )
     print("| --- | --- | --- | --- | --- |")
     for rtol in TOLERANCES:
         rows = [(v, load) for v, load in verdicts if v.rtol == rtol]
@@ -65,7 +67,9 @@ def turns(scenes: dict[str, audit.Scene], report: Path | None) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=["turns"], nargs="?", default="turns")
     parser.add_argument("--scenes", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)

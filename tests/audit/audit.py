@@ -198,7 +198,10 @@ class Outcome:
 
 
 def audit(
-    reference: tr.Reference, scenes: dict[str, Scene], methods: tuple[str, ...] = METHODS, tolerances: tuple[float, ...] = TOLERANCES
+    reference: tr.Reference,
+    scenes: dict[str, Scene],
+    methods: tuple[str, ...] = METHODS,
+    tolerances: tuple[float, ...] = TOLERANCES,
 ) -> Outcome:
     """Judge all runs of all scenes."""
     outcome = Outcome([], [])

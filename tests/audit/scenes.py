@@ -119,7 +119,6 @@ def random_scene(seed: int, number: int, profiles: bool = True, family: str = "a
             return scene
 
 
-
 def _rig(chance: random.Random) -> Scene:
     """Springs, mass, load and a constant drive."""
     soft = log_uniform(chance, 1e2, 1e4)

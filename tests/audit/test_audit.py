@@ -29,7 +29,6 @@ EXCUSED = 0.1
 PAIRS = 63
 PUBLISHED = tr.CHECKOUT / "tests" / "reference" / "fig3.json"
 
-pytestmark = pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
 full = pytest.mark.skipif("DYNSTICTION_FULL" not in os.environ, reason="set DYNSTICTION_FULL=1")
 
 
@@ -47,7 +46,12 @@ def published(until: float) -> Iterator[tuple[str, list[list[float]], list[list[
     """Inputs for the scenes of tests/reference/fig3.json, with their states and sticks, up to a time [s]."""
     document = json.loads(PUBLISHED.read_text())
     for scene in document["scenes"].values():
-        keys = {key: value for groups in (document["deck"], scene["change"]) for group in groups.values() for key, value in group.items()}
+        keys = {
+            key: value
+            for groups in (document["deck"], scene["change"])
+            for group in groups.values()
+            for key, value in group.items()
+        }
         if keys.pop("law", "weakening") == "constant":
             keys |= {"mu_inf": keys["mu_0"], "v_f": 1.0}
         keys["velocity_ratio"] = 0.0  # the values belong to a start from rest
