@@ -102,7 +102,7 @@ contains
       travel = drive%displacement(from%time, delay)
       call to%later(from, delay)
       to%u = from%u + travel*slider%drive_coupling() - slipped*slider%free*direction
-      to%y = 0.0_wp
+      to%y(1) = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
       to%friction_work = from%friction_work + slider%law%kinetic_limit*slipped + slope(1)*v**2*delay/3.0_wp
       to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%drive_coupling(), 0.5_wp*(from%u + to%u)) &
