@@ -28,7 +28,7 @@ LARGE = 0.01
 """Of the static limit."""
 
 
-def load_error(case: audit.Judged, rtol: float) -> float:
+def load_error(case: audit.Case, rtol: float) -> float:
     """Largest error of the spring force at the samples, over F_s."""
     result = audit.run(case.scene, "radau13", rtol)
     gaps = [result[name] - case.columns[name] for name in ("spring_force_x", "spring_force_y")]
@@ -42,13 +42,13 @@ def turns(scenes: dict[str, audit.Scene], report: Path | None) -> None:
     done = 0
     for name, scene in scenes.items():
         try:
-            case = audit.judge(reference, name, scene)
+            case = audit.Case(reference, name, scene)
         except truth.ReferenceFailed as error:
             decks.append(f"! {name}: the reference {error}\n{ds.Scene(**scene.groups()).text}")
             continue
         done += 1
         for rtol in TOLERANCES:
-            verdict = audit.compare(reference, case, "radau13", rtol)
+            verdict = audit.compare(case, "radau13", rtol)
             verdicts.append((verdict, np.inf if verdict.sticks < 0 else load_error(case, rtol)))
             if not verdict.good:
                 decks.append(f"! load wrong by {verdicts[-1][1]:.2g} F_s\n{audit.shown(case, verdict)}")

@@ -318,6 +318,7 @@ class Motion {
     u = s.u0;
     X = -dot(u, s.e);
     w = s.ratio * s.velocity[0] * s.e;
+    while (panel + 1 < s.table.size() && norm(w) >= s.table[panel].end) ++panel;
   }
 
   void run() {
@@ -442,7 +443,6 @@ class Motion {
   void begin_at_speed() {
     const vec f = force(0, u, w);
     peak = norm(w);
-    while (panel + 1 < s.table.size() && peak >= s.table[panel].end) ++panel;
     series[1] = (1 / s.m) * (f - (F(peak) / peak) * w);
     series[2] = series[3] = {};
     h = std::min(fast / 100, s.m * peak / (100 * (F(peak) + norm(f))));

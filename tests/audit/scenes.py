@@ -144,10 +144,13 @@ def _times(scene: Scene) -> tuple[float, float, float]:
 
 def _draw_turning(chance: random.Random) -> Scene | None:
     scene = _rig(chance)
+    drop, fall = scene.mu_0 * chance.uniform(0.6, 1), scene.limit / math.sqrt(scene.mass * scene.stiffness_x)
     scene = replace(
         scene,
         misalignment_deg=log_uniform(chance, 0.01, 20),
-        mu_inf=scene.mu_0 * chance.uniform(0, 0.4),
+        mu_inf=scene.mu_0 - drop,
+        # Of the speed of a slip along the soft spring, so that it weakens friction.
+        v_f=fall * log_uniform(chance, 1e-3, 1),
         mu_static=scene.mu_0 * chance.uniform(1.05, 1.6),
         kinds=("mu_static",),
     )
@@ -156,7 +159,7 @@ def _draw_turning(chance: random.Random) -> Scene | None:
     release, fast, slow = _times(scene)
     slips = chance.uniform(1.2, 6) * slow
     if slips > 1000 * fast:
-        if chance.random() < 0.7:
+        if chance.random() < 0.9:
             return None
         slips = release + log_uniform(chance, 100, 1000) * fast
     return _ending(scene, slips)

@@ -131,31 +131,31 @@ def test_a_thousand_pairs() -> None:
 
 
 @pytest.fixture(scope="module")
-def case(reference: tr.Reference) -> audit.Judged:
+def case(reference: tr.Reference) -> audit.Case:
     """A scene with many sticks."""
     scene = next(scene for number in range(100) if (scene := random_scene(SEED, number)).kinds == ("weakening",))
-    case = audit.judge(reference, "a scene", scene)
+    case = audit.Case(reference, "a scene", scene)
     assert case.truth.sticks > 10
     return case
 
 
 def test_an_error_of_the_size_of_a_looser_tolerance_is_found(
-    reference: tr.Reference, case: audit.Judged, monkeypatch: pytest.MonkeyPatch
+    reference: tr.Reference, case: audit.Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = audit.run
     monkeypatch.setattr(audit, "run", lambda scene, method, _: run(scene, method, 1e-4))
-    assert not audit.compare(reference, case, "radau9", 1e-10).good
+    assert not audit.compare(case, "radau9", 1e-10).good
 
 
-def test_a_change_of_a_parameter_is_found(reference: tr.Reference, case: audit.Judged, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_of_a_parameter_is_found(reference: tr.Reference, case: audit.Case, monkeypatch: pytest.MonkeyPatch) -> None:
     """The conditioning allows for rtol's worth of a parameter, not for a thousand times that."""
     run, heavier = audit.run, replace(case.scene, normal_load=case.scene.normal_load * (1 + 1e-6))
     monkeypatch.setattr(audit, "run", lambda _, method, rtol: run(heavier, method, rtol))
-    assert not audit.compare(reference, case, "radau13", 1e-10).good
+    assert not audit.compare(case, "radau13", 1e-10).good
 
 
-def test_a_run_that_fails_is_shown_as_its_deck(reference: tr.Reference, case: audit.Judged) -> None:
-    verdict = audit.compare(reference, case, "radau13", 1e-8)
+def test_a_run_that_fails_is_shown_as_its_deck(reference: tr.Reference, case: audit.Case) -> None:
+    verdict = audit.compare(case, "radau13", 1e-8)
     again, result = audit.ds.run(audit.shown(case, verdict)), audit.run(case.scene, "radau13", 1e-8)
     for name in result.columns:
         np.testing.assert_array_equal(again[name], result[name])
