@@ -122,8 +122,8 @@ contains
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
   end subroutine attempt
 
-  !> Whether static friction above the kinetic one holds the object: one that is at rest, or that has been at rest in the step because
-  !> it turns back on a straight line.
+  !> Whether static friction above the kinetic one holds the object: one that is at rest, or that has been at rest in the step
+  !> because it turns back on a straight line.
   pure logical function is_held(slider, free_force, velocity, u, drive_velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: free_force(2), velocity(2)      !! b [N] and w_0 [m/s]
@@ -137,8 +137,8 @@ contains
       is_on_line(slider, velocity/speed, u, drive_velocity)
   end function is_held
 
-  !> Let slip with the velocity `before` [m/s] that ended within the step go on in the direction of the force, if it does not come to
-  !> rest. That matters only if the static limit would hold it.
+  !> Let slip with the velocity `before` [m/s] that ended within the step go on in the direction of the force, if it does not come
+  !> to rest. That matters only if the static limit would hold it.
   pure subroutine turn(slider, drive, before, to)
     type(slider_t), intent(in) :: slider
     type(drive_segment_t), intent(in) :: drive
@@ -151,7 +151,7 @@ contains
     drive_velocity = drive%velocity_at(to%time)
     if (comes_to_rest(slider, atan2(before(2), before(1)), to%u, drive_velocity, drive%acceleration)) return
     force = slider%force_at_rest(to%u, drive_velocity)
-    to%y(1:2) = epsilon(1.0_wp)*norm2(before)*force/norm2(force)
+    to%y(1:2) = epsilon(1.0_wp)*hypot(before(1), before(2))*force/hypot(force(1), force(2))
   end subroutine turn
 
   !> w_1 and f_1 of A w_1 + f_1 = b.

@@ -278,8 +278,8 @@ contains
     end associate
   end function fades
 
-  !> Whether slip from the present state that ends slowly, at the elongation `u` [m], rests there, or turns at a speed that is to `cut`
-  !> [m/s] what that is to the largest slip speed. Twice: no change on Fig. 3; 0 to 5 % fewer steps where slip turns.
+  !> Whether slip from the present state that ends slowly, at the elongation `u` [m], rests there, or turns at a speed that is to
+  !> `cut` [m/s] what that is to the largest slip speed. Twice: no change on Fig. 3.
   pure logical function ends_unseen(self, u, drive_velocity, cut)
     class(slip_stick_t), intent(in) :: self
     real(wp), intent(in) :: u(2), drive_velocity, cut

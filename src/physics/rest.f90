@@ -31,9 +31,9 @@ module dst_rest
   !> Twice: no change on Fig. 3; 31 instead of 32 sticks where the slip speed just reaches zero in each oscillation.
   real(wp), parameter :: touch_share = 1.0e-3_wp
 
-  !> What strays from a line within roundoff: of an elongation or a drive velocity, relative to it; and the angle of a slip, which the
-  !> stiffer spring magnifies [rad]. Conventions: 1e5 slips along the stiff axis stray by 6e-12, and an angle by 4e-16 k_y/k_x. Twice:
-  !> no change.
+  !> What strays from a line within roundoff: of an elongation or a drive velocity, relative to it; and the angle of a slip, which
+  !> the stiffer spring magnifies [rad]. Conventions: 1e5 slips along the stiff axis stray by 6e-12, and an angle by 4e-16 k_y/k_x.
+  !> Twice: no change.
   real(wp), parameter :: line_roundoff = 4.0e4_wp*epsilon(1.0_wp), line_angle = 1.0e-6_wp
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
@@ -108,13 +108,13 @@ contains
       across = merge([0.0_wp, 1.0_wp], [1.0_wp, 0.0_wp], abs(direction(1)) > abs(direction(2)))
     drive = slider%drive_coupling()*drive_velocity
     is_on_line = abs(dot_product(across, direction)) <= line_angle &
-      .and. abs(dot_product(across, u)) <= line_roundoff*norm2(u) &
-      .and. abs(dot_product(across, drive)) <= line_roundoff*norm2(drive)
+      .and. abs(dot_product(across, u)) <= line_roundoff*hypot(u(1), u(2)) &
+      .and. abs(dot_product(across, drive)) <= line_roundoff*hypot(drive(1), drive(2))
   end function is_on_line
 
   !> Speed C [m/s] at which slip of the speed v [m/s] in the direction `theta` [rad] turns into the direction of a force f above the
-  !> kinetic limit, while both forces are constant: v sin(delta) = C tan(delta/2)^(F_0/f) with the angle delta between slip and force.
-  !> The lowest speed is between C/2 and C. From a right angle on it is v, about.
+  !> kinetic limit, while both forces are constant: v sin(delta) = C tan(delta/2)^(F_0/f) with the angle delta between slip and
+  !> force. The lowest speed is between C/2 and C. From a right angle on it is v, about.
   pure real(wp) function turn_speed(slider, v, theta, u, drive_velocity)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: v, theta, u(2), drive_velocity

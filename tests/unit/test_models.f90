@@ -11,7 +11,8 @@ program test_models
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, is_held, comes_to_rest, turn_speed, release_delay, slip_start_t, start_of_slip, start_at_release
+  use dst_rest, only: spring_force_size, is_held, comes_to_rest, turn_speed, release_delay, slip_start_t, start_of_slip, &
+    start_at_release
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
