@@ -82,7 +82,7 @@ contains
       ended = stopping%ends_within(now%until(horizon))
       if (ended) then
         to = stopping%end_of_slip(self%slider, drive, now)
-        if (.not. negligible) ended = self%ends_unseen(to%u, merge(drive%velocity_at(to%time), drive_velocity, &
+        if (.not. negligible) ended = self%ends_straight(to%u, merge(drive%velocity_at(to%time), drive_velocity, &
           self%slider%is_damped()), cut)
       end if
       if (.not. ended) then

@@ -97,7 +97,7 @@ contains
       if (unloaded) then
         if (.not. is_unloaded(self, to)) return
       end if
-      ended = self%ends_unseen(to%u, merge(drive%velocity_at(to%time), self%drive_velocity(), self%slider%is_damped()), cut)
+      ended = self%ends_straight(to%u, merge(drive%velocity_at(to%time), self%drive_velocity(), self%slider%is_damped()), cut)
     end associate
     if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip

@@ -8,7 +8,8 @@ module dst_slip_stick
   use dst_interpolation, only: new_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
-  use dst_rest, only: is_held, comes_to_rest, turn_speed, release_delay, slip_start_t, start_at_release, start_of_slip, touch_time
+  use dst_rest, only: is_held, comes_to_rest, delay_by_turning, release_delay, slip_start_t, start_at_release, start_of_slip, &
+    touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
   use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
@@ -47,7 +48,7 @@ module dst_slip_stick
     procedure :: come_to_rest
     procedure :: rest_or_set_off
     procedure :: stop_or_turn
-    procedure :: ends_unseen
+    procedure :: ends_straight
     procedure :: look_at_jump
     procedure :: stay_stuck
     procedure :: finish
@@ -278,19 +279,19 @@ contains
     end associate
   end function fades
 
-  !> Whether slip from the present state that ends slowly, at the elongation `u` [m], rests there, or turns at a speed that is to
-  !> `cut` [m/s] what that is to the largest slip speed. Twice: no change on Fig. 3.
-  pure logical function ends_unseen(self, u, drive_velocity, cut)
+  !> Whether slip from the present state whose speed falls to zero at the elongation `u` [m] may end there in its present direction:
+  !> the time that this neglects is to the time up to the end what the speed `cut` [m/s] is to the largest slip speed.
+  pure logical function ends_straight(self, u, drive_velocity, cut)
     class(slip_stick_t), intent(in) :: self
     real(wp), intent(in) :: u(2), drive_velocity, cut
+    real(wp) :: share
 
     associate (now => self%piece%to)
-      ends_unseen = comes_to_rest(self%slider, now%y(2), u, drive_velocity, self%piece%drive%acceleration)
-      if (ends_unseen) return
-      ends_unseen = max(turn_speed(self%slider, now%y(1), now%y(2), now%u, self%drive_velocity()), &
-        turn_speed(self%slider, now%y(1), now%y(2), u, drive_velocity)) <= max(negligible_share, self%cut_share)*cut
+      share = max(delay_by_turning(self%slider, now%y(2), now%u, self%drive_velocity()), &
+        delay_by_turning(self%slider, now%y(2), u, drive_velocity))
+      ends_straight = share*now%y(1) <= max(negligible_share, self%cut_share)*cut
     end associate
-  end function ends_unseen
+  end function ends_straight
 
   !> The end of slip in closed form as a piece, with its final state.
   subroutine finish(self, stopping, to)

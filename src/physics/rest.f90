@@ -21,7 +21,7 @@ module dst_rest
   implicit none
   private
 
-  public :: spring_force_size, is_held, comes_to_rest, is_on_line, turn_speed
+  public :: spring_force_size, is_held, comes_to_rest, is_on_line, delay_by_turning
   public :: release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
 
   !> Roundoff of the spring force at the static limit, relative to it: of a force that rests there, and of one that has been moved
@@ -112,22 +112,21 @@ contains
       .and. abs(dot_product(across, drive)) <= line_roundoff*hypot(drive(1), drive(2))
   end function is_on_line
 
-  !> Speed C [m/s] at which slip of the speed v [m/s] in the direction `theta` [rad] turns into the direction of a force f above the
-  !> kinetic limit, while both forces are constant: v sin(delta) = C tan(delta/2)^(F_0/f) with the angle delta between slip and
-  !> force. The lowest speed is between C/2 and C. From a right angle on it is v, about.
-  pure real(wp) function turn_speed(slider, v, theta, u, drive_velocity)
+  !> Share of the time up to the end of slip in the direction `theta` [rad] by which the end is later, or the turn, because the
+  !> direction does not stay: f^2 sin(delta)^2/|F_0^2 - f^2|, with the angle delta to the force f, if both forces are constant.
+  pure real(wp) function delay_by_turning(slider, theta, u, drive_velocity) result(share)
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: v, theta, u(2), drive_velocity
-    real(wp) :: force(2), size, along, across
+    real(wp), intent(in) :: theta, u(2), drive_velocity
+    real(wp) :: force(2), size, across
 
     force = slider%force_at_rest(u, drive_velocity)
     size = hypot(force(1), force(2))
-    along = (force(1)*cos(theta) + force(2)*sin(theta))/size
-    across = abs(force(2)*cos(theta) - force(1)*sin(theta))/size
-    turn_speed = v
-    ! tan(delta/2) = (1 - cos(delta))/sin(delta).
-    if (along < 0.0_wp) turn_speed = v*across*(across/(1.0_wp - along))**(slider%law%kinetic_limit/size)
-  end function turn_speed
+    across = force(2)*cos(theta) - force(1)*sin(theta)
+    share = 0.0_wp
+    associate (limit => slider%law%kinetic_limit)
+      if (abs(across) > 0.0_wp) share = across/max(abs(limit - size), epsilon(limit)*limit)*(across/(limit + size))
+    end associate
+  end function delay_by_turning
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment.
   !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.

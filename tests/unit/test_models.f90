@@ -11,7 +11,7 @@ program test_models
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, is_held, comes_to_rest, turn_speed, release_delay, slip_start_t, start_of_slip, &
+  use dst_rest, only: spring_force_size, is_held, comes_to_rest, delay_by_turning, release_delay, slip_start_t, start_of_slip, &
     start_at_release
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
@@ -228,14 +228,14 @@ contains
     call check_close('static limit: none at F(0)', begin%rate(1), 0.0_wp, 0.0_wp)
   end subroutine test_static_limit
 
-  !> Between F_0 and F_s an object at rest is held, but slip against the force turns, unless it is on a line; and the speed of the
-  !> turn is the same all along it.
+  !> Between F_0 and F_s an object at rest is held, but slip against the force turns, unless it is on a line; and how much later
+  !> slip ends, or begins again, because it turns.
   subroutine test_turn()
     type(slider_t) :: slider
-    real(wp) :: u(2), v, delta, step, speed(2)
-    integer :: i
-    integer, parameter :: n = 2000
-    real(wp), parameter :: first = 3.1_wp, last = 1.6_wp, still = 0.0_wp
+    real(wp) :: u(2), v, delta, step, time, force
+    integer :: i, k
+    integer, parameter :: n = 200000
+    real(wp), parameter :: first = 3.0_wp, still = 0.0_wp
 
     slider = fig3_slider()
     slider%law%static_limit = 1.3_wp*slider%law%kinetic_limit
@@ -255,16 +255,26 @@ contains
     u = u(1)*slider%along
     call check('turn: a stop on the line of equal springs', &
       comes_to_rest(slider, atan2(-u(2), -u(1)), u, 1.0e-3_wp, still))
-    ! d ln v/d delta = (F_0 - f cos delta)/(f sin delta), by the midpoint rule.
-    v = 1.0e-3_wp
-    speed(1) = turn_speed(slider, v, atan2(u(2), u(1)) + first, u, still)
-    step = (last - first)/real(n, wp)
-    do i = 1, n
-      delta = first + (real(i, wp) - 0.5_wp)*step
-      v = v*exp(step*(1.0_wp/1.15_wp - cos(delta))/sin(delta))
+    ! m v' = f cos(delta) - F_0 and m v delta' = -f sin(delta), that is dt = m v/(f sin(delta)) ddelta, by the midpoint rule.
+    do i = 1, 2
+      u = [0.6_wp, 0.95_wp]*slider%law%kinetic_limit/slider%stiffness(1)
+      if (i == 1) u(2) = 0.0_wp
+      delta = first
+      v = 1.0e-3_wp
+      force = slider%stiffness(1)*hypot(u(1), u(2))
+      ! With f < F_0 until the end of slip; with f > F_0 until v grows as (f - F_0)/m times the time since the turn.
+      time = slider%mass*v/(slider%law%kinetic_limit - force*cos(delta)) &
+        *(1.0_wp + sign(delay_by_turning(slider, atan2(u(2), u(1)) + delta, u, still), slider%law%kinetic_limit - force))
+      step = first/real(n, wp)
+      do k = 1, n
+        delta = first - (real(k, wp) - 0.5_wp)*step
+        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
+        time = time - step*slider%mass*v/(force*sin(delta))
+        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
+        if (k == n - n/1000) exit
+      end do
+      call check_close('turn: its delay', time, slider%mass*v/(slider%law%kinetic_limit - force), 1.0e-4_wp*slider%mass*1.0e-3_wp)
     end do
-    speed(2) = turn_speed(slider, v, atan2(u(2), u(1)) + last, u, still)
-    call check_close('turn: its speed', speed(2), speed(1), 1.0e-4_wp*speed(1))
   end subroutine test_turn
 
   subroutine test_directions()
