@@ -3,7 +3,7 @@
     python bench/one_answer.py turns [--scenes 1000] [--first 0] [--seed 7] [--report FILE] [--short]
 
 `turns`: scenes of the family `turning` of tests/audit (strong weakening and a static limit above the kinetic one: many a slip nearly stops,
-turns and goes on) by radau13 at the default tolerance and at 1e-6. It prints how many are wrong by more than 30 rtol (1 + C) and how many
+turns and goes on) by radau13 at the default tolerance and at 1e-6, with the cycle map. It prints how many are wrong by more than 30 rtol (1 + C) and how many
 by more than 1 % of the static limit in the spring force at 100 samples; the latter may be a scene that magnifies everything, so it also
 prints how many of them are wrong by the first measure. FILE gets the decks of all that are wrong.
 """
@@ -30,7 +30,7 @@ LARGE = 0.01
 
 def load_error(case: audit.Case, rtol: float) -> float:
     """Largest error of the spring force at the samples, over F_s."""
-    result = audit.run(case.scene, "radau13", rtol)
+    result = audit.run(case.scene, "radau13", rtol, case.cycle_map)
     gaps = [result[name] - case.columns[name] for name in ("spring_force_x", "spring_force_y")]
     return float(np.hypot(*gaps).max()) / case.scene.static_limit
 
@@ -42,7 +42,7 @@ def turns(scenes: dict[str, audit.Scene], report: Path | None) -> None:
     done = 0
     for name, scene in scenes.items():
         try:
-            case = audit.Case(reference, name, scene)
+            case = audit.Case(reference, name, scene, cycle_map="auto")
         except truth.ReferenceFailed as error:
             decks.append(f"! {name}: the reference {error}\n{ds.Scene(**scene.groups()).text}")
             continue

@@ -87,7 +87,7 @@ def parse(text: str, scene: Scene | None = None) -> Truth:
     sample = np.array(rows["sample"]).reshape(-1, 10)
     time, kind = np.array(rows["event"]).reshape(-1, 2).T
     # A touch begins after t = 0 and ends with a release.
-    longest = touch_time(scene, time[:-1]) if scene else 0.0
+    longest = TOUCH * shortest_time(scene, time[:-1]) if scene else 0.0
     begins = np.flatnonzero((kind[:-1] == 1) & (time[:-1] > 0) & (np.diff(time) <= longest))
     counted = np.delete(np.arange(kind.size), np.concatenate([begins, begins + 1]))
     return Truth(
@@ -138,12 +138,18 @@ class Reference:
         return [self.run(replace(scene, **values)) for values in changed if values]
 
 
-def touch_time(scene: Scene, time: np.ndarray) -> np.ndarray:
-    """The longest touch [s] at some times."""
+def shortest_time(scene: Scene, time: np.ndarray) -> np.ndarray:
+    """A radian of the fast oscillation, or the loading from zero to F_s if that is shorter [s], at some times."""
     c, s = scene.along
     with np.errstate(divide="ignore"):
         loading = np.abs(np.interp(time, scene.time, scene.velocity)) * math.hypot(scene.stiffness_x * c, scene.stiffness_y * s)
-        return TOUCH * np.minimum(math.sqrt(scene.mass / max(scene.stiffness_x, scene.stiffness_y)), scene.static_limit / loading)
+        return np.minimum(math.sqrt(scene.mass / max(scene.stiffness_x, scene.stiffness_y)), scene.static_limit / loading)
+
+
+def long_rests(scene: Scene, kind: np.ndarray, time: np.ndarray, share: float) -> int:
+    """How many rests last longer than a share of `shortest_time`, the last one included."""
+    lasted = np.append(np.diff(time), np.inf)
+    return int(np.count_nonzero((kind == 1) & (lasted > share * shortest_time(scene, time))))
 
 
 def columns(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
