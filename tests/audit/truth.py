@@ -129,13 +129,31 @@ class Reference:
         return parse(file.read_text(), scene)
 
     def perturbed(self, scene: Scene, change: float = CHANGE) -> list[Truth]:
-        """The same scene with each of `PERTURBED` changed a little."""
+        """The same scene with each of `PERTURBED` changed a little, and with a drive that jumps by as little all the time.
+
+        Parameters may change no more than the size of a fast oscillation that grows from nearly nothing; jumps begin one, as errors do.
+        """
 
         def scaled(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
             return tuple(v * (1 + change) for v in value) if isinstance(value, tuple) else value * (1 + change)
 
         changed = [{name: scaled(getattr(scene, name)) for name in names if getattr(scene, name)} for names in PERTURBED]
-        return [self.run(replace(scene, **values)) for values in changed if values]
+        return [self.run(replace(scene, **values)) for values in [*changed, unsteady(scene, change)] if values]
+
+
+def unsteady(scene: Scene, change: float) -> dict[str, tuple[float, ...]]:
+    """The drive with jumps by +- a small share between all samples."""
+    ends = [(k + 0.5) * scene.interval for k in range(100)]
+    knots = sorted(
+        [*zip(scene.time, scene.velocity, strict=True), *((t, None) for t in ends for _ in range(2))], key=lambda knot: knot[0]
+    )
+    time, velocity, sign = [], [], 1
+    for k, (t, v) in enumerate(knots):
+        if v is None and k and knots[k - 1] == (t, None):
+            sign = -sign
+        time.append(t)
+        velocity.append((np.interp(t, scene.time, scene.velocity) if v is None else v) * (1 + sign * change))
+    return {"time": tuple(map(float, time)), "velocity": tuple(map(float, velocity))}
 
 
 def shortest_time(scene: Scene, time: np.ndarray) -> np.ndarray:
