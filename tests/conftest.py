@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import secrets
 import signal
 import sys
 from pathlib import Path
@@ -23,6 +25,13 @@ if TYPE_CHECKING:
 # Tests that were started in the background would not hear Ctrl-C, nor would the programs that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Random scenes are new in each run; the seed gives them again. The processes of pytest-xdist inherit it.
+SEED = os.environ.setdefault("DYNSTICTION_SEED", str(secrets.randbits(32)))
+
+
+def pytest_report_header() -> str:
+    return f"random scenes: DYNSTICTION_SEED={SEED}"
 
 
 @pytest.fixture(scope="session")

@@ -1,21 +1,26 @@
 // An independent reference for the full model with the exact contact (docs/equations.md):
 //
-//     u' = V(t) e - w,     m w' = K u - F(v) w/v,     v = |w|,     F(v) = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W,
+//     u' = V(t) e - w,     m w' = f - F(v) w/v,     f = K u + C (V e - w),     v = |w|,
 //
-// at rest while |K u| <= F_0. It shares no code with src/ and takes another way:
+// with every law of friction. A body at rest stays while |f| <= F_s; a slip stops where v = 0 and |f| < F_0. It shares no code with
+// src/ and takes another way:
 //
-// * the unknown is the Cartesian slip velocity w, not (v, theta); Radau IIA collocation of 12 stages (or as many as asked for);
-// * numbers are 80-bit long doubles (-DQUADRUPLE: __float128 with libquadmath);
+// * the unknown is the Cartesian slip velocity w, not (v, theta); Radau IIA collocation of 12 stages (or as many as asked for), in
+//   80-bit long doubles;
 // * a step is judged by what its polynomial leaves of the equations between all the nodes, and by how far w turns between
-//   them: no friction peak and no stop hides between two stages. No step is longer than half a period of the fast oscillation;
-// * slip begins with two terms of its series over 1e-6 of the shortest time of the scene, and ends by steps that take 0.8 of
-//   the time that is left, down to 1e-10 of the largest speed since the release;
+//   them: no friction peak, no turn and no stop hides between two stages. No step is longer than half a period of the fast
+//   oscillation, and none crosses a point of a friction table: there one ends;
+// * slip begins with two terms of its series over 1e-6 of the shortest time of the scene;
+// * where v is small, f and F are constant, and then F_0 v + f.w grows at the rate (|f|^2 - F_0^2)/m: it says when v = 0 comes.
+//   Steps take 0.8 of the time that is left. If |f| < F_0, the body is at rest below 1e-10 of the largest speed since the release.
+//   If |f| > F_0, the direction turns and slip goes on; below 1e-17 the turn takes no time. Only where it has nowhere to turn to,
+//   because w and f are exactly on one line, the body stops, and stays if |f| <= F_s;
 // * samples are ends of steps, so there is no interpolation.
 //
-// Input (stdin): lines "key values...". Output (stdout): "sample t u_x u_y w_x w_y X theta sticking V", "event t kind gap"
-// (kind 1: a rest begins, with |K u| a share `gap` below F_0; 2: slip begins), "dip t v peak" (a minimum of v below 1e-2 of the
-// largest speed since the release that is no stop), "note key value".
-// g++ -O2 -std=c++17 reference.cpp -o reference [-DQUADRUPLE -lquadmath]
+// Input (stdin): lines "key values...", the keys of a deck, "samples times...", and "stages", "tolerance", "decimal".
+// Output (stdout): "sample t u_x u_y w_x w_y X theta friction sticking V", "event t kind" (1: a rest begins, 2: slip begins),
+// "note key value".
+// g++ -O2 -std=c++17 reference.cpp -o reference
 
 #include <algorithm>
 #include <array>
@@ -23,47 +28,22 @@
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#ifdef QUADRUPLE
-#include <quadmath.h>
-using real = __float128;
-static real sqrt_(real x) { return sqrtq(x); }
-static real exp_(real x) { return expq(x); }
-static real sin_(real x) { return sinq(x); }
-static real cos_(real x) { return cosq(x); }
-static real atan2_(real y, real x) { return atan2q(y, x); }
-static real abs_(real x) { return fabsq(x); }
-static real pow_(real x, real y) { return powq(x, y); }
-static real parse(const char* word) { return strtoflt128(word, nullptr); }
-static const real epsilon = FLT128_EPSILON;
-static const real pi = M_PIq;
-static std::string text(real x) {
-  char buffer[64];
-  quadmath_snprintf(buffer, sizeof buffer, "%.34Qg", x);
-  return buffer;
-}
-#else
 using real = long double;
-static real sqrt_(real x) { return std::sqrt(x); }
-static real exp_(real x) { return std::exp(x); }
-static real sin_(real x) { return std::sin(x); }
-static real cos_(real x) { return std::cos(x); }
-static real atan2_(real y, real x) { return std::atan2(y, x); }
-static real abs_(real x) { return std::fabs(x); }
-static real pow_(real x, real y) { return std::pow(x, y); }
-static real parse(const char* word) { return std::strtold(word, nullptr); }
+using list = std::vector<real>;
 static const real epsilon = 1.0842021724855044340e-19L;
 static const real pi = 3.141592653589793238462643383279502884L;
+
 static std::string text(real x) {
   char buffer[64];
   std::snprintf(buffer, sizeof buffer, "%.21Lg", x);
   return buffer;
 }
-#endif
 
 struct vec {
   real x = 0, y = 0;
@@ -71,80 +51,104 @@ struct vec {
 static vec operator+(vec a, vec b) { return {a.x + b.x, a.y + b.y}; }
 static vec operator-(vec a, vec b) { return {a.x - b.x, a.y - b.y}; }
 static vec operator*(real s, vec a) { return {s * a.x, s * a.y}; }
+static vec operator*(vec a, vec b) { return {a.x * b.x, a.y * b.y}; }
 static real dot(vec a, vec b) { return a.x * b.x + a.y * b.y; }
-static real norm(vec a) {
-  const real big = std::max(abs_(a.x), abs_(a.y));
-  if (!(big > 0)) return 0;
-  const vec b = {a.x / big, a.y / big};
-  return big * sqrt_(dot(b, b));
-}
+static real norm(vec a) { return std::sqrt(dot(a, a)); }
 static vec left(vec a) { return {-a.y, a.x}; }
 
 // ---------------------------------------------------------------------------------------------------------- the scene
 
+// One cubic of a friction table: F(v) from the speed `start` on.
+struct Panel {
+  real start, end;
+  std::array<real, 4> c;
+};
+
 struct Scene {
-  real m = 0, kx = 0, ky = 0, phi_deg = 0, mu0 = 0, mu_inf = 0, vf = 1, load = 0, ratio = 0;
-  vec u0;
-  std::vector<real> knot, velocity;  // of the drive; constant after the last
-  real t_end = 0;
-  std::vector<real> samples;
-  int stages = 12;
-  real tolerance = 1e-12L;
-  long max_steps = 1000000;
+  real m, mu0, mu_inf, vf, exponent, viscous, load, ratio, t_end, tolerance;
+  real limit, kinetic;  // F_s, F_0
+  vec K, C, u0, e;
+  list knot, velocity, samples;  // the drive is constant after its last knot
+  std::vector<Panel> table;
+  int stages;
 
-  vec e;
-  real limit = 0;  // F_0
-
-  void prepare() {
-    const real phi = phi_deg * pi / 180;
-    e = {cos_(phi), sin_(phi)};
-    limit = mu0 * load;
+  explicit Scene(std::istream& in) {
+    std::map<std::string, list> given;
+    bool decimal = false;  // 0.2 as it is written, and not the double beside it, which is what the package gets
+    for (std::string line, key, word; std::getline(in, line);) {
+      std::istringstream words(line);
+      if (!(words >> key)) continue;
+      list& values = given[key];
+      while (words >> word) values.push_back(decimal ? std::strtold(word.c_str(), nullptr) : std::strtod(word.c_str(), nullptr));
+      decimal = decimal || key == "decimal";
+    }
+    auto all = [&](const char* key, list otherwise) {
+      const auto found = given.find(key);
+      if (found == given.end()) return otherwise;
+      const list values = found->second;
+      given.erase(found);
+      return values;
+    };
+    auto one = [&](const char* key, real otherwise) { return all(key, {otherwise}).at(0); };
+    all("decimal", {});
+    m = one("mass", 0), load = one("normal_load", 0), ratio = one("velocity_ratio", 0), t_end = one("t_end", 0);
+    K.x = one("stiffness_x", 0), K.y = one("stiffness_y", 0), C.x = one("damping_x", 0), C.y = one("damping_y", 0);
+    u0.x = one("elongation_x", 0), u0.y = one("elongation_y", 0);
+    const real phi = one("misalignment_deg", 0) * pi / 180;
+    e = {std::cos(phi), std::sin(phi)};
+    const list speed = all("table_speed", {}), mu = all("table_mu", {});
+    mu0 = one("mu_0", mu.empty() ? 0 : mu[0]), mu_inf = one("mu_inf", mu0), vf = one("v_f", 1);
+    exponent = one("exponent", 1), viscous = one("viscous", 0);
+    tabulate(speed, mu);
+    kinetic = mu0 * load;
+    limit = std::max(kinetic, one("mu_static", 0) * load);
+    knot = all("time", {0}), velocity = all("velocity", {0}), samples = all("samples", {});
+    stages = static_cast<int>(one("stages", 12)), tolerance = one("tolerance", 1e-12L);
+    if (!given.empty()) throw std::runtime_error("unknown key " + given.begin()->first);
     samples.push_back(t_end);
     std::sort(samples.begin(), samples.end());
     samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
   }
-  vec force(vec u) const { return {kx * u.x, ky * u.y}; }
-  real friction(real v) const { return (mu_inf + (mu0 - mu_inf) * exp_(-v / vf)) * load; }
-  real slope(real v) const { return -(mu0 - mu_inf) / vf * exp_(-v / vf) * load; }
-};
 
-static Scene read_scene(std::istream& in) {
-  Scene s;
-  std::string line;
-  bool decimal = false;  // 0.2 as it is written, and not the double beside it, which is what the package gets
-  while (std::getline(in, line)) {
-    std::istringstream words(line);
-    std::string key, word;
-    if (!(words >> key)) continue;
-    std::vector<real> values;
-    while (words >> word) values.push_back(decimal ? parse(word.c_str()) : static_cast<real>(std::strtod(word.c_str(), nullptr)));
-    if (values.empty()) throw std::runtime_error("no value for " + key);
-    const real value = values[0];
-    if (key == "mass") s.m = value;
-    else if (key == "stiffness_x") s.kx = value;
-    else if (key == "stiffness_y") s.ky = value;
-    else if (key == "misalignment_deg") s.phi_deg = value;
-    else if (key == "mu_0") s.mu0 = value;
-    else if (key == "mu_inf") s.mu_inf = value;
-    else if (key == "v_f") s.vf = value;
-    else if (key == "normal_load") s.load = value;
-    else if (key == "velocity_ratio") s.ratio = value;
-    else if (key == "elongation_x") s.u0.x = value;
-    else if (key == "elongation_y") s.u0.y = value;
-    else if (key == "time") s.knot = values;
-    else if (key == "velocity") s.velocity = values;
-    else if (key == "t_end") s.t_end = value;
-    else if (key == "samples") s.samples = values;
-    else if (key == "stages") s.stages = static_cast<int>(value);
-    else if (key == "tolerance") s.tolerance = value;
-    else if (key == "decimal") decimal = value != 0;
-    else if (key == "max_steps") s.max_steps = static_cast<long>(value);
-    else throw std::runtime_error("unknown key " + key);
+  // Monotone cubics (Fritsch and Carlson 1980). The slope at a point is that of the parabola through it and its neighbours (at the
+  // ends, of the nearest three points), at most three times the smaller slope beside it, and 0 if these have not its sign.
+  void tabulate(const list& speed, const list& mu) {
+    const int last = static_cast<int>(speed.size()) - 1;
+    auto secant = [&](int i) { return (mu[i + 1] - mu[i]) / (speed[i + 1] - speed[i]); };
+    auto slope = [&](int i) {
+      if (last < 2) return secant(0);
+      const int middle = std::min(std::max(i, 1), last - 1);
+      const real before = secant(middle - 1), after = secant(middle), width = speed[middle + 1] - speed[middle - 1];
+      const real parabola = before + (after - before) * (2 * speed[i] - speed[middle - 1] - speed[middle]) / width;
+      const real one = secant(std::max(i - 1, 0)), other = secant(std::min(i, last - 1));
+      if (one * parabola <= 0 || other * parabola <= 0) return real(0);
+      return std::copysign(std::min(std::fabs(parabola), 3 * std::min(std::fabs(one), std::fabs(other))), parabola);
+    };
+    for (int i = 0; i < last; ++i) {
+      const real width = speed[i + 1] - speed[i], s = secant(i), a = slope(i), b = slope(i + 1), bend = (a + b - 2 * s) / width;
+      table.push_back({speed[i], speed[i + 1], {load * mu[i], load * a, load * ((s - a) / width - bend), load * bend / width}});
+    }
+    if (last > 0) table.push_back({speed[last], 1e4000L, {load * mu[last], 0, 0, 0}});
   }
-  if (s.knot.empty()) s.knot = {0};
-  s.prepare();
-  return s;
-}
+
+  real power(real v) const { return exponent == 1 ? 1 : std::pow(v / vf, exponent - 1); }
+  // Friction at a speed in the panel of the table, if there is one, and its slope.
+  real friction(real v, size_t panel) const {
+    if (table.empty()) return (mu_inf + (mu0 - mu_inf) * std::exp(-power(v) * v / vf) + viscous * v) * load;
+    const Panel& p = table[panel];
+    const real d = v - p.start;
+    return p.c[0] + d * (p.c[1] + d * (p.c[2] + d * p.c[3]));
+  }
+  real slope(real v, size_t panel) const {
+    if (table.empty())
+      return (viscous - (mu0 - mu_inf) * std::exp(-power(v) * v / vf) * exponent * power(v) / vf) * load;
+    const Panel& p = table[panel];
+    const real d = v - p.start;
+    return p.c[1] + d * (2 * p.c[2] + 3 * d * p.c[3]);
+  }
+  // A speed at which friction begins to change.
+  real scale() const { return table.empty() ? vf : table[0].end; }
+};
 
 // One linear piece of V(t).
 struct Piece {
@@ -156,12 +160,12 @@ struct Piece {
 
 static std::vector<Piece> pieces_of(const Scene& s) {
   std::vector<Piece> pieces;
-  for (size_t i = 0; i < s.knot.size(); ++i) {
+  for (size_t i = 0; i < s.knot.size() && s.knot[i] < s.t_end; ++i) {
     const bool last = i + 1 == s.knot.size();
-    if (s.knot[i] >= s.t_end) break;
     const real end = last ? s.t_end : s.knot[i + 1];
     if (end <= s.knot[i]) continue;
-    pieces.push_back({s.knot[i], std::min(end, s.t_end), s.velocity[i], last ? 0 : (s.velocity[i + 1] - s.velocity[i]) / (end - s.knot[i])});
+    const real acceleration = last ? 0 : (s.velocity[i + 1] - s.velocity[i]) / (end - s.knot[i]);
+    pieces.push_back({s.knot[i], std::min(end, s.t_end), s.velocity[i], acceleration});
   }
   return pieces;
 }
@@ -170,7 +174,6 @@ static std::vector<Piece> pieces_of(const Scene& s) {
 
 static std::array<real, 2> legendre(int n, real x) {  // P_n, P_{n-1}
   real before = 1, now = x;
-  if (n == 0) return {1, 0};
   for (int k = 2; k <= n; ++k) {
     const real next = ((2 * k - 1) * x * now - (k - 1) * before) / k;
     before = now;
@@ -179,141 +182,130 @@ static std::array<real, 2> legendre(int n, real x) {  // P_n, P_{n-1}
   return {now, before};
 }
 
-// Zeros of a function on (-1, 1), from a fine grid by bisection.
+// Zeros of a function, one between two neighbouring points where its sign changes.
 template <class Function>
-static std::vector<real> zeros(Function f) {
-  std::vector<real> found;
-  const int cells = 4000;
-  auto grid = [&](int i) { return -cos_(pi * (i + real(1) / 3) / (cells + 1)); };
-  for (int i = 0; i < cells; ++i) {
-    real a = grid(i), b = grid(i + 1), fa = f(a);
-    if ((fa > 0) == (f(b) > 0)) continue;
+static list crossings(Function f, const list& point) {
+  list found;
+  for (size_t i = 0; i + 1 < point.size(); ++i) {
+    real a = point[i], b = point[i + 1];
+    const bool above = f(a) > 0;
+    if (above == (f(b) > 0)) continue;
     for (int k = 0; k < 130; ++k) {
-      const real c = (a + b) / 2, fc = f(c);
-      if ((fc > 0) == (fa > 0)) a = c, fa = fc;
-      else b = c;
+      const real c = (a + b) / 2;
+      (f(c) > 0) == above ? a = c : b = c;
     }
     found.push_back((a + b) / 2);
   }
   return found;
 }
 
+// Zeros of a polynomial in (0, 1): between those of its derivative it is monotone.
+static list zeros(const list& c) {
+  if (c.size() < 2) return {};
+  list derivative, point = {0};
+  for (size_t k = 1; k < c.size(); ++k) derivative.push_back(k * c[k]);
+  for (real zero : zeros(derivative)) point.push_back(zero);
+  point.push_back(1);
+  return crossings(
+      [&](real x) {
+        real sum = 0;
+        for (size_t k = c.size(); k-- > 0;) sum = sum * x + c[k];
+        return sum;
+      },
+      point);
+}
+
 struct Method {
   int s;
-  std::vector<real> c;                       // nodes on (0, 1], the last is 1
-  std::vector<std::vector<real>> a, d;       // integrals; derivatives of the polynomial through (0, 0) and the nodes
-  std::vector<real> probe;                   // points between the nodes
-  std::vector<std::vector<real>> at, rate, integral;  // at the probes: value and derivative (with the start as column 0), integral
-  std::vector<std::vector<real>> end_rate;   // first three derivatives at the end (column 0: start)
+  list c, gauss;                         // nodes on (0, 1], the last is 1; those of Gauss on (-1, 1)
+  list full = {0}, weight;               // 0 and the nodes, and their barycentric weights
+  list probe;                            // points between the nodes
+  std::vector<list> a, d;                // integrals at the nodes, derivatives at all of `full`
+  std::vector<list> at, rate, integral;  // at the probes: value, derivative, integral
+  std::vector<list> end_rate;            // first three derivatives at the end
 
   explicit Method(int stages) : s(stages) {
-    auto radau = [&](real x) {
-      const auto p = legendre(s, x);
-      return p[0] - p[1];
-    };
-    std::vector<real> root = zeros(radau);
-    while (static_cast<int>(root.size()) >= s) root.pop_back();  // 1 itself may be found by roundoff
-    for (real x : root) c.push_back((1 + x) / 2);
+    list grid;
+    for (int i = 0; i < 4000; ++i) grid.push_back(-std::cos(pi * (i + real(1) / 3) / 4000));
+    const list root = crossings([&](real x) { return legendre(s, x)[0] - legendre(s, x)[1]; }, grid);
+    for (int i = 0; i + 1 < s; ++i) c.push_back((1 + root.at(i)) / 2);
     c.push_back(1);
-    if (static_cast<int>(c.size()) != s) throw std::runtime_error("nodes");
-    std::vector<real> gauss = zeros([&](real x) { return legendre(s, x)[0]; }), weight;
-    for (real x : gauss) {
-      const auto p = legendre(s, x);
-      const real slope = s * (x * p[0] - p[1]) / (x * x - 1);
-      weight.push_back(2 / ((1 - x * x) * slope * slope));
-    }
-    std::vector<real> full = {0};
+    gauss = crossings([&](real x) { return legendre(s, x)[0]; }, grid);
     full.insert(full.end(), c.begin(), c.end());
-    auto integrals = [&](real end) {
-      std::vector<real> row(s, 0);
-      for (size_t g = 0; g < gauss.size(); ++g)
-        for (int j = 0; j < s; ++j) row[j] += weight[g] * end / 2 * basis(c, j, end * (1 + gauss[g]) / 2);
-      return row;
-    };
-    for (int i = 0; i < s; ++i) {
-      a.push_back(integrals(c[i]));
-      std::vector<real> row;
-      for (int j = 1; j <= s; ++j) row.push_back(node_rate(full, j, i + 1));
-      d.push_back(row);
+    for (int j = 0; j <= s; ++j) {
+      real product = 1;
+      for (int k = 0; k <= s; ++k)
+        if (k != j) product *= full[j] - full[k];
+      weight.push_back(1 / product);
     }
-    real before = 0;
-    for (int i = 0; i < s; ++i) {
-      for (real share : {real(1) / 3, real(2) / 3}) {
-        const real tau = before + share * (c[i] - before);
-        probe.push_back(tau);
-        std::vector<real> value, slope;
-        for (int j = 0; j <= s; ++j) {
-          value.push_back(basis(full, j, tau));
-          real sum = 0;
-          for (int k = 0; k <= s; ++k)
-            if (k != j) sum += 1 / (tau - full[k]);
-          slope.push_back(value.back() * sum);
-        }
-        at.push_back(value);
-        rate.push_back(slope);
-        integral.push_back(integrals(tau));
-      }
-      before = c[i];
-    }
-    // Derivatives at the end by repeated differentiation at the nodes.
-    std::vector<std::vector<real>> matrix(s + 1, std::vector<real>(s + 1));
+    d.assign(s + 1, list(s + 1));
     for (int i = 0; i <= s; ++i)
-      for (int j = 0; j <= s; ++j) matrix[i][j] = node_rate(full, j, i);
-    std::vector<real> row(s + 1, 0);
-    row[s] = 1;
-    for (int order = 1; order <= 3; ++order) {
-      std::vector<real> next(s + 1, 0);
-      for (int i = 0; i <= s; ++i)
-        for (int j = 0; j <= s; ++j) next[j] += row[i] * matrix[i][j];
-      row = next;
-      end_rate.push_back(row);
-    }
+      for (int j = 0; j <= s; ++j)
+        if (i != j) d[i][i] -= d[i][j] = weight[j] / weight[i] / (full[i] - full[j]);
+    for (int i = 0; i < s; ++i) a.push_back(integrals(c[i]));
+    for (int i = 0; i < s; ++i)
+      for (int third : {1, 2}) {
+        probe.push_back(full[i] + third * (c[i] - full[i]) / 3);
+        at.push_back(values(probe.back()));
+        rate.push_back(differentiated(at.back()));
+        integral.push_back(integrals(probe.back()));
+      }
+    end_rate = {differentiated(values(1))};
+    while (end_rate.size() < 3) end_rate.push_back(differentiated(end_rate.back()));
   }
 
-  static real basis(const std::vector<real>& node, int j, real x) {
-    real product = 1;
-    for (int k = 0; k < static_cast<int>(node.size()); ++k)
-      if (k != j) product *= (x - node[k]) / (node[j] - node[k]);
-    return product;
-  }
-  // Derivative of the basis function j at the node i.
-  static real node_rate(const std::vector<real>& node, int j, int i) {
-    const int n = static_cast<int>(node.size());
-    if (i == j) {
-      real sum = 0;
-      for (int k = 0; k < n; ++k)
-        if (k != j) sum += 1 / (node[j] - node[k]);
-      return sum;
+  // What the values at 0 and the nodes count in the polynomial at x.
+  list values(real x) const {
+    list row(weight);
+    real below = 1, above = 1;
+    for (int j = 0; j <= s; ++j) {
+      row[j] *= below, below *= x - full[j];
+      row[s - j] *= above, above *= x - full[s - j];
     }
-    real product = 1 / (node[j] - node[i]);
-    for (int k = 0; k < n; ++k)
-      if (k != i && k != j) product *= (node[i] - node[k]) / (node[j] - node[k]);
-    return product;
+    return row;
+  }
+
+  list differentiated(const list& row) const {
+    list found(s + 1);
+    for (int i = 0; i <= s; ++i)
+      for (int j = 0; j <= s; ++j) found[j] += row[i] * d[i][j];
+    return found;
+  }
+
+  // The integrals until x of the polynomials through the nodes, by the formula of Gauss.
+  list integrals(real x) const {
+    list row(s);
+    for (real g : gauss) {
+      const real slope = s * legendre(s, g)[1] / (1 - g * g), share = 2 / ((1 - g * g) * slope * slope), tau = x * (1 + g) / 2;
+      const list value = values(tau);
+      // Without the point 0: the basis function of a node, over its factor x.
+      for (int j = 0; j < s; ++j) row[j] += share * x / 2 * value[j + 1] * c[j] / tau;
+    }
+    return row;
   }
 };
 
 // ------------------------------------------------------------------------------------------------------------ the motion
 
-static bool solve(std::vector<real>& matrix, std::vector<real>& right, int n) {
-  for (int k = 0; k < n; ++k) {
-    int pivot = k;
-    for (int i = k + 1; i < n; ++i)
-      if (abs_(matrix[i * n + k]) > abs_(matrix[pivot * n + k])) pivot = i;
-    if (!(abs_(matrix[pivot * n + k]) > 0)) return false;
-    if (pivot != k) {
-      for (int j = k; j < n; ++j) std::swap(matrix[pivot * n + j], matrix[k * n + j]);
-      std::swap(right[pivot], right[k]);
-    }
-    const real inverse = 1 / matrix[k * n + k];
-    for (int i = k + 1; i < n; ++i) {
-      const real factor = matrix[i * n + k] * inverse;
+// Newton's corrections need no more than double precision: what they leave is in the next residual.
+static bool solve(std::vector<double>& matrix, std::vector<double>& right) {
+  const size_t n = right.size();
+  for (size_t k = 0; k < n; ++k) {
+    size_t pivot = k;
+    for (size_t i = k + 1; i < n; ++i)
+      if (std::fabs(matrix[i * n + k]) > std::fabs(matrix[pivot * n + k])) pivot = i;
+    if (!(std::fabs(matrix[pivot * n + k]) > 0)) return false;
+    std::swap_ranges(&matrix[k * n], &matrix[k * n] + n, &matrix[pivot * n]);
+    std::swap(right[pivot], right[k]);
+    for (size_t i = k + 1; i < n; ++i) {
+      const double factor = matrix[i * n + k] / matrix[k * n + k];
       if (factor == 0) continue;
-      for (int j = k + 1; j < n; ++j) matrix[i * n + j] -= factor * matrix[k * n + j];
+      for (size_t j = k + 1; j < n; ++j) matrix[i * n + j] -= factor * matrix[k * n + j];
       right[i] -= factor * right[k];
     }
   }
-  for (int k = n - 1; k >= 0; --k) {
-    for (int j = k + 1; j < n; ++j) right[k] -= matrix[k * n + j] * right[j];
+  for (size_t k = n; k-- > 0;) {
+    for (size_t j = k + 1; j < n; ++j) right[k] -= matrix[k * n + j] * right[j];
     right[k] /= matrix[k * n + k];
   }
   return true;
@@ -322,21 +314,18 @@ static bool solve(std::vector<real>& matrix, std::vector<real>& right, int n) {
 class Motion {
  public:
   explicit Motion(const Scene& scene) : s(scene), method(scene.stages), pieces(pieces_of(scene)), stage(method.s) {
-    fast = sqrt_(s.m / std::max(s.kx, s.ky));
+    fast = std::sqrt(s.m / std::max(s.K.x, s.K.y));
     u = s.u0;
     X = -dot(u, s.e);
+    w = s.ratio * s.velocity[0] * s.e;
+    while (panel + 1 < s.table.size() && norm(w) >= s.table[panel].end) ++panel;
   }
 
   void run() {
-    w = s.ratio * s.velocity[0] * s.e;
     sample();  // t = 0
-    if (norm(w) > 0) {
-      begin_at_speed();
-    } else if (!stays()) {
-      begin_from_rest();
-    } else {
-      stick();
-    }
+    if (norm(w) > 0) begin_at_speed();
+    else if (norm(force(0, u, w)) > s.limit * (1 + 16 * epsilon)) begin_from_rest();
+    else stick();
     while (t < s.t_end) {
       while (t >= pieces[piece].end && piece + 1 < pieces.size()) {
         ++piece;
@@ -346,11 +335,8 @@ class Motion {
       }
       if (sticking) rest();
       else slide();
-      if (++rounds > 50 * s.max_steps) throw std::runtime_error("too many rounds");
     }
-    std::cout << "note sticks " << sticks << "\nnote shortest_rest " << text(shortest_rest) << "\nnote nearest_limit " << text(nearest_limit)
-              << "\nnote smallest_dip " << text(smallest_dip) << "\nnote fades " << fades << "\nnote turns " << turns << "\nnote fastest " << text(fastest) << "\nnote steps " << steps
-              << "\nnote rejected " << rejected << "\nnote least_release " << text(least_release) << "\n";
+    std::cout << "note fastest " << text(fastest) << "\nnote steps " << steps << "\nnote turns " << turns << "\n";
   }
 
  private:
@@ -358,242 +344,172 @@ class Motion {
   Method method;
   std::vector<Piece> pieces;
   std::vector<vec> stage;            // w at the nodes
-  size_t piece = 0, next_sample = 0;
+  size_t piece = 0, panel = 0, next_sample = 0;
   real t = 0, X = 0, fast = 0;
   vec u, w;
   bool sticking = false;
   real h = 0;                        // the next step
   real peak = 0, fastest = 0;        // largest speed since the release, and of the run
-  real rest_began = 0;
-  // The polynomial of the last step, for the first guess.
+  // The polynomial of the last step, for the first guess; after a release, a series.
   bool has_polynomial = false;
   real last_h = 0;
   vec last_w0;
   std::vector<vec> last_stage;
-  // The series of a release, for the first guess.
   vec series[4];
-  // v before, for minima
-  real speed_before = 0, speed_now = 0;
-  long sticks = 0, steps = 0, rejected = 0, rounds = 0, fades = 0, turns = 0;
-  real shortest_rest = 1e300L, nearest_limit = 1, smallest_dip = 1e300L, least_release = 1e300L;
+  long steps = 0, turns = 0;
 
-  real V(real time) const { return pieces[piece].at(time); }
+  real V(real d) const { return pieces[piece].at(t + d); }
+  real F(real v) const { return s.friction(v, panel); }
+  // Force of springs and dampers, at the time t + d.
+  vec force(real d, vec elongation, vec velocity) const { return s.K * elongation + s.C * (V(d) * s.e - velocity); }
   real horizon() const {
-    real end = pieces[piece].end;
-    if (next_sample < s.samples.size()) end = std::min(end, s.samples[next_sample]);
-    return end;
+    const real end = pieces[piece].end;
+    return next_sample < s.samples.size() ? std::min(end, s.samples[next_sample]) : end;
   }
 
-  void event(int kind, real gap = 0) { std::cout << "event " << text(t) << " " << kind << " " << text(gap) << "\n"; }
+  void event(int kind) { std::cout << "event " << text(t) << " " << kind << "\n"; }
 
   void sample() {
-    while (next_sample < s.samples.size() && s.samples[next_sample] <= t) {
-      const vec f = s.force(u);
-      const vec direction = sticking ? f : (norm(w) > 0 ? w : f);
-      std::cout << "sample " << text(s.samples[next_sample]) << " " << text(u.x) << " " << text(u.y) << " " << text(w.x) << " " << text(w.y) << " "
-                << text(X) << " " << text(norm(direction) > 0 ? atan2_(direction.y, direction.x) : real(0)) << " " << sticking << " "
-                << text(pieces.empty() ? s.velocity[0] : V(t)) << "\n";
-      ++next_sample;
+    const vec f = force(0, u, w), direction = !sticking && norm(w) > 0 ? w : f;
+    for (; next_sample < s.samples.size() && s.samples[next_sample] <= t; ++next_sample) {
+      const real theta = norm(direction) > 0 ? std::atan2(direction.y, direction.x) : 0;
+      std::cout << "sample " << text(s.samples[next_sample]);
+      for (real x : {u.x, u.y, w.x, w.y, X, theta, sticking ? norm(f) : F(norm(w))}) std::cout << " " << text(x);
+      std::cout << " " << sticking << " " << text(V(0)) << "\n";
     }
   }
 
   // ---- rest
 
-  // Whether an object at rest stays: below the limit, or at it and not pulled further out.
-  bool stays() const {
-    const vec f = s.force(u);
-    const real size = norm(f);
-    if (size < s.limit * (1 - 16 * epsilon)) return true;
-    if (size > s.limit * (1 + 16 * epsilon)) return false;
-    return V(t) * dot(s.force(s.e), f) <= 0 && s.limit > 0;
-  }
-
   void stick() {
     sticking = true;
     w = {};
-    ++sticks;
-    rest_began = t;
-    const real gap = s.limit > 0 ? 1 - norm(s.force(u)) / s.limit : 0;
-    nearest_limit = std::min(nearest_limit, gap);
-    event(1, gap);
+    event(1);
   }
 
-  // To the release, the end of the piece, or the next sample.
+  // To the release, the end of the piece, or the next sample. |f(d)|^2 is a polynomial of degree 4 in the share of this time.
   void rest() {
     const Piece& p = pieces[piece];
-    const real duration = horizon() - t;
-    real release = first_release(p, duration);
-    const bool released = release < duration;
-    const real d = released ? release : duration;
+    const real duration = horizon() - t, size = norm(force(0, u, w)), square = s.limit * s.limit;
+    const vec f0 = force(0, u, w), f1 = duration * (V(0) * (s.K * s.e) + p.acceleration * (s.C * s.e));
+    const vec f2 = duration * duration * p.acceleration / 2 * (s.K * s.e);
+    const list excess = {std::min(real(0), (size - s.limit) * (size + s.limit) / square), 2 * dot(f0, f1) / square,
+                         (dot(f1, f1) + 2 * dot(f0, f2)) / square, 2 * dot(f1, f2) / square, dot(f2, f2) / square};
+    const list release = size > s.limit * (1 + 16 * epsilon) ? list{0} : zeros(excess);  // at once where V has jumped
+    const real d = release.empty() ? duration : release[0] * duration;
     u = u + p.travel(t, d) * s.e;
-    t = released ? t + d : horizon();
-    if (!released) {
-      sample();
-      return;
-    }
-    shortest_rest = std::min(shortest_rest, t - rest_began);
+    t = release.empty() ? horizon() : t + d;
+    if (release.empty()) return sample();
     event(2);
     begin_from_rest();
   }
 
-  // Delay until |K(u + D e)| = F_0, or more than `duration`.
-  real first_release(const Piece& p, real duration) const {
-    const vec g = s.force(s.e), f = s.force(u);
-    // |g|^2 D^2 + 2 g.f D - (F_0^2 - |f|^2) = 0
-    const real a = dot(g, g), b = dot(g, f), size = norm(f);
-    const real gap = std::max(real(0), (s.limit - size) * (s.limit + size));
-    const real root = sqrt_(b * b + a * gap);
-    const real ahead = b > 0 ? gap / (b + root) : (root - b) / a;
-    const real behind = b > 0 ? -(b + root) / a : -gap / (root - b);
-    const real never = 2 * duration + 1;
-    auto reach = [&](real goal) -> real {  // first d >= 0 with travel(t, d) = goal
-      real v = p.at(t), q = p.acceleration;
-      if (goal < 0) goal = -goal, v = -v, q = -q;
-      if (goal == 0 && v > 0) return 0;
-      const real under = v * v + 2 * q * goal;
-      if (under < 0) return never;
-      const real r = sqrt_(under);
-      if (v >= 0) return v + r > 0 ? 2 * goal / (v + r) : never;
-      return q > 0 ? (r - v) / q : never;
-    };
-    return std::min(reach(ahead), b == 0 && gap == 0 ? never : reach(behind));
-  }
-
   // ---- beginnings
 
+  // From v = 0, in the direction n of f, with m v' = |f| - F_0 = m b: (|f| + m b) theta' = f'.side and m v'' = f'.n - F'(0) b.
   void begin_from_rest() {
     sticking = false;
-    const vec f = s.force(u);
+    panel = 0;
+    const vec f = force(0, u, {});
     const vec n = (1 / norm(f)) * f, side = left(n);
-    const real V0 = V(t), q = pieces[piece].acceleration;
-    const vec g = V0 * s.force(s.e);
-    real b = (norm(f) - s.limit) / s.m;
+    const real q = pieces[piece].acceleration;
+    real b = (norm(f) - s.kinetic) / s.m;
     if (b * s.m < 64 * epsilon * s.limit) b = 0;
-    // w = v n(theta): m (v' theta') = g.side - (f.n) theta'; m v'' = g.n - F'(0) v'
+    const vec g = V(0) * (s.K * s.e) + s.C * (q * s.e - b * n);
     const real turn = dot(g, side) / (norm(f) + s.m * b);
-    const real jerk = (dot(g, n) - s.slope(0) * b) / s.m;
+    const real slope = s.slope(0, 0), jerk = (dot(g, n) - slope * b) / s.m;
     // The shortest time of the scene.
     real unit = fast;
-    auto shorten = [&](real x) {
+    for (real x : {s.limit / norm(g), s.m / std::fabs(slope), s.m / std::max(s.C.x, s.C.y), s.scale() / b, b / std::fabs(jerk),
+                   std::sqrt(2 * s.scale() / std::max(jerk, real(0))), std::fabs(V(0) / q)})
       if (x > 0) unit = std::min(unit, x);
-    };
-    shorten(s.limit / norm(g));
-    if (abs_(s.slope(0)) > 0) shorten(s.m / abs_(s.slope(0)));
-    if (b > 0) shorten(s.vf / b), shorten(b / abs_(jerk));
-    if (jerk > 0) shorten(sqrt_(2 * s.vf / jerk));
-    if (abs_(q) > 0) shorten(abs_(V0 / q));
     const real noise = jerk > 0 && b == 0 ? 1000 * epsilon * s.limit / (s.m * jerk) : 0;
     const real d = std::min(std::max(real(1e-6L) * unit, noise), horizon() - t);
     // w = (b d + jerk d^2/2)(n + turn d side) + O(d^3)
-    series[0] = {};
     series[1] = b * n;
     series[2] = jerk / 2 * n + b * turn * side;
     series[3] = jerk / 2 * turn * side;
-    const vec slipped = d * d * (real(1) / 2 * series[1] + d * (real(1) / 3 * series[2] + d / 4 * series[3]));
     w = d * (series[1] + d * (series[2] + d * series[3]));
-    u = u + pieces[piece].travel(t, d) * s.e - slipped;
-    X += dot(slipped, s.e);
-    t += d;
-    peak = norm(w);
-    least_release = std::min(least_release, dot(g, n) / std::max(norm(g), real(1e-300L)));
+    advance(d, d * d * (real(1) / 2 * series[1] + d * (real(1) / 3 * series[2] + d / 4 * series[3])));
     // The series about the new place.
     series[1] = series[1] + 2 * d * series[2] + 3 * d * d * series[3];
     series[2] = series[2] + 3 * d * series[3];
-    series[0] = w;
     has_polynomial = false;
     h = 2 * d;
-    speed_before = speed_now = peak;
+    peak = norm(w);
     if (t >= horizon()) sample();
   }
 
   void begin_at_speed() {
-    sticking = false;
-    const vec f = s.force(u);
-    const real v = norm(w);
-    series[0] = w;
-    series[1] = (1 / s.m) * (f - (s.friction(v) / v) * w);
+    const vec f = force(0, u, w);
+    peak = norm(w);
+    series[1] = (1 / s.m) * (f - (F(peak) / peak) * w);
     series[2] = series[3] = {};
-    h = std::min(fast / 100, s.m * v / (100 * (s.limit + norm(f) + s.mu_inf * s.load)));
-    peak = v;
-    has_polynomial = false;
-    speed_before = speed_now = v;
+    h = std::min(fast / 100, s.m * peak / (100 * (F(peak) + norm(f))));
+  }
+
+  void advance(real d, vec slipped) {
+    u = u + pieces[piece].travel(t, d) * s.e - slipped;
+    X += dot(slipped, s.e);
+    t += d;
   }
 
   // ---- slip
 
-  vec polynomial(const std::vector<real>& row, vec start, const std::vector<vec>& values) const {
+  vec polynomial(const list& row, vec start, const std::vector<vec>& values) const {
     vec sum = row[0] * start;
     for (int j = 0; j < method.s; ++j) sum = sum + row[j + 1] * values[j];
     return sum;
   }
 
   void guess(real step, bool whole) {
-    if (has_polynomial && whole) {
-      std::vector<real> node = {0};
-      node.insert(node.end(), method.c.begin(), method.c.end());
-      for (int i = 0; i < method.s; ++i) {
-        const real tau = 1 + method.c[i] * step / last_h;
-        std::vector<real> row;
-        for (int j = 0; j <= method.s; ++j) row.push_back(Method::basis(node, j, tau));
-        stage[i] = polynomial(row, last_w0, last_stage);
-      }
-      return;
-    }
     for (int i = 0; i < method.s; ++i) {
       const real d = method.c[i] * step;
-      stage[i] = w + d * (series[1] + d * (series[2] + d * series[3]));
+      if (whole) stage[i] = polynomial(method.values(1 + d / last_h), last_w0, last_stage);
+      else stage[i] = w + d * (series[1] + d * (series[2] + d * series[3]));
     }
   }
 
   // Newton's method for the stages of a step.
   bool collocate(real step) {
     const int n = method.s;
-    const Piece& p = pieces[piece];
-    std::vector<real> matrix(4 * n * n), right(2 * n);
-    std::vector<real> travel(n);
-    for (int i = 0; i < n; ++i) travel[i] = p.travel(t, method.c[i] * step);
+    std::vector<double> matrix(4 * n * n), right(2 * n);
     const real per_mass = step / s.m;
     real eta_before = 1e30L;
     for (int iteration = 0; iteration < 15; ++iteration) {
+      std::fill(matrix.begin(), matrix.end(), 0);
       for (int i = 0; i < n; ++i) {
-        const vec wi = stage[i];
-        const real v = norm(wi);
+        const real v = norm(stage[i]), d = method.c[i] * step;
         if (!(v > 0)) return false;
         vec slipped, change;
         for (int j = 0; j < n; ++j) {
           slipped = slipped + method.a[i][j] * stage[j];
-          change = change + method.d[i][j] * (stage[j] - w);
+          change = change + method.d[i + 1][j + 1] * (stage[j] - w);
         }
-        const vec f = s.force(u + travel[i] * s.e - step * slipped);
-        const vec direction = (1 / v) * wi, side = left(direction);
-        const real F = s.friction(v);
-        const vec residual = change - per_mass * (f - F * direction);
+        const vec f = force(d, u + pieces[piece].travel(t, d) * s.e - step * slipped, stage[i]);
+        const vec direction = (1 / v) * stage[i], side = left(direction);
+        const vec residual = change - per_mass * (f - F(v) * direction);
         right[i] = -residual.x;
         right[n + i] = -residual.y;
+        double *x = &matrix[i * 2 * n], *y = &matrix[(n + i) * 2 * n + n];  // the rows of this node, the blocks on the diagonal
         for (int j = 0; j < n; ++j) {
-          matrix[i * 2 * n + j] = method.d[i][j] + per_mass * step * s.kx * method.a[i][j];
-          matrix[i * 2 * n + n + j] = 0;
-          matrix[(n + i) * 2 * n + j] = 0;
-          matrix[(n + i) * 2 * n + n + j] = method.d[i][j] + per_mass * step * s.ky * method.a[i][j];
+          x[j] = method.d[i + 1][j + 1] + per_mass * step * s.K.x * method.a[i][j];
+          y[j] = method.d[i + 1][j + 1] + per_mass * step * s.K.y * method.a[i][j];
         }
-        const real along = per_mass * s.slope(v), across = per_mass * F / v;
-        matrix[i * 2 * n + i] += along * direction.x * direction.x + across * side.x * side.x;
-        matrix[i * 2 * n + n + i] += along * direction.x * direction.y + across * side.x * side.y;
-        matrix[(n + i) * 2 * n + i] += along * direction.x * direction.y + across * side.x * side.y;
-        matrix[(n + i) * 2 * n + n + i] += along * direction.y * direction.y + across * side.y * side.y;
+        const real along = per_mass * s.slope(v, panel), across = per_mass * F(v) / v;
+        x[i] += along * direction.x * direction.x + across * side.x * side.x + per_mass * s.C.x;
+        y[i] += along * direction.y * direction.y + across * side.y * side.y + per_mass * s.C.y;
+        x[n + i] = (y - n)[i] = along * direction.x * direction.y + across * side.x * side.y;
       }
-      if (!solve(matrix, right, 2 * n)) return false;
-      real eta = 0, noise = 0, largest = 0;
+      if (!solve(matrix, right)) return false;
+      real eta = 0, largest = 0;
       bool fine = true;
       for (int i = 0; i < n; ++i) {
-        const vec change = {right[i], right[n + i]};
-        const real v = norm(stage[i]);
-        const real relative = norm(change) / v;
-        if (!(relative < 1e30L)) return false;
-        eta = std::max(eta, relative);
+        const real v = norm(stage[i]), change = norm({right[i], right[n + i]});
+        if (!(change < 1e30L * v)) return false;
+        eta = std::max(eta, change / v);
         largest = std::max(largest, v);
-        noise = 64 * epsilon * (per_mass * s.limit);
-        if (!(relative <= 1e-13L || norm(change) <= noise + 16 * epsilon * largest)) fine = false;
+        fine = fine && (change <= 1e-13L * v || change <= 64 * epsilon * per_mass * s.limit + 16 * epsilon * largest);
       }
       // A change larger than the velocity itself is not trusted.
       const real damp = eta > 0.7L ? real(0.7L) / eta : real(1);
@@ -605,82 +521,69 @@ class Motion {
     return false;
   }
 
-  // What the polynomial leaves of the equations between the nodes, as a share of the largest speed. -1: w turns too far. Also the place of
-  // the smallest speed.
-  real defect(real step, real& turn_at) {
+  // What the polynomial leaves of the equations between the nodes, as a share of the largest speed. If w turns too far or leaves
+  // its panel of the table, -1; `until` is the share of the step before that.
+  real defect(real step, real& until) const {
     const int n = method.s;
-    const Piece& p = pieces[piece];
-    const size_t count = method.probe.size();
-    std::vector<vec> value(count);
-    real largest = norm(w), worst = 0;
+    real largest = norm(w), worst = 0, before = 0;
     for (const vec& each : stage) largest = std::max(largest, norm(each));
-    const real noise = 256 * epsilon * s.limit;
-    vec before = w;
-    for (size_t k = 0; k < count; ++k) {
+    vec last = w;
+    for (size_t k = 0; k < method.probe.size(); ++k) {
+      const real tau = method.probe[k], d = tau * step;
       const vec at = polynomial(method.at[k], w, stage), rate = polynomial(method.rate[k], w, stage);
-      vec slipped, plain;
+      for (int node = 0; node <= static_cast<int>(k % 2); ++node) {
+        const vec next = node ? stage[k / 2] : at;
+        const real here = node ? method.c[k / 2] : tau;
+        if (dot(last, next) < 0.5L * norm(last) * norm(next)) {
+          until = real(0.9L) * tau;
+          return -1;
+        }
+        if (side_of_panel(norm(next), 1) != 0) {
+          // Half the way into the next panel that `side_of_panel` allows.
+          const auto outside = [&](real x) { return side_of_panel(norm(polynomial(method.values(x), w, stage)), 0.5L) != 0; };
+          const list out = crossings(outside, {before, here});
+          until = out.empty() ? before / 2 : out[0];
+          return -1;
+        }
+        last = next;
+        before = here;
+      }
+      vec slipped;
       for (int j = 0; j < n; ++j) slipped = slipped + method.integral[k][j] * stage[j];
       const real v = norm(at);
-      if (!turns_little(before, at, turn_at, method.probe[k])) return -1;
-      before = at;
-      if (k % 2 == 1) {
-        const vec node = stage[k / 2];
-        if (!turns_little(before, node, turn_at, method.probe[k])) return -1;
-        before = node;
-      }
-      const real d = method.probe[k] * step;
-      const vec f = s.force(u + p.travel(t, d) * s.e - step * slipped);
-      const vec direction = (1 / v) * at, side = left(direction);
-      const real F = s.friction(v);
-      const vec open = (1 / s.m) * (f - F * direction) - (1 / step) * rate;
-      const real floor = noise / s.m;
-      const real along = std::max(real(0), abs_(dot(open, direction)) - floor);
-      const real across = std::max(real(0), abs_(dot(open, side)) - floor) / (1 + step * F / (s.m * v));
+      const vec f = force(d, u + pieces[piece].travel(t, d) * s.e - step * slipped, at);
+      const vec direction = (1 / v) * at;
+      const vec open = (1 / s.m) * (f - F(v) * direction) - (1 / step) * rate;
+      const real floor = 256 * epsilon * (s.limit + norm(f)) / s.m;
+      const real along = std::max(real(0), std::fabs(dot(open, direction)) - floor);
+      const real across = std::max(real(0), std::fabs(dot(open, left(direction))) - floor) / (1 + step * F(v) / (s.m * v));
       worst = std::max(worst, step * std::max(along, across) / largest);
     }
     return worst;
   }
 
-  static bool turns_little(vec a, vec b, real& turn_at, real tau) {
-    if (dot(a, b) >= 0.5L * norm(a) * norm(b)) return true;
-    turn_at = tau;
-    return false;
-  }
-
-  // Time until v = 0 from v, v', v'': -1 if it does not come to that.
-  real time_to_stop() const {
-    const real v = norm(w);
-    const vec n = (1 / v) * w, side = left(n), f = s.force(u);
-    const real a = (dot(f, n) - s.friction(v)) / s.m;
-    const vec g = s.force(V(t) * s.e - w);
-    const real across = dot(f, side);
-    const real j = (dot(g, n) + across * across / (s.m * v) - s.slope(v) * a) / s.m;
-    const real under = a * a - 2 * j * v;
-    if (under < 0) return -1;
-    if (a < 0) return 2 * v / (sqrt_(under) - a);
-    return j < 0 ? (-a - sqrt_(under)) / j : real(-1);
+  // -1 or 1 if v is below or above the panel of the table by more than a share of 1e-9, which is too little to matter.
+  int side_of_panel(real v, real share) const {
+    if (s.table.empty()) return 0;
+    return v > s.table[panel].end * (1 + share * 1e-9L) ? 1 : v < s.table[panel].start * (1 - share * 1e-9L) ? -1 : 0;
   }
 
   void slide() {
     const real v = norm(w);
+    const vec f = force(0, u, w);
+    const int side = side_of_panel(v, 0.4L);
+    if (side != 0 && side * (dot(f, w) / v - F(v)) > 0) panel += side;
     peak = std::max(peak, v);
-    const real stop = time_to_stop();
-    const bool stopping = stop > 0 && v < 1e-10L * peak;
-    if (stopping && finish(stop)) return;
-    if (v < 1e-16L * peak && stays() && stop < 0) {
-      ++fades;
-      t = std::min(t, s.t_end);
-      stick();
-      return;
-    }
+    const real stop = time_to_stop(v, f, F(v));
+    if (stop > 0 && v < (norm(f) < s.kinetic ? 1e-10L : 1e-17L) * peak && finish(f)) return;
     const real end = horizon() - t;
     real step = std::min(h, fast * pi);
-    if (stop > 0) step = std::min(step, real(0.8L) * stop);
+    if (stop > 0) step = std::min(step, real(0.8L) * std::max(stop, s.m * v / (norm(f) + F(v))));
     bool to_end = false;
     if (step >= end * (1 - real(1e-12L))) step = end, to_end = true;
     else if (step > end / 2) step = end / 2;
     for (int attempt = 0;; ++attempt) {
-      if (attempt > 200 || step < 1e-40L * s.t_end) throw std::runtime_error("step too short at t = " + text(t));
+      if (attempt > 200) throw std::runtime_error("step too short at t = " + text(t));
       bool good = false;
       for (bool whole : {true, false}) {
         if (whole && !(has_polynomial && step <= 2 * last_h)) continue;
@@ -688,96 +591,69 @@ class Motion {
         good = collocate(step);
         if (good) break;
       }
-      real error = -2, turn_at = 1;
-      if (good) error = defect(step, turn_at);
-      if (good && error >= 0 && error <= s.tolerance) {
-        accept(step, to_end, error);
-        return;
-      }
-      ++rejected;
-      real factor = 0.4L;
-      if (good && error > 0) factor = std::min(real(0.8L), std::max(real(0.2L), real(0.85L) * pow_(s.tolerance / error, real(1) / method.s)));
-      else if (good && error < 0) factor = std::min(real(0.7L), std::max(real(0.1L), real(0.9L) * turn_at));
+      real until = 1, factor = 0.4L;
+      const real error = good ? defect(step, until) : 0;
+      if (good && error >= 0 && error <= s.tolerance) return accept(step, to_end, error);
+      if (good && error > 0) factor = std::min(real(0.8L), std::max(real(0.2L), growth(error)));
+      else if (good) factor = until;
       step *= factor;
       to_end = false;
     }
   }
 
+  real growth(real error) const { return real(0.85L) * std::pow(s.tolerance / error, real(1) / method.s); }
+
+  // Time until v = 0 if f and friction are constant; negative if v grows.
+  real time_to_stop(real v, vec f, real friction) const {
+    return s.m * (friction * v + dot(f, w)) / ((friction - norm(f)) * (friction + norm(f)));
+  }
+
   void accept(real step, bool to_end, real error) {
     const int n = method.s;
-    if (++steps > s.max_steps) throw std::runtime_error("too many steps at t = " + text(t));
+    if (++steps > 3000000) throw std::runtime_error("too many steps at t = " + text(t));
     vec slipped;
     for (int j = 0; j < n; ++j) slipped = slipped + method.a[n - 1][j] * stage[j];
-    // Smallest speeds.
-    for (size_t k = 0; k < method.probe.size(); ++k) {
-      watch_minimum(norm(polynomial(method.at[k], w, stage)));
-      if (k % 2 == 1) watch_minimum(norm(stage[k / 2]));
-    }
     for (const vec& each : stage) peak = std::max(peak, norm(each));
     fastest = std::max(fastest, std::max(peak, norm(w)));
+    real scale = 1;
     for (int order = 1; order <= 3; ++order) {
-      const real scale = (order == 1 ? 1 : order == 2 ? real(1) / 2 : real(1) / 6) / (order == 1 ? step : order == 2 ? step * step : step * step * step);
+      scale /= order * step;
       series[order] = scale * polynomial(method.end_rate[order - 1], w, stage);
     }
     has_polynomial = true;
     last_h = step;
     last_w0 = w;
     last_stage = stage;
-    u = u + pieces[piece].travel(t, step) * s.e - step * slipped;
-    X += step * dot(slipped, s.e);
+    const real end = horizon();
+    advance(step, step * slipped);
     w = stage[n - 1];
-    t = to_end ? horizon() : t + step;
-    const real growth = error > 0 ? real(0.85L) * pow_(s.tolerance / error, real(1) / method.s) : real(4);
-    const real proposed = step * std::min(real(4), std::max(real(0.3L), growth));
+    const real proposed = step * std::min(real(4), std::max(real(0.3L), error > 0 ? growth(error) : 4));
     h = to_end ? std::max(h, proposed) : proposed;
-    if (to_end) sample();
+    if (!to_end) return;
+    t = end;
+    sample();
   }
 
-  // A minimum of v that is no stop, as a share of the largest speed since the release.
-  void watch_minimum(real v) {
-    if (speed_now < speed_before && v >= speed_now && peak > 0) {
-      smallest_dip = std::min(smallest_dip, speed_now / peak);
-      if (speed_now < 1e-2L * peak) std::cout << "dip " << text(t) << " " << text(speed_now) << " " << text(peak) << "\n";
-    }
-    speed_before = speed_now;
-    speed_now = v;
-  }
-
-  // The last 1e-10 of a stop with constant deceleration and direction.
-  bool finish(real stop) {
-    const real end = horizon() - t;
-    const real d = std::min(stop, end);
-    const vec start = w;
-    const real share = d / stop;
-    const vec slipped = d * (1 - share / 2) * start;
-    const vec there = u + pieces[piece].travel(t, d) * s.e - slipped;
-    u = there;
-    X += dot(slipped, s.e);
-    w = (1 - share) * start;
-    t = stop <= end ? t + d : horizon();
-    if (stop > end) {
-      sample();
-      has_polynomial = false;
-      series[1] = (-1 / stop) * start;
-      series[2] = series[3] = {};
-      h = std::min(h, stop - end);
-      return true;
-    }
-    w = {};
-    if (stays()) {
+  // The rest of a stop, or of the way to a turn, which takes no time. False if friction or force still change meanwhile.
+  bool finish(vec f) {
+    const real v = norm(w), stop = time_to_stop(v, f, s.kinetic), change = norm(force(stop, u + V(0) * stop * s.e, {}) - f);
+    const bool nearly = stop > 0 && change + std::fabs(F(v) - s.kinetic) <= 1e-6L * std::fabs(s.kinetic - norm(f));
+    if (!nearly || stop >= horizon() - t) return false;
+    const bool on_one_line = f.x * w.y == f.y * w.x;
+    advance(stop, stop / 2 * w);
+    if (norm(f) < s.kinetic || (on_one_line && norm(f) <= s.limit)) {
       stick();
     } else {
       ++turns;
       begin_from_rest();
     }
-    if (t >= horizon()) sample();
     return true;
   }
 };
 
 int main() {
   try {
-    const Scene scene = read_scene(std::cin);
+    const Scene scene(std::cin);
     Motion(scene).run();
   } catch (const std::exception& error) {
     std::cout << "failed " << error.what() << "\n";
