@@ -1,7 +1,15 @@
-"""How many random scenes give one answer: summary values by radau13 and radau5, and scenes near Fig. 3 with the map and without.
+"""How many random scenes give one answer, whatever the method, the tolerance and the cycle map.
 
 python bench/one_answer_suite.py summaries [--scenes 1500] [--seed 31] [--report FILE]
+    Every summary value by radau13 at 1e-6 and at 1e-8, map on and off, against radau5 at 1e-9 with the map off: random scenes of the
+    audit, rigs with 3 to 60 slow cycles, and 5 to 20 s near Fig. 3.
+
 python bench/one_answer_suite.py near_fig3 [--scenes 1000] [--seed 31] [--report FILE]
+    4 to 9 degrees, k_y and V within a factor of 2, radau5, 9 and 13, rtol 1e-3 to 1e-8, 50 to 5,000 s: no event out of order or after
+    t_end, the balance closed, and every mean as with the map off. Means are compared with those of 40 s without the map, and if they
+    differ, with those of the whole length. Irregular means may differ by 6 standard errors.
+
+What is allowed, and when a value is not judged: tests/invariance/motions.py.
 """
 
 from __future__ import annotations
@@ -9,175 +17,174 @@ from __future__ import annotations
 import argparse
 import collections
 import math
+import random
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "invariance"))
 
-import dynstiction as ds
-import numpy as np
-from motions import Groups, Judgement, Motion, changed, compare_summary, deck, near_fig3, random_groups, rig, run, value_of
+import invariance as iv
+import motions as mo
+from fig3 import Groups, changed
+from scenes import log_uniform
+
+SETTLED = 40.0
+"""Length of the first run without the map [s]: some forty slow cycles."""
+STANDARD_ERRORS = 6.0
+"""Of a thousand scenes with six means each, none by chance. Twice: a mean that is off by a scatter passes with 100 cycles."""
+
+
+class Tally:
+    """Counts, and the decks of what is wrong."""
+
+    def __init__(self) -> None:
+        self.counts: collections.Counter[str] = collections.Counter()
+        self.wrong: list[tuple[float, str, Groups, Groups]] = []
+        self.began = time.time()
+
+    def add(self, name: str, faults: list[mo.Fault], first: Groups, second: Groups) -> None:
+        for fault in faults:
+            self.counts[f"wrong: {name.partition(', ')[2]}, {fault.name}"] += 1
+        if faults:
+            print(name, "; ".join(map(str, faults)), flush=True)
+            self.wrong.append(
+                (max(fault.over for fault in faults), f"{name}: {'; '.join(map(str, faults))}", first, second)
+            )
+
+    def report(self, file: Path | None) -> None:
+        for name, count in sorted(self.counts.items()):
+            print(f"{count:6d} {name}")
+        print(f"{time.time() - self.began:.0f} s")
+        rows = sorted(self.wrong, key=lambda row: -row[0])
+        if file is not None:
+            file.write_text(
+                "\n".join(
+                    f"! {text}\n{mo.deck(first)}\n! right:\n{mo.deck(second)}"
+                    for _, text, first, second in rows
+                )
+            )
 
 
 def with_settings(groups: Groups, method: str, rtol: float, cycle_map: str) -> Groups:
     return changed(groups, {"integrator": {"method": method, "rtol": rtol, "cycle_map": cycle_map}})
 
 
-def one_summary(seed: int, number: int) -> tuple[str, list[tuple[str, Judgement, Groups, Groups]]]:
-    base = (rig if number % 2 else random_groups)(seed, number)
-    truth_groups = with_settings(base, "radau5", 1e-9, "off")
-    truth = run(truth_groups)
-    if isinstance(truth, str):
-        return truth, []
+def summaries(number: int, seed: int, tally: Tally) -> bool:
+    """Whether a scene is right."""
+    family = (iv.audited, iv.rig, iv.audited, iv.rig, iv.near_fig3)[number % 5]
+    scene = family(random.Random(f"summaries {seed}/{number}"))
+    scene = changed(
+        scene, {"integrator": {"max_steps": 1_000_000}, "output": {"interval": scene["scene"]["t_end"]}}
+    )
+    right_groups = with_settings(scene, "radau5", 1e-9, "off")
+    right = mo.run(right_groups)
+    if isinstance(right, str):
+        tally.counts[f"not run: {right[:60]}"] += 1
+        return True
     found = []
     for rtol in (1e-6, 1e-8):
-        motion = Motion(base, rtol + 1e-9)
+        motion = mo.Motion(scene, rtol)
         for cycle_map in ("off", "auto"):
-            groups = with_settings(base, "radau13", rtol, cycle_map)
-            result = run(groups)
-            name = f"{rtol:.0e} map {cycle_map}"
+            groups = with_settings(scene, "radau13", rtol, cycle_map)
+            result, said = mo.run(groups), mo.Judgement()
             if isinstance(result, str):
-                judgement = Judgement()
-                judgement.failure = result
+                said.add("no result", result)
             else:
-                judgement = compare_summary(motion, result, truth)
-            found.append((name, judgement, groups, truth_groups))
-    return "", found
+                values = [
+                    {k: float(x) for k, x in each.summary.items() if k not in mo.OF_LEAPS}
+                    for each in (result, right)
+                ]
+                mo.compare_summary(
+                    motion, *values, mo.summary_scales(scene, result) | mo.summary_scales(scene, right), said
+                )
+                tally.counts["with leaps"] += bool(result.statistics["cycles_leapt"])
+            tally.counts["values"] += said.values
+            tally.counts["values not judged"] += len(said.unjudged)
+            tally.add(f"scene {number}, {rtol:.0e} map {cycle_map}", said.faults, groups, right_groups)
+            found += said.faults
+    return not found
 
 
-def summaries(arguments: argparse.Namespace) -> None:
-    values, unjudged, wrong, scenes, failed = (collections.Counter() for _ in range(5))
-    worst = []
-    began = time.time()
-    for number in range(arguments.first, arguments.first + arguments.scenes):
-        failure, rows = one_summary(arguments.seed, number)
-        if failure:
-            failed[failure[:40]] += 1
-            continue
-        scenes["judged"] += 1
-        bad = False
-        for name, j, groups, truth_groups in rows:
-            values[name] += j.values
-            if getattr(j, "failure", ""):
-                print(number, name, j.failure, flush=True)
-                worst.append((1e9, number, name, j.failure, groups, truth_groups))
-                bad = True
-            for key in j.unjudged:
-                unjudged[name, key] += 1
-            for fault in j.faults:
-                wrong[name, fault.name] += 1
-                worst.append((fault.over, number, name, str(fault), groups, truth_groups))
-                print(number, name, fault, flush=True)
-                bad = True
-        scenes["wrong"] += bad
-    print(dict(scenes), "not run:", dict(failed), f"{time.time() - began:.0f} s")
-    print("values", dict(values))
-    print("unjudged", sum(unjudged.values()), unjudged.most_common(40))
-    for (name, key), n in sorted(wrong.items()):
-        print(f"{name:16s} {key:24s} {n}")
-    write_report(arguments.report, worst)
+def near_fig3(number: int, seed: int, tally: Tally) -> bool:
+    """Whether a scene is right."""
+    chance = random.Random(f"near Fig. 3 {seed}/{number}")
+    t_end = float(f"{log_uniform(chance, 50, 5000):.4g}")
+    method, rtol = chance.choice(["radau5", "radau9", "radau13"]), log_uniform(chance, 1e-8, 1e-3)
+    groups = changed(
+        iv.near_fig3(chance),
+        {
+            "scene": {"t_end": t_end},
+            "system": {"misalignment_deg": chance.uniform(4, 9)},
+            "integrator": {"method": method, "rtol": rtol, "max_steps": 0},
+            "output": {"interval": t_end / 64, "wall_limit": 600.0},
+        },
+    )
+    off = changed(groups, {"integrator": {"cycle_map": "off"}})
+    result, said = mo.run(groups), mo.Judgement()
+    if isinstance(result, str):
+        said.add("no result", result)
+    else:
+        for fault in mo.order_faults(result):
+            said.add("order", fault)
+        if result.time[-1] != t_end:
+            said.add("order", f"ends at {result.time[-1]}")
+        if not abs(mo.value_of(result, "energy_residual")) <= mo.ENERGY * rtol:
+            said.add("energy_residual", str(mo.value_of(result, "energy_residual")))
+        short = changed(off, {"scene": {"t_end": min(SETTLED, t_end)}})
+        means = mean_faults(short, result, rtol, tally)
+        if means and t_end > SETTLED:
+            # Perhaps it takes longer to settle.
+            tally.counts["compared over the whole length"] += 1
+            means = mean_faults(off, result, rtol, tally)
+        said.faults += means
+    tally.add(f"scene {number}, near Fig. 3", said.faults, groups, off)
+    return not said.faults
 
 
-MEANS = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length", "swing")
-SETTLED = 40.0
-"""Length of the first run without the map [s]: some forty slow cycles."""
-CHANCE = 6.0
-"""Irregular motions: how many standard errors two means may differ."""
-
-
-def order_faults(result: ds.Result, t_end: float) -> Iterator[str]:
-    """Time runs on, events take turns, and nothing is after the end."""
-    time, kind = result.events["time"], result.events["kind"]
-    if (np.diff(result.time) <= 0).any() or result.time[-1] != t_end:
-        yield f"samples run back, or end at {result.time[-1]} and not at {t_end}"
-    if (np.diff(time) < 0).any():
-        yield f"events run back by {-np.diff(time).min():.3g} s"
-    if time.size and not 0 <= time[0] <= time[-1] <= t_end:
-        yield f"events from {time[0]} to {time[-1]}, t_end {t_end}"
-    if (kind[1:] == kind[:-1]).any():
-        yield "stick and slip do not take turns"
-    if abs(value_of(result, "energy_residual")) > 400 * float(result.parameters["rtol"]):
-        yield f"energy_residual {value_of(result, 'energy_residual'):.3g}"
-
-
-def mean_faults(motion: Motion, with_map: ds.Result, without: ds.Result) -> tuple[str, list[str]]:
-    """How the means were judged, and which differ."""
-    judgement = compare_summary(motion, with_map, without, only=MEANS)
-    if not judgement.faults and not judgement.unjudged:
-        return "within 30 rtol (1 + C)", []
-    faults = [str(fault) for fault in judgement.faults]
-    for key in judgement.unjudged:
-        values = [value_of(result, key) for result in (with_map, without)]
-        scatter = [value_of(result, key + "_scatter") for result in (with_map, without)]
-        if key == "swing":
-            continue
-        counts = [min(value_of(result, "cycles") / 2, 100) for result in (with_map, without)]
-        chance = CHANCE * math.hypot(*(s / math.sqrt(max(n, 1)) for s, n in zip(scatter, counts, strict=True)))
-        if not abs(values[0] - values[1]) <= chance:
-            faults.append(f"{key}: {values[0]:.10g} +- {scatter[0]:.3g}, without the map {values[1]:.10g} +- {scatter[1]:.3g} (irregular)")
-    return "irregular", faults
-
-
-def near(arguments: argparse.Namespace) -> None:
-    how, worst, wrong = collections.Counter(), [], 0
-    began = time.time()
-    for number in range(arguments.first, arguments.first + arguments.scenes):
-        groups = near_fig3(arguments.seed, number)
-        t_end, rtol = groups["scene"]["t_end"], groups["integrator"]["rtol"]
-        unlimited = {"integrator": {"max_steps": 0}, "output": {"interval": t_end / 64, "wall_limit": 400.0}}
-        groups = changed(groups, unlimited)
-        start = time.time()
-        result = run(groups)
-        spent = time.time() - start
-        off = changed(groups, {"integrator": {"cycle_map": "off"}})
-        if isinstance(result, str):
-            how["no result"] += 1
-            faults = [result]
-        else:
-            faults = list(order_faults(result, t_end))
-            short = changed(off, {"scene": {"t_end": min(SETTLED, t_end)}})
-            verdict, differing = mean_faults(Motion(short, rtol), result, run(short))
-            if differing and not faults:
-                # Perhaps it takes longer to settle.
-                verdict, differing = mean_faults(Motion(short, rtol), result, run(off))
-                verdict += ", whole length"
-            faults += differing
-            how[verdict] += 1
-        if arguments.verbose:
-            print(number, f"{spent:.1f} {time.time() - start:.1f} s", t_end, groups["integrator"], flush=True)
-        if faults:
-            wrong += 1
-            worst.append((-number, number, "near Fig. 3", "; ".join(faults), groups, off))
-            print(number, "; ".join(faults), flush=True)
-    print(f"{wrong} of {arguments.scenes} scenes wrong", dict(how), f"{time.time() - began:.0f} s")
-    write_report(arguments.report, worst)
-
-
-def write_report(path: Path | None, worst: list) -> None:
-    if path is None:
-        return
-    worst.sort(key=lambda row: -row[0])
-    text, seen = [], set()
-    for _, number, name, what, groups, right in worst:
-        text.append(f"! scene {number}, {name}: {what}")
-        if (number, name) not in seen:
-            text += [deck(groups), "! right:", deck(right)]
-        seen.add((number, name))
-    path.write_text("\n".join(text))
+def mean_faults(off: Groups, result: mo.ds.Result, rtol: float, tally: Tally) -> list[mo.Fault]:
+    """Means that differ from those of a run without the map."""
+    right, said = mo.run(off), mo.Judgement()
+    if isinstance(right, str):
+        said.add("no result without the map", right)
+        return said.faults
+    values = [{k: float(each.summary[k]) for k in mo.MEANS if k in each.summary} for each in (result, right)]
+    mo.compare_summary(
+        mo.Motion(off, rtol), *values, mo.summary_scales(off, result) | mo.summary_scales(off, right), said
+    )
+    tally.counts["means of irregular motions"] += len(said.unjudged)
+    for key in said.unjudged:
+        a, b = (mo.value_of(each, key) for each in (result, right))
+        errors = [
+            mo.value_of(each, f"{key}_scatter") / math.sqrt(min(mo.value_of(each, "cycles") / 2, 100))
+            for each in (result, right)
+        ]
+        if not abs(a - b) <= STANDARD_ERRORS * math.hypot(*errors):
+            said.add(
+                key,
+                f"{a:.10g}, without the map {b:.10g}, standard errors {errors[0]:.3g} and {errors[1]:.3g}",
+            )
+    return said.faults
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=["summaries", "near_fig3"])
-    parser.add_argument("--scenes", type=int, default=1500)
+    parser.add_argument("--scenes", type=int)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--report", type=Path)
-    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--report", type=Path, help="file for the decks of what is wrong")
     arguments = parser.parse_args()
-    {"summaries": summaries, "near_fig3": near}[arguments.what](arguments)
+    judge, count = {"summaries": (summaries, 1500), "near_fig3": (near_fig3, 1000)}[arguments.what]
+    count = arguments.scenes or count
+    tally = Tally()
+    right = sum(
+        judge(number, arguments.seed, tally) for number in range(arguments.first, arguments.first + count)
+    )
+    tally.report(arguments.report)
+    print(f"{count - right} of {count} scenes wrong")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import audit
 import numpy as np
-import pairs
 import pytest
 import truth as tr
 import validate_reference
@@ -66,13 +65,6 @@ def test_scenes(reference: tr.Reference) -> None:
     assert failures(verdicts) == []
 
 
-def test_pairs() -> None:
-    outcomes = [pairs.compare(pairs.SEED, number) for number in range(PAIRS)]
-    assert {outcome.kind for outcome in outcomes} == set(pairs.KINDS)
-    assert sum(bool(outcome.ended) for outcome in outcomes) < PAIRS / 4
-    assert [f"{o.name}: {'; '.join(o.faults)}" for o in outcomes if o.faults] == []
-
-
 @pytest.mark.full
 @full
 def test_two_hundred_scenes(reference: tr.Reference) -> None:
@@ -80,14 +72,6 @@ def test_two_hundred_scenes(reference: tr.Reference) -> None:
     _, verdicts, skipped = audit.audit(scenes, audit.METHODS, audit.TOLERANCES, reference, say=False)
     assert skipped == []
     assert failures(verdicts) == []
-
-
-@pytest.mark.full
-@full
-def test_a_thousand_pairs() -> None:
-    outcomes = [pairs.compare(pairs.SEED, number) for number in range(1000)]
-    assert sum(bool(outcome.ended) for outcome in outcomes) < 250
-    assert [f"{o.name}: {'; '.join(o.faults)}" for o in outcomes if o.faults] == []
 
 
 # The checks see what they are for.
@@ -109,18 +93,3 @@ def test_a_change_of_a_parameter_is_found(reference: tr.Reference) -> None:
     heavier = replace(scene, normal_load=scene.normal_load * (1 + 1e-6))
     moved = audit.Judged(**{**vars(case), "scene": heavier})
     assert not audit.compare(reference, moved, "radau13", 1e-10).good
-
-
-@pytest.mark.parametrize("kind", [kind for kind in pairs.KINDS if kind != "units"])
-def test_pairs_that_are_none_are_found(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    number = pairs.KINDS.index(kind)
-    make = pairs.random_pair
-
-    def heavier(*arguments: object) -> tuple[object, ...]:
-        name, first, second, *rest = make(*arguments)  # type: ignore[arg-type]
-        scene = replace(second.scene, normal_load=second.scene.normal_load * 1.01)
-        return name, first, replace(second, scene=scene), *rest
-
-    monkeypatch.setattr(pairs, "random_pair", heavier)
-    found = [pairs.compare(pairs.SEED, number + len(pairs.KINDS) * i) for i in range(3)]
-    assert any(outcome.faults for outcome in found)
