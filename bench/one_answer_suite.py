@@ -22,6 +22,8 @@ import sys
 import time
 from pathlib import Path
 
+# Before the programs of this folder, one of which is called fig3, too.
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "python"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "invariance"))
 
 import invariance as iv

@@ -13,14 +13,15 @@ import pytest
 from fig3 import changed
 
 SEED = int(os.environ.get("DYNSTICTION_SEED") or secrets.randbits(32))
-SCENES = 200 if "DYNSTICTION_FULL" in os.environ else 24
+SCENES = 200 if "DYNSTICTION_FULL" in os.environ else 40
 
 
 @pytest.mark.parametrize("row", iv.ROWS)
 def test_what_must_not_matter(row: str) -> None:
     outcomes = [iv.judge(iv.ROWS[row], SEED, number) for number in range(SCENES)]
     wrong = [f"{outcome}\n{outcome.decks}" for outcome in outcomes if outcome.said.faults]
-    assert not wrong, f"seed {SEED}\n" + "\n".join(wrong)
+    if wrong:
+        pytest.fail(f"{row}: {len(wrong)} of {SCENES} scenes of DYNSTICTION_SEED={SEED}\n" + "\n".join(wrong), pytrace=False)
     # A suite that judges nothing would be silent, too.
     assert sum(bool(outcome.ended) for outcome in outcomes) < SCENES / 4, f"seed {SEED}"
     assert sum(len(outcome.said.unjudged) for outcome in outcomes) < sum(outcome.said.values for outcome in outcomes) / 4, (
