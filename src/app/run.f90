@@ -1,5 +1,6 @@
 !> Run a deck into a result file, or continue a run that was stopped: what `dynstiction run` and `resume` do.
 module dst_run
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_machine, only: host_name, job_name
   use dst_processes, only: mpi_library
   use dst_kinds, only: wp
@@ -308,6 +309,7 @@ contains
     character(:), allocatable :: text, took
     character(*), parameter :: no_cycle = ', no stick-slip cycle'
     integer :: cycles
+    real(wp) :: period
 
     text = printable(run%file%name)//': '//shown(run%simulation%motion%piece%to%time, 's')//', '// &
       integer_text(run%simulation%samples)//' samples'
@@ -316,9 +318,13 @@ contains
       if (cycles == 0) text = text//no_cycle
       if (cycles == 1) text = text//', 1 cycle'
       if (cycles > 1) text = text//', '//integer_text(cycles)//' cycles'
-      if (cycles > 0) text = text//': period '//shown(outcome%summary_of('period'), 's')//', peak '// &
-        shown(outcome%summary_of('peak_force'), 'N')//', valley '//shown(outcome%summary_of('valley_force'), 'N')//', slip '// &
-        shown(1.0e3_wp*outcome%summary_of('slip_length'), 'mm')
+      period = outcome%summary_of('period')
+      if (cycles > 0 .and. ieee_is_nan(period)) then
+        text = text//', ringing down to steady sliding'
+      else if (cycles > 0) then
+        text = text//': period '//shown(period, 's')//', peak '//shown(outcome%summary_of('peak_force'), 'N')//', valley '// &
+          shown(outcome%summary_of('valley_force'), 'N')//', slip '//shown(1.0e3_wp*outcome%summary_of('slip_length'), 'mm')
+      end if
     end if
     took = duration_text(run%simulation%elapsed)
     if (run%simulation%elapsed < 1.0_wp) took = shown(run%simulation%elapsed, 's', 2)

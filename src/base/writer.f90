@@ -2,13 +2,14 @@
 !>
 !> Kinds of writer: HDF5 file (`dst_hdf5_writer`), arrays in memory (`dst_memory_writer`).
 module dst_writer
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp
   use dst_errors, only: error_t
   use dst_text, only: name_width, unit_width, meaning_width
   implicit none
   private
 
-  public :: writer_t, quantity_t, outcome_t, find_quantity
+  public :: writer_t, quantity_t, outcome_t, find_quantity, absent
 
   !> Description of a column of the time series, of a summary value or of a counter.
   type :: quantity_t
@@ -86,13 +87,18 @@ contains
     end do
   end function find_quantity
 
-  !> Value of a summary quantity, 0 if the run has none.
+  !> What stands for a value that does not exist: NaN. Files leave it out.
+  pure real(wp) function absent()
+    absent = ieee_value(1.0_wp, ieee_quiet_nan)
+  end function absent
+
+  !> Value of a summary quantity, NaN if the run has none.
   pure real(wp) function summary_of(self, name)
     class(outcome_t), intent(in) :: self
     character(*), intent(in) :: name
     integer :: i
 
-    summary_of = 0.0_wp
+    summary_of = absent()
     i = find_quantity(self%summary, name)
     if (i > 0) summary_of = self%summary_value(i)
   end function summary_of

@@ -130,7 +130,7 @@ contains
     integer :: count
 
     regularity%slow_cycles = n
-    call map%summary%cycles%means(regularity%cycles, regularity%mean, regularity%scatter)
+    call map%summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
     select type (motion => map%motion)
     class is (cycle_map_t)
       call motion%divergence%estimate(regularity%exponent, regularity%error, count, regularity%verdict)

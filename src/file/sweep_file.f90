@@ -3,7 +3,6 @@
 !> Rows are gathered block by block, so that the memory does not grow with the number of cases. The file gets its name when it is
 !> complete.
 module dst_sweep_file
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_disk, only: path_t, place_of, utc_at, with_remedy
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_excl, h5t_ieee_f64le, h5t_std_i32le
@@ -20,7 +19,7 @@ module dst_sweep_file
   use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
     read_record, shards_of
   use dst_text, only: integer_text
-  use dst_writer, only: quantity_t
+  use dst_writer, only: quantity_t, absent
   implicit none
   private
 
@@ -327,7 +326,7 @@ contains
     real(real64) :: nan
     integer :: i
 
-    nan = ieee_value(nan, ieee_quiet_nan)
+    nan = absent()
     block%columns = nan
     block%table = nan
     block%rows = 0

@@ -25,6 +25,8 @@ module dst_piece
     !> Elongation per displacement of the drive, and the axis along which nothing changes, 0 if there is none.
     real(wp) :: drive_coupling(max_components) = 0.0_wp
     integer :: held = 0
+    !> Whether the slip unknowns are y = (v, theta).
+    logical :: is_polar = .false.
     !> The motion in slip.
     type(dense_output_t) :: path
   contains
@@ -82,6 +84,7 @@ contains
     class(slip_system_t), intent(in) :: system
 
     self%drive_coupling = system%drive_coupling
+    self%is_polar = system%is_polar
     self%held = 0
     if (system%components < max_components) self%held = max_components + 1 - system%axis
   end subroutine obey

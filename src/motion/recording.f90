@@ -80,6 +80,7 @@ contains
       self%like%drive = piece%drive
       self%like%drive_coupling = piece%drive_coupling
       self%like%held = piece%held
+      self%like%is_polar = piece%is_polar
     end if
     self%count = self%count + 1
     associate (kept => self%kept(self%count))
@@ -129,6 +130,7 @@ contains
       piece%drive = self%like%drive
       piece%drive_coupling = self%like%drive_coupling
       piece%held = self%like%held
+      piece%is_polar = self%like%is_polar
       if (.not. same_grid(piece%path%grid, self%grid(kept%grid))) piece%path%grid = self%grid(kept%grid)
       piece%path%step = kept%step
       piece%path%nodal = kept%nodal

@@ -5,7 +5,7 @@ module dst_slip_stick
   use dst_braking, only: braking_t
   use dst_dense_output, only: dense_output_t
   use dst_drive, only: drive_t
-  use dst_interpolation, only: new_grid, max_degree
+  use dst_interpolation, only: chebyshev_grid
   use dst_kinds, only: wp, pi
   use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
   use dst_rest, only: holds, release_delay, slip_start_t, start_at_release, start_of_slip, touch_time
@@ -64,12 +64,10 @@ contains
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
     real(wp), intent(in) :: t_end
-    integer :: i
 
     call self%stepping_t%set_up(slider, drive, t_end)
     self%release_step = first_phase*slider%radian_time()
-    ! The extrema of Chebyshev's polynomials.
-    self%closed_form%grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
+    self%closed_form%grid = chebyshev_grid()
   end subroutine set_up
 
   !> Place the object at time 0 with elongation `u` and y = (v, theta); its position is X.

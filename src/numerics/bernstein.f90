@@ -8,12 +8,14 @@ module dst_bernstein
   implicit none
   private
 
-  public :: first_zero, first_minimum, bernstein_value
+  public :: first_zero, first_minimum, sign_changes, bernstein_value
 
   !> Most halvings of the interval: 60 in double precision, when it has no digits left. Twice and half: no change.
   integer, parameter :: max_depth = digits(1.0_wp) + 7
   !> Most false positions, and the width of the bracket, relative to its place, that is roundoff. Twice: no change; the last digit.
   integer, parameter :: max_iterations = 200
+  !> Two changes of sign that are this many halvings close count as none. Convention; twice: no change.
+  integer, parameter :: closest = 30
   real(wp), parameter :: width_roundoff = 2.0_wp*epsilon(1.0_wp)
 
 contains
@@ -61,6 +63,81 @@ contains
       difference = c(1:) - c(:n - 1)
     end function slope_from
   end function first_minimum
+
+  !> The positions in (0, 1), in their order, at which the polynomial changes its sign.
+  pure subroutine sign_changes(degree, coefficient, position, count)
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:degree)
+    real(wp), intent(out) :: position(:)      !! of at least `degree` elements
+    integer, intent(out) :: count
+
+    count = 0
+    call collect(degree, coefficient, 0.0_wp, 1.0_wp, 0, position, count)
+  end subroutine sign_changes
+
+  !> Append those of the interval from `begin` on, on which these are the coefficients. The coefficients change their sign at least as
+  !> often as the polynomial.
+  pure recursive subroutine collect(degree, coefficient, begin, length, depth, position, count)
+    integer, intent(in) :: degree, depth
+    real(wp), intent(in) :: coefficient(0:degree), begin, length
+    real(wp), intent(inout) :: position(:)
+    integer, intent(inout) :: count
+    real(wp) :: left(0:degree), right(0:degree)
+
+    if (.not. (any(coefficient < 0.0_wp) .and. any(coefficient > 0.0_wp))) return
+    if (count == size(position)) return
+    if (changes(coefficient) == 1 .and. abs(coefficient(0)) > 0.0_wp .and. abs(coefficient(degree)) > 0.0_wp) then
+      count = count + 1
+      position(count) = begin + length*bracketed_zero(degree, sign(1.0_wp, coefficient(0))*coefficient)
+    else if (depth < closest) then
+      call subdivide(degree, coefficient, left, right)
+      call collect(degree, left, begin, 0.5_wp*length, depth + 1, position, count)
+      ! A zero of both halves.
+      if (abs(right(0)) <= 0.0_wp .and. last_sign(left)*first_sign(right) < 0.0_wp .and. count < size(position)) then
+        count = count + 1
+        position(count) = begin + 0.5_wp*length
+      end if
+      call collect(degree, right, begin + 0.5_wp*length, 0.5_wp*length, depth + 1, position, count)
+    else if (first_sign(coefficient)*last_sign(coefficient) < 0.0_wp) then
+      count = count + 1
+      position(count) = begin + 0.5_wp*length
+    end if
+  end subroutine collect
+
+  !> How often the coefficients that are not zero change their sign.
+  pure integer function changes(coefficient)
+    real(wp), intent(in) :: coefficient(:)
+    real(wp) :: former
+    integer :: i
+
+    changes = 0
+    former = 0.0_wp
+    do i = 1, size(coefficient)
+      if (abs(coefficient(i)) <= 0.0_wp) cycle
+      if (former*coefficient(i) < 0.0_wp) changes = changes + 1
+      former = sign(1.0_wp, coefficient(i))
+    end do
+  end function changes
+
+  !> The sign of the first coefficient that is not zero: that of the polynomial just after 0.
+  pure real(wp) function first_sign(coefficient)
+    real(wp), intent(in) :: coefficient(:)
+    integer :: i
+
+    first_sign = 0.0_wp
+    do i = 1, size(coefficient)
+      if (.not. abs(coefficient(i)) > 0.0_wp) cycle
+      first_sign = sign(1.0_wp, coefficient(i))
+      return
+    end do
+  end function first_sign
+
+  !> That of the polynomial just before 1.
+  pure real(wp) function last_sign(coefficient)
+    real(wp), intent(in) :: coefficient(:)
+
+    last_sign = first_sign(coefficient(size(coefficient):1:-1))
+  end function last_sign
 
   pure recursive function search(degree, coefficient, depth) result(position)
     integer, intent(in) :: degree, depth

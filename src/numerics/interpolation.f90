@@ -1,11 +1,11 @@
 !> Polynomials on [0, 1] through values at given nodes: the form in which every integrator returns its dense output.
 module dst_interpolation
   use dst_archive, only: archive_t
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
   implicit none
   private
 
-  public :: grid_t, new_grid, max_degree
+  public :: grid_t, new_grid, chebyshev_grid, max_degree
 
   !> Degree of the largest polynomial.
   integer, parameter :: max_degree = 7
@@ -47,6 +47,14 @@ contains
       end do
     end do
   end function new_grid
+
+  !> The grid of the highest degree, on the extrema of Chebyshev's polynomial: a polynomial through values there is accurate everywhere.
+  pure function chebyshev_grid() result(grid)
+    type(grid_t) :: grid
+    integer :: i
+
+    grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
+  end function chebyshev_grid
 
   !> Values at n positions `tau` (which may be outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
   !> Newton's form: for several positions the cheapest, and accurate enough for a first guess. All loops have the full
@@ -147,19 +155,18 @@ contains
     end do
   end subroutine set_bernstein
 
-  !> Bernstein coefficients of the polynomial with the given values at the nodes.
+  !> Bernstein coefficients of the polynomial with the given values at the nodes; 0 beyond its degree. All loops have the full length,
+  !> as in `values_at`.
   pure subroutine bernstein_coefficients(self, values, coefficient)
     class(grid_t), intent(in) :: self
-    real(wp), intent(in) :: values(0:)
-    real(wp), intent(out) :: coefficient(0:)
+    real(wp), intent(in) :: values(0:max_degree)
+    real(wp), intent(out) :: coefficient(0:max_degree)
     integer :: j
 
-    associate (s => self%degree)
-      coefficient(0:s) = 0.0_wp
-      do j = 0, s
-        coefficient(0:s) = coefficient(0:s) + self%bernstein(0:s, j)*values(j)
-      end do
-    end associate
+    coefficient = 0.0_wp
+    do j = 0, max_degree
+      coefficient = coefficient + self%bernstein(:, j)*values(j)
+    end do
   end subroutine bernstein_coefficients
 
   !> Save or load.

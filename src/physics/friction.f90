@@ -20,6 +20,8 @@ module dst_friction
     real(wp) :: static_limit = 0.0_wp
     !> The kinetic limit F_0 = F(0) [N].
     real(wp) :: kinetic_limit = 0.0_wp
+    !> The least force F(v) at any slip speed [N], or less.
+    real(wp) :: least_force = 0.0_wp
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
@@ -109,6 +111,9 @@ contains
       law = constant_friction_t(static_limit=mu_0*normal_load)
     end select
     law%kinetic_limit = law%static_limit
+    law%least_force = normal_load*min(mu_0, mu_inf)
+    if (name == 'constant') law%least_force = law%kinetic_limit
+    if (name == 'table') law%least_force = normal_load*minval(mu)
   end subroutine new_friction_law
 
   !> The law as F = limit + drop exp(-decay v), if it has this form: with these numbers, many laws can be evaluated side by side.

@@ -44,6 +44,7 @@ contains
     type(full_polar_t) :: model
 
     model%slider = slider
+    model%is_polar = .true.
     model%drive_coupling = slider%along
     model%advance_by_slip = slider%along
     model%drive_stiffness = slider%stiffness*slider%along

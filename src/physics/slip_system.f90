@@ -53,6 +53,8 @@ module dst_slip_system
     real(wp) :: advance_by_drive = 0.0_wp
     !> Whether a component of the slip velocity itself is an unknown, and may pass through zero without a rest.
     logical :: turns_back = .false.
+    !> Whether the unknowns are (v, theta).
+    logical :: is_polar = .false.
     !> w_y/V if the drive prescribes the motion along y, which then is not a component.
     real(wp) :: prescribed = 0.0_wp
     !> Roundoff of the acceleration [m/s2]: it is a difference of forces of size F_0.

@@ -2,7 +2,7 @@
 !>
 !> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi). A
 !> cycle goes from a peak of the load over a valley to the next peak. An extremum counts if the load leaves it by more than
-!> `threshold` of the limit F_0: the 1 kHz ripple of dynamic stiction stays far below this. If the drive stops or reverses, the
+!> `threshold` of the kinetic limit F_0 = mu_0 W: the 1 kHz ripple of dynamic stiction stays far below this. If the drive stops or reverses, the
 !> present cycle is discarded; a long steady slide also ends it.
 !>
 !> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, and at most over
@@ -49,12 +49,12 @@ module dst_cycles
     quantity_t('stick_duration', 's', 'time from valley to peak: dynamic stiction'), &
     quantity_t('slip_duration', 's', 'time from peak to valley'), &
     quantity_t('slip_length', 'm', 'advance in X from peak to valley, positive with the drive')]
-  !> Further measures: the rise of the load to the next peak [N] and the advance in X from peak to peak [m].
-  integer, parameter :: rise = 7, travel = 8, remembered = 8
+  !> Further measures: the rise of the load to the next peak [N], the advance in X from peak to peak [m], and the time in creep [s].
+  integer, parameter :: rise = 7, travel = 8, creep = 9, remembered = 9
 
-  !> A peak or a valley: the load k_x u_x [N], the time [s], and X [m].
+  !> A peak or a valley: the load k_x u_x [N], the time [s], X [m], and the time in creep until then [s], if it is followed.
   type :: extremum_t
-    real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp
+    real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp, creep = 0.0_wp
   contains
     procedure :: serialise => serialise_extremum
   end type extremum_t
@@ -69,7 +69,7 @@ module dst_cycles
     !> Period of the free oscillation on the soft spring [s].
     real(wp) :: natural_time = 0.0_wp
     !> Constants of the scene: cos(phi) if the soft spring is pulled; F_0 [N]; the advance that loads the spring up to F_0 [m].
-    real(wp), private :: drive_coupling = 0.0_wp, static_limit = 0.0_wp, natural_length = 0.0_wp
+    real(wp), private :: drive_coupling = 0.0_wp, kinetic_limit = 0.0_wp, natural_length = 0.0_wp
     !> Directions of the drive and of its pull, 0 as long as there is none.
     integer, private :: drive_side = 0, side = 0
     !> Whether the load rises (1) or falls (-1) by more than the threshold; 0 as long as neither is known.
@@ -93,34 +93,37 @@ module dst_cycles
     procedure :: begin
     procedure :: pull
     procedure :: consider
-    procedure :: may_be_extremum
+    procedure :: may_turn
     procedure :: means
     procedure :: lasting
     procedure :: last_cycles
     procedure :: mean_swing
     procedure :: agree
-    procedure :: last_period
+    procedure :: last_swing
+    procedure :: last_creep_share
+    procedure :: last_peak_time
+    procedure :: next_valley
     procedure :: serialise
   end type cycles_t
 
 contains
 
   !> Begin a motion: cos(phi), 0 if the soft spring is not pulled; F_0 [N], k_x [N/m] and the mass [kg].
-  pure subroutine begin(self, drive_coupling, static_limit, stiffness, mass)
+  pure subroutine begin(self, drive_coupling, kinetic_limit, stiffness, mass)
     class(cycles_t), intent(inout) :: self
-    real(wp), intent(in) :: drive_coupling, static_limit, stiffness, mass
+    real(wp), intent(in) :: drive_coupling, kinetic_limit, stiffness, mass
 
     self%drive_coupling = drive_coupling
-    self%static_limit = static_limit
-    if (abs(drive_coupling) > 0.0_wp) self%natural_length = static_limit/(stiffness*abs(drive_coupling))
+    self%kinetic_limit = kinetic_limit
+    if (abs(drive_coupling) > 0.0_wp) self%natural_length = kinetic_limit/(stiffness*abs(drive_coupling))
     self%natural_time = 2.0_wp*pi*sqrt(mass/stiffness)
   end subroutine begin
 
-  !> The drive moves in the direction of V [m/s] from here on. If that changes, a new row of cycles begins.
-  pure subroutine pull(self, velocity, force, time, position)
+  !> The drive moves in the direction of V [m/s] from this instant on. If that changes, a new row of cycles begins.
+  pure subroutine pull(self, velocity, here)
     class(cycles_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
-    real(wp), intent(in) :: force, time, position   !! k_x u_x [N], s, m
+    type(extremum_t), intent(in) :: here
     integer :: side
 
     side = sign_of(velocity)
@@ -128,14 +131,23 @@ contains
     self%drive_side = side
     self%side = side*sign_of(self%drive_coupling)
     self%heading = 0
-    self%candidate = extremum_t(real(self%side, wp)*force, time, position)
+    self%candidate = pulled(self, here)
     self%other_candidate = self%candidate
     self%has_peak = .false.
     self%has_valley = .false.
-    self%extremum_position = position
-    self%position = position
+    self%extremum_position = here%position
+    self%position = here%position
     self%follows_break = .true.
   end subroutine pull
+
+  !> With the load positive in the direction in which the drive pulls.
+  pure type(extremum_t) function pulled(self, here)
+    class(cycles_t), intent(in) :: self
+    type(extremum_t), intent(in) :: here
+
+    pulled = here
+    pulled%load = real(self%side, wp)*here%load
+  end function pulled
 
   pure integer function sign_of(value)
     real(wp), intent(in) :: value
@@ -145,22 +157,22 @@ contains
     if (value < 0.0_wp) sign_of = -1
   end function sign_of
 
-  !> Process the longitudinal spring force [N] at a time [s] and position X [m].
-  pure subroutine consider(self, force, time, position)
+  !> Process the load k_x u_x [N] at an instant.
+  pure subroutine consider(self, here)
     class(cycles_t), intent(inout) :: self
-    real(wp), intent(in) :: force, time, position
+    type(extremum_t), intent(in) :: here
     real(wp) :: ahead
 
-    if (self%keeps_turns) call keep_turn(self, extremum_t(force, time, position))
+    if (self%keeps_turns) call keep_turn(self, here)
     if (self%side == 0) return
-    self%position = position
+    self%position = here%position
     if (self%heading == 0) then
-      call find_heading(self, extremum_t(real(self%side, wp)*force, time, position))
+      call find_heading(self, pulled(self, here))
       return
     end if
-    ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
+    ahead = real(self%heading, wp)*(real(self%side, wp)*here%load - self%candidate%load)
     if (ahead < 0.0_wp) then
-      if (-ahead <= threshold*self%static_limit) return
+      if (-ahead <= threshold*self%kinetic_limit) return
       if (self%heading > 0) then
         call take_peak(self, self%candidate)
       else
@@ -169,7 +181,7 @@ contains
       self%extremum_position = self%candidate%position
       self%heading = -self%heading
     end if
-    self%candidate = extremum_t(real(self%side, wp)*force, time, position)
+    self%candidate = pulled(self, here)
   end subroutine consider
 
   !> Append a point to those at which the load turned back; the last one is only the present one.
@@ -201,29 +213,24 @@ contains
     associate (highest => self%candidate, lowest => self%other_candidate)
       if (here%load >= highest%load) highest = here
       if (here%load <= lowest%load) lowest = here
-      if (highest%load - lowest%load <= threshold*self%static_limit) return
+      if (highest%load - lowest%load <= threshold*self%kinetic_limit) return
       self%heading = merge(1, -1, highest%time > lowest%time)
     end associate
     if (self%heading < 0) self%candidate = self%other_candidate
   end subroutine find_heading
 
-  !> Whether a force [N] between two instants, at which it stops rising (or falling), may be a peak or a valley: it goes beyond the
-  !> candidate, or leaves it so far that the candidate becomes one.
-  pure logical function may_be_extremum(self, rises, force)
+  !> Whether a point at which the load turns back between these two loads [N] may count: one of them is beyond the candidate, or so
+  !> far away that the candidate becomes an extremum.
+  pure logical function may_turn(self, lowest, highest)
     class(cycles_t), intent(in) :: self
-    logical, intent(in) :: rises
-    real(wp), intent(in) :: force
-    real(wp) :: ahead
+    real(wp), intent(in) :: lowest, highest
+    real(wp) :: ahead(2)
 
-    may_be_extremum = self%side /= 0
-    if (.not. may_be_extremum .or. self%heading == 0) return
-    ahead = real(self%heading, wp)*(real(self%side, wp)*force - self%candidate%load)
-    if (rises .eqv. self%heading*self%side > 0) then
-      may_be_extremum = ahead >= 0.0_wp
-    else
-      may_be_extremum = -ahead > threshold*self%static_limit
-    end if
-  end function may_be_extremum
+    may_turn = self%side /= 0
+    if (.not. may_turn .or. self%heading == 0) return
+    ahead = real(self%heading, wp)*(real(self%side, wp)*[lowest, highest] - self%candidate%load)
+    may_turn = maxval(ahead) >= 0.0_wp .or. minval(ahead) < -threshold*self%kinetic_limit
+  end function may_turn
 
   pure subroutine take_peak(self, here)
     class(cycles_t), intent(inout) :: self
@@ -275,7 +282,7 @@ contains
     associate (from => self%last_peak, between => self%last_valley, side => real(self%drive_side, wp))
       self%cycle(:, place(self%recent)) = [here%time - from%time, from%load, between%load, here%time - between%time, &
         between%time - from%time, side*(between%position - from%position), here%load - between%load, &
-        abs(here%position - from%position)]
+        abs(here%position - from%position), here%creep - from%creep]
     end associate
   end subroutine take_cycle
 
@@ -309,13 +316,19 @@ contains
     longest = maxval(self%cycle(travel, last_places(self, settled(self))))
   end function longest
 
-  !> Number of cycles that count for the means and with which the motion continues: none if there is no cycle, or if it rings down.
-  pure integer function lasting(self)
+  !> Number of cycles that count for the means and with which the motion continues: of a motion that has settled the last one, none
+  !> if there is no cycle, or if the motion rings down.
+  pure integer function lasting(self, has_settled)
     class(cycles_t), intent(in) :: self
+    logical, intent(in) :: has_settled
 
     lasting = settled(self)
     if (lasting == 0) return
-    if (rings_down(self)) lasting = 0
+    if (has_settled) then
+      lasting = 1
+    else if (rings_down(self)) then
+      lasting = 0
+    end if
   end function lasting
 
   !> The measures of the last `n` cycles, (measure, cycle), the oldest first; at least `n` must exist.
@@ -329,15 +342,16 @@ contains
 
   !> Mean and scatter, which is the standard deviation (n - 1), of all measures, and the number of cycles for it: none if there is
   !> no cycle or the motion rings down, and no scatter of a single cycle.
-  pure subroutine means(self, n, mean, scatter)
+  pure subroutine means(self, has_settled, n, mean, scatter)
     class(cycles_t), intent(in) :: self
+    logical, intent(in) :: has_settled
     integer, intent(out) :: n
     real(wp), intent(out) :: mean(measures), scatter(measures)
     integer :: i
 
     mean = 0.0_wp
     scatter = 0.0_wp
-    n = self%lasting()
+    n = self%lasting(has_settled)
     if (n == 0) return
     associate (cycle => self%cycle(:measures, last_places(self, n)))
       mean = sum(cycle, dim=2)/real(n, wp)
@@ -377,18 +391,47 @@ contains
     if (.not. agree) return
     associate (last => self%cycle(:measures, place(self%recent)), before => self%cycle(:measures, place(self%recent - 1)))
       size_of = last(period)
-      size_of([peak, valley]) = self%static_limit
+      size_of([peak, valley]) = self%kinetic_limit
       size_of(slip_length) = abs(last(slip_length))
       agree = all(abs(last - before) <= tolerance*size_of)
     end associate
   end function agree
 
-  !> Period of the last cycle [s], which must exist.
-  pure real(wp) function last_period(self)
+  !> Peak-to-peak amplitude of the load in the last cycle [N], which must exist.
+  pure real(wp) function last_swing(self)
     class(cycles_t), intent(in) :: self
 
-    last_period = self%cycle(period, place(self%recent))
-  end function last_period
+    associate (cycle => self%cycle(:, place(self%recent)))
+      last_swing = max(cycle(peak) - cycle(valley), cycle(rise))
+    end associate
+  end function last_swing
+
+  !> Share of the last cycle, which must exist, in which the object seems to rest, if the time in creep is followed.
+  pure real(wp) function last_creep_share(self)
+    class(cycles_t), intent(in) :: self
+
+    associate (cycle => self%cycle(:, place(self%recent)))
+      last_creep_share = cycle(creep)/cycle(period)
+    end associate
+  end function last_creep_share
+
+  !> Time of the last peak [s], with which the last cycle ended.
+  pure real(wp) function last_peak_time(self)
+    class(cycles_t), intent(in) :: self
+
+    last_peak_time = self%last_peak%time
+  end function last_peak_time
+
+  !> The first time [s] after `now` at which the load has a valley if it repeats the last cycle, which must exist.
+  pure real(wp) function next_valley(self, now)
+    class(cycles_t), intent(in) :: self
+    real(wp), intent(in) :: now
+
+    associate (cycle => self%cycle(:, place(self%recent)))
+      next_valley = self%last_peak%time + cycle(slip_time)
+      if (next_valley <= now) next_valley = next_valley + cycle(period)*ceiling((now - next_valley)/cycle(period) + epsilon(now))
+    end associate
+  end function next_valley
 
   !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)
@@ -433,5 +476,6 @@ contains
     call archive%serialise(self%load)
     call archive%serialise(self%time)
     call archive%serialise(self%position)
+    call archive%serialise(self%creep)
   end subroutine serialise_extremum
 end module dst_cycles

@@ -8,11 +8,13 @@ module dst_leap_summary
   use dst_kinds, only: wp, int64
   use dst_leap, only: leap_t
   use dst_motion, only: motion_t
+  use dst_interpolation, only: max_degree
   use dst_piece, only: piece_t, stick_begins, slips
   use dst_piece_view, only: piece_view_t, moment_of, friction_of
   use dst_recording, only: recording_t
   use dst_state, only: state_t
-  use dst_summary, only: summary_t, passage_t, moment_t, stretch_t
+  use dst_stretch, only: moment_t, stretch_t
+  use dst_summary, only: summary_t, passage_t
   implicit none
   private
 
@@ -57,7 +59,11 @@ module dst_leap_summary
     type(leap_t), pointer :: leap => null()
   contains
     procedure :: at
+    procedure :: moment => moment_in
     procedure :: friction
+    procedure :: load
+    procedure :: fastest
+    procedure :: least_friction
   end type leap_view_t
 
 contains
@@ -111,18 +117,10 @@ contains
     integer :: i
 
     call begin_passage(steps, summary)
-    view%motion => steps
-    view%piece => piece
     do i = 1, recording%count
       call recording%get(i, piece)
-      view%sticking = piece%contact /= slips
-      if (i == 1) then
-        view%first = moment_of(steps, piece, piece%from, steps%velocity(piece%from))
-        call summary%begin(view%first, 0.0_wp, 0.0_wp)
-      else
-        view%first = view%last
-      end if
-      view%last = moment_of(steps, piece, piece%to, steps%velocity(piece%to))
+      call view%show(steps, piece)
+      if (i == 1) call summary%begin(view%first, 0.0_wp, 0.0_wp)
       if (piece%event == stick_begins) summary%sticks = summary%sticks + 1
       call summary%take_in(view)
     end do
@@ -134,7 +132,7 @@ contains
     type(summary_t), intent(inout) :: summary
 
     associate (slider => motion%slider)
-      call summary%cycles%begin(slider%along(1), slider%law%static_limit, slider%stiffness(1), slider%mass)
+      call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
     end associate
     summary%cycles%keeps_turns = .true.
   end subroutine begin_passage
@@ -156,7 +154,7 @@ contains
         known%number = leap%number
       end if
       if (.not. summary%has_slipped .and. leap%table > 0) call look_for_slip(map, leap, summary)
-      call summary%add(known%passage, from%time - map%lead, from%position, map%piece%to%time)
+      call summary%add(known%passage, from%time - map%lead, from%position)
     end associate
   end subroutine follow
 
@@ -238,7 +236,7 @@ contains
 
     associate (table => map%survey%table(leap%table))
       if (maxval(table%observed(:, highest) - table%observed(:, lowest)) &
-        > large_ripple*threshold*map%slider%law%static_limit) then
+        > large_ripple*threshold*map%slider%law%kinetic_limit) then
         allocate (turns(2*leap%cycles + 1))
         n = 0
         do i = 1, leap%cycles
@@ -321,13 +319,17 @@ contains
     type(leap_t), intent(in), target :: leap
     type(summary_t), intent(inout) :: summary
     type(leap_view_t) :: view
-    integer :: i
+    real(wp) :: load(0:max_degree)
+    integer :: i, degree
 
     if (maxval(map%survey%table(leap%table)%observed(:, begins_to_slip)) <= 0.0_wp) return
     do i = 1, leap%cycles
       call first_part(map, leap, i, view)
       do while (view%first%time < leap%start(i + 1))
-        if (.not. view%sticking) call summary%follow_slip(view)
+        if (.not. view%sticking) then
+          call view%load(degree, load)
+          call summary%follow_slip(view, load)
+        end if
         if (summary%has_slipped) return
         call next_part(view)
       end do
@@ -343,7 +345,7 @@ contains
 
     view%map => map
     view%leap => leap
-    view%last = view%at(leap%start(number))
+    view%last = view%moment(leap%start(number))
     call next_part(view)
   end subroutine first_part
 
@@ -354,12 +356,21 @@ contains
     integer :: contact
 
     view%first = view%last
-    view%last = view%at(view%map%next_in_leap(view%leap, view%first%time))
+    view%last = view%moment(view%map%next_in_leap(view%leap, view%first%time))
     call view%map%state_in_leap(view%leap, 0.5_wp*(view%first%time + view%last%time), state, contact)
     view%sticking = contact /= slips
   end subroutine next_part
 
-  function at(self, time) result(moment)
+  function at(self, place) result(moment)
+    class(leap_view_t), intent(in) :: self
+    real(wp), intent(in) :: place
+    type(moment_t) :: moment
+
+    moment = self%moment(self%first%time + place*self%duration())
+  end function at
+
+  !> The motion at a time [s].
+  function moment_in(self, time) result(moment)
     class(leap_view_t), intent(in) :: self
     real(wp), intent(in) :: time
     type(moment_t) :: moment
@@ -367,8 +378,43 @@ contains
     integer :: contact
 
     call self%map%state_in_leap(self%leap, time, state, contact)
-    moment = moment_of(self%map, self%map%piece, state, self%map%velocity(state))
-  end function at
+    moment = moment_of(self%map, self%map%piece, state)
+  end function moment_in
+
+  !> The load is a polynomial in each panel of a table and at rest.
+  subroutine load(self, degree, coefficient)
+    class(leap_view_t), intent(in) :: self
+    integer, intent(out) :: degree
+    real(wp), intent(out) :: coefficient(0:max_degree)
+    real(wp) :: value(0:max_degree)
+    type(moment_t) :: moment
+    integer :: i
+
+    degree = max_degree
+    associate (grid => self%map%steps%closed_form%grid)
+      do i = 0, max_degree
+        moment = self%at(grid%node(i))
+        value(i) = moment%force
+      end do
+      call grid%bernstein_coefficients(value, coefficient)
+    end associate
+  end subroutine load
+
+  !> No bound is known.
+  real(wp) function fastest(self, enough)
+    class(leap_view_t), intent(in) :: self
+    real(wp), intent(in) :: enough
+
+    associate (unused => enough)
+    end associate
+    fastest = merge(0.0_wp, huge(fastest), self%sticking)
+  end function fastest
+
+  pure real(wp) function least_friction(self)
+    class(leap_view_t), intent(in) :: self
+
+    least_friction = self%map%slider%law%least_force
+  end function least_friction
 
   pure real(wp) function friction(self, speed)
     class(leap_view_t), intent(in) :: self

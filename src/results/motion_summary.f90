@@ -1,6 +1,6 @@
 !> The summary of a single run: it passes the pieces of the motion to dst_summary.
 module dst_motion_summary
-  use dst_archive, only: archive_t
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
@@ -11,7 +11,7 @@ module dst_motion_summary
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
   use dst_summary, only: summary_t, energies_t, summary_quantities, summary_values
-  use dst_writer, only: quantity_t, outcome_t
+  use dst_writer, only: quantity_t, outcome_t, find_quantity
   implicit none
   private
 
@@ -35,8 +35,6 @@ module dst_motion_summary
 
   !> The results of a run so far.
   type, extends(summary_t) :: motion_summary_t
-    !> Slip velocity at the end of the last piece [m/s].
-    real(wp), private :: velocity(2) = 0.0_wp
     type(leap_summary_t), private :: leaps
   contains
     procedure :: start
@@ -44,7 +42,6 @@ module dst_motion_summary
     procedure :: see
     procedure :: values
     procedure :: describe
-    procedure :: serialise
   end type motion_summary_t
 
 contains
@@ -62,7 +59,6 @@ contains
       call observe_cycles(motion)
     end select
     if (motion%in_closed_form) return
-    self%velocity = motion%velocity_now()
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
       if (minval(slider%free) > 0.0_wp .and. .not. (slider%smoothing > 0.0_wp .or. slider%is_damped()) .and. &
@@ -70,11 +66,10 @@ contains
         end = creep_end(slider, motion%drive%segment(1)%velocity)
         if (end%exists) self%fast_decay = end%decay
       end if
-      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%free(1) > 0.0_wp), slider%law%static_limit, &
+      call self%cycles%begin(slider%along(1)*merge(1.0_wp, 0.0_wp, slider%free(1) > 0.0_wp), slider%law%kinetic_limit, &
         slider%stiffness(1), slider%mass)
     end associate
-    call self%begin(moment_of(motion, motion%piece, motion%piece%to, self%velocity), motion%energy(self%velocity), motion%t_end, &
-      settle)
+    call self%begin(moment_of(motion, motion%piece, motion%piece%to), motion%energy(motion%velocity_now()), motion%t_end, settle)
   end subroutine start
 
   !> Process the last piece.
@@ -92,15 +87,9 @@ contains
         class is (cycle_map_t)
           call self%leaps%follow(motion, self%summary_t)
         end select
-        self%velocity = 0.0_wp
         return
       end if
-      view%motion => motion
-      view%piece => motion%piece
-      view%sticking = piece%contact /= slips
-      view%first = moment_of(motion, piece, piece%from, self%velocity)
-      self%velocity = motion%velocity_now()
-      view%last = moment_of(motion, piece, piece%to, self%velocity)
+      call view%show(motion, piece)
       self%exchanged = self%exchanged + abs(piece%to%drive_work - piece%from%drive_work) + &
         abs(piece%to%friction_work - piece%from%friction_work)
       if (motion%slider%is_damped()) self%exchanged = self%exchanged + abs(piece%to%damper_work - piece%from%damper_work)
@@ -120,19 +109,18 @@ contains
       self%largest_rate = max(self%largest_rate, abs(dot_product(instant%velocity, motion%slider%along)))
   end subroutine see
 
-  !> The values of all `summary_quantities`, and whether this run has them.
-  subroutine values(self, motion, value, given)
+  !> The values of all `summary_quantities`, NaN for those that this run does not have.
+  subroutine values(self, motion, value)
     class(motion_summary_t), intent(in) :: self
     class(motion_t), intent(in) :: motion
     real(wp), intent(out) :: value(:)
-    logical, intent(out) :: given(:)
     real(wp) :: exponent, exponent_error
     integer :: count, verdict
 
     if (motion%in_closed_form) then
-      call summary_values(self%summary_t, value, given)
+      call summary_values(self%summary_t, value)
     else
-      call summary_values(self%summary_t, value, given, energies_t(self%first_energy, motion%energy(self%velocity), &
+      call summary_values(self%summary_t, value, energies_t(self%first_energy, motion%energy(motion%velocity_now()), &
         motion%piece%to%drive_work, motion%piece%to%friction_work, &
         merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
     end if
@@ -141,7 +129,8 @@ contains
       call motion%divergence%estimate(exponent, exponent_error, count, verdict)
       if (count > 1) then
         call put('lyapunov_exponent', exponent)
-        call put('lyapunov_error', exponent_error)
+        ! Without scatter and without a verdict there was one measurement.
+        if (verdict /= 0 .or. exponent_error > 0.0_wp) call put('lyapunov_error', exponent_error)
         call put('regularity', real(verdict, wp))
       end if
     end select
@@ -151,11 +140,8 @@ contains
     subroutine put(name, number)
       character(*), intent(in) :: name
       real(wp), intent(in) :: number
-      integer :: place
 
-      place = findloc(summary_quantities%name == name, .true., dim=1)
-      value(place) = number
-      given(place) = .true.
+      value(find_quantity(summary_quantities, name)) = number
     end subroutine put
   end subroutine values
 
@@ -167,23 +153,13 @@ contains
     type(outcome_t), intent(inout) :: outcome
     type(work_count_t) :: work
     real(wp) :: value(size(summary_quantities))
-    logical :: given(size(summary_quantities))
 
-    call self%values(motion, value, given)
-    outcome%summary = pack(summary_quantities, given)
-    outcome%summary_value = pack(value, given)
+    call self%values(motion, value)
+    outcome%summary = pack(summary_quantities, .not. ieee_is_nan(value))
+    outcome%summary_value = pack(value, .not. ieee_is_nan(value))
     work = motion%work()
     outcome%statistics = statistics
     outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
       work%landings, work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
   end subroutine describe
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(motion_summary_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call self%summary_t%serialise(archive)
-    call archive%serialise(self%velocity)
-  end subroutine serialise
 end module dst_motion_summary

@@ -165,8 +165,15 @@ contains
   pure logical function is_over(self)
     class(simulation_t), intent(in) :: self
 
-    is_over = self%motion%finished() .or. self%summary%settled_at >= 0.0_wp
+    is_over = self%motion%piece%to%time >= end_time(self)
   end function is_over
+
+  !> When the run ends [s]: at t_end, or earlier if it has settled.
+  pure real(wp) function end_time(self)
+    class(simulation_t), intent(in) :: self
+
+    end_time = min(self%scene%t_end, self%summary%end_at)
+  end function end_time
 
   !> Whether the motion has been computed up to `time` [s], and all samples up to it have been recorded.
   pure logical function has_reached(self, time)
@@ -207,6 +214,7 @@ contains
 
     self%pieces = self%pieces + 1
     if (self%motion%in_closed_form) self%motion%next_look = min(sample_time(self), last)
+    self%motion%t_end = end_time(self)
     call next_piece(self%motion, self%other, error)
     if (allocated(error)) return
     call check(self, error)
@@ -294,11 +302,11 @@ contains
     do i = 1, buffer_rows
       time = sample_time(self)
       if (time > self%motion%piece%to%time) then
-        if (self%summary%settled_at >= 0.0_wp) call take_sample(self, writer, self%motion%piece%to%time, error)
+        if (is_over(self)) call take_sample(self, writer, self%motion%piece%to%time, error)
         return
       end if
       call take_sample(self, writer, time, error)
-      if (allocated(error) .or. time >= self%scene%t_end) return
+      if (allocated(error) .or. time >= end_time(self)) return
     end do
     all_taken = .false.
   end subroutine take_samples

@@ -18,7 +18,7 @@ module dst_lane_step
   use dst_kinds, only: wp, real64, int64
   use dst_rodas4p, only: stages, gamma, a, c
   use dst_step_control, only: safety, least_factor, least_error, shortened, no_number
-  use dst_summary, only: short, creeping, worth_parts, tiny_rate, near
+  use dst_stretch, only: tiny_rate
   implicit none
   private
 
@@ -26,6 +26,10 @@ module dst_lane_step
 
   !> Number of cases side by side: each operation is one of several vectors, which do not wait for each other.
   integer, parameter :: lane_count = 16
+
+  !> X' and the load may turn twice between the ends of a step that is longer than this share of the soft spring's period, while the
+  !> object is faster than this share of the drive velocity. Convention.
+  real(wp), parameter :: short = 0.25_wp, creeping = 0.5_wp
 
   !> Largest product of step and growth rate with which the growth of unstable creep is followed, as in dst_radau.
   real(wp), parameter :: longest_growth = 2.0_wp

@@ -13,7 +13,9 @@ module dst_simd_batch
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
-  use dst_summary, only: summary_t, energies_t, moment_t, stretch_t, summary_quantities, summary_values
+  use dst_interpolation, only: max_degree
+  use dst_stretch, only: moment_t, stretch_t
+  use dst_summary, only: summary_t, energies_t, summary_quantities, summary_values
   use dst_text, only: short_text
   implicit none
   private
@@ -49,10 +51,13 @@ module dst_simd_batch
   type, extends(stretch_t) :: lane_step_t
     class(simd_batch_t), pointer :: batch => null()
     integer :: lane = 1
-    real(wp) :: length = 1.0_wp, u(0:5) = 0.0_wp, w(0:5) = 0.0_wp
+    real(wp) :: u(0:5) = 0.0_wp, w(0:5) = 0.0_wp
   contains
     procedure :: at
     procedure :: friction
+    procedure :: load
+    procedure :: fastest
+    procedure :: least_friction
   end type lane_step_t
 
 contains
@@ -85,7 +90,7 @@ contains
     call clear(self%lanes%control, self%lanes%account, lane)
     self%lanes%control%next_step(lane) = first_step*sqrt(slider%mass/slider%stiffness(1))
     self%summary(lane) = summary_t()
-    call self%summary(lane)%cycles%begin(slider%along(1), slider%law%static_limit, slider%stiffness(1), slider%mass)
+    call self%summary(lane)%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
     call self%summary(lane)%begin(moment_of(self, lane, self%lanes%here), energy(self, lane), scene%t_end, scene%settle)
     associate (account => self%lanes%account)
       account%half(lane) = self%summary(lane)%half
@@ -216,7 +221,8 @@ contains
       call summary%take_in(step)
       account%largest_rate(lane) = summary%largest_rate
       account%has_slipped(lane) = merge(1.0_wp, 0.0_wp, summary%has_slipped)
-      self%done(lane) = step%last%time >= self%lanes%scene%t_end(lane) .or. summary%settled_at >= 0.0_wp
+      self%lanes%scene%t_end(lane) = min(self%lanes%scene%t_end(lane), summary%end_at)
+      self%done(lane) = step%last%time >= self%lanes%scene%t_end(lane)
     end associate
   end subroutine take_in
 
@@ -256,11 +262,9 @@ contains
 
     step%batch => self
     step%lane = lane
-    step%parts = 2
     step%first = moment_of(self, lane, 3 - self%lanes%here)
     step%last = moment_of(self, lane, self%lanes%here)
     h = self%lanes%control%step(lane)
-    step%length = h
     associate (i => lane, from => self%lanes%point(3 - self%lanes%here), to => self%lanes%point(self%lanes%here))
       if (h*max(abs(from%growth(i)), abs(to%growth(i))) <= longest_relaxation) then
         step%u = quintic([from%u(i), h*from%u_rate(i), -h**2*from%w_rate(i)], [to%u(i), h*to%u_rate(i), -h**2*to%w_rate(i)])
@@ -273,20 +277,63 @@ contains
     end associate
   end subroutine last_step
 
-  function at(self, time) result(moment)
+  function at(self, place) result(moment)
     class(lane_step_t), intent(in) :: self
-    real(wp), intent(in) :: time
+    real(wp), intent(in) :: place
     type(moment_t) :: moment
-    real(wp) :: tau, u, w
+    real(wp) :: time, u, w
 
     associate (scene => self%batch%lanes%scene, i => self%lane)
-      tau = (time - self%first%time)/self%length
-      u = value_of(self%u, tau)
-      w = value_of(self%w, tau)
+      time = self%first%time + place*self%duration()
+      u = value_of(self%u, place)
+      w = value_of(self%w, place)
       moment = moment_t(time, position_of(self%batch, i, time, u), rate_along(self%batch, i, w), [w, scene%across(i)], &
-        scene%stiffness(i)*u, scene%stiffness(i)*slope_of(self%u, tau)/self%length, scene%velocity(i))
+        scene%stiffness(i)*u, scene%stiffness(i)*(scene%drive_rate(i) - w), scene%velocity(i))
     end associate
   end function at
+
+  subroutine load(self, degree, coefficient)
+    class(lane_step_t), intent(in) :: self
+    integer, intent(out) :: degree
+    real(wp), intent(out) :: coefficient(0:max_degree)
+
+    degree = 5
+    coefficient(0:5) = self%batch%lanes%scene%stiffness(self%lane)*bernstein_from(self%u)
+  end subroutine load
+
+  real(wp) function fastest(self, enough)
+    class(lane_step_t), intent(in) :: self
+    real(wp), intent(in) :: enough
+    real(wp) :: w(0:5)
+    integer :: i
+
+    associate (unused => enough)
+    end associate
+    w = bernstein_from(self%w)
+    fastest = maxval([(abs(rate_along(self%batch, self%lane, w(i))), i=0, 5)])
+  end function fastest
+
+  pure real(wp) function least_friction(self)
+    class(lane_step_t), intent(in) :: self
+
+    associate (scene => self%batch%lanes%scene, i => self%lane)
+      least_friction = scene%limit(i) + min(0.0_wp, scene%drop(i))
+    end associate
+  end function least_friction
+
+  !> Bernstein coefficients of the polynomial with these coefficients of powers: c_i = sum_j p_j binomial(i, j)/binomial(5, j).
+  pure function bernstein_from(p) result(coefficient)
+    real(wp), intent(in) :: p(0:5)
+    real(wp) :: coefficient(0:5)
+    integer :: i, k
+
+    coefficient = p/real([1, 5, 10, 10, 5, 1], wp)
+    do k = 1, 5
+      do i = 5, k, -1
+        coefficient(i) = coefficient(i) + coefficient(i - 1)
+      end do
+    end do
+  end function bernstein_from
 
   pure real(wp) function friction(self, speed)
     class(lane_step_t), intent(in) :: self
@@ -328,19 +375,12 @@ contains
     value_of = p(0) + tau*(p(1) + tau*(p(2) + tau*(p(3) + tau*(p(4) + tau*p(5)))))
   end function value_of
 
-  pure real(wp) function slope_of(p, tau)
-    real(wp), intent(in) :: p(0:5), tau
-
-    slope_of = p(1) + tau*(2.0_wp*p(2) + tau*(3.0_wp*p(3) + tau*(4.0_wp*p(4) + tau*5.0_wp*p(5))))
-  end function slope_of
-
-  !> The result of a lane that is done, and is free then: the summary's values, whether they exist, u_x, u_y, X and X' at the end,
+  !> The result of a lane that is done, and is free then: the summary's values, NaN if they do not exist, u_x, u_y, X and X' at the end,
   !> and the number of steps; or why it did not reach the end.
-  subroutine values(self, lane, summary, given, final, steps, error)
+  subroutine values(self, lane, summary, final, steps, error)
     class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane
     real(wp), intent(out) :: summary(size(summary_quantities)), final(4)
-    logical, intent(out) :: given(size(summary_quantities))
     integer(int64), intent(out) :: steps
     type(error_t), allocatable, intent(out) :: error
     type(moment_t) :: moment
@@ -349,11 +389,11 @@ contains
     call catch_up(self, lane, moment)
     associate (account => self%lanes%account, scene => self%lanes%scene, u => self%lanes%point(self%lanes%here)%u(lane))
       self%summary(lane)%exchanged = account%exchanged(lane)
-      call summary_values(self%summary(lane), summary, given, energies_t(self%summary(lane)%first_energy, energy(self, lane), &
+      call summary_values(self%summary(lane), summary, energies_t(self%summary(lane)%first_energy, energy(self, lane), &
         account%drive_work(lane), account%friction_work(lane)))
       final = [u, self%second_u(lane), moment%position, moment%rate]
       steps = int(self%lanes%control%steps(lane), int64)
-      if (moment%time < scene%t_end(lane) .and. self%summary(lane)%settled_at < 0.0_wp) call explain(self, lane, error)
+      if (moment%time < scene%t_end(lane)) call explain(self, lane, error)
       scene%busy(lane) = 0.0_wp
     end associate
     self%done(lane) = .false.

@@ -3,7 +3,6 @@
 !> Cases are numbered from 1; in a grid the last parameter varies fastest. A case depends on its number alone, so that its result is
 !> the same whichever thread, process or machine computes it.
 module dst_sweep
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
   use dst_simd_batch, only: simd_batch_t, lane_count
   use dst_deck, only: deck_t
@@ -22,7 +21,7 @@ module dst_sweep
   use dst_stepper, only: work_count_t
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text
-  use dst_writer, only: quantity_t
+  use dst_writer, only: quantity_t, absent
   implicit none
   private
 
@@ -402,7 +401,7 @@ contains
     type(error_t), allocatable :: error
     integer :: place
 
-    result%values = spread(not_there(), 1, value_count)
+    result%values = spread(absent(), 1, value_count)
     place = 1
     if (allocated(self%lanes)) then
       call run_lanes(self%lanes, watch, place, done)
@@ -449,12 +448,10 @@ contains
     type(case_t), intent(inout) :: result
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: final(final_count)
-    logical :: given(summary_count)
     integer(int64) :: steps
 
     associate (values => result%values)
-      call lanes%values(place, values(:summary_count), given, final, steps, error)
-      where (.not. given) values(:summary_count) = not_there()
+      call lanes%values(place, values(:summary_count), final, steps, error)
       if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
       values(steps_value) = real(steps, wp)
     end associate
@@ -473,7 +470,6 @@ contains
     type(simulation_t) :: simulation
     type(memory_writer_t) :: writer
     type(work_count_t) :: work
-    logical :: given(summary_count)
     integer :: i, column
 
     if (.not. (kept > 0 .or. scene%is_closed_form())) scene%interval = scene%t_end
@@ -489,8 +485,7 @@ contains
     end do
     if (allocated(result%table)) deallocate (result%table)
     if (.not. allocated(simulation%rows)) return
-    call simulation%summary%values(simulation%motion, result%values(:summary_count), given)
-    where (.not. given) result%values(:summary_count) = not_there()
+    call simulation%summary%values(simulation%motion, result%values(:summary_count))
     if (.not. simulation%motion%in_closed_form) then
       work = simulation%motion%work()
       result%values(steps_value) = real(work%steps, wp)
@@ -506,11 +501,6 @@ contains
     if (kept > 0) result%table = writer%samples(2:kept + 1, :writer%rows)
     if (most_cycles > 0) result%table = simulation%summary%kept_cycles(most_cycles)
   end subroutine run_case
-
-  !> The value that replaces one that a case does not have.
-  pure real(wp) function not_there()
-    not_there = ieee_value(1.0_wp, ieee_quiet_nan)
-  end function not_there
 
   !> The columns contain the last state, and the limit is that of the sweep. A summary needs no series, except for the largest
   !> velocity of slow creep: creep is known in closed form, and its samples are searched for this velocity.

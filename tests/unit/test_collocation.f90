@@ -6,7 +6,7 @@ program test_collocation
   use checks, only: check, check_close, finish
   use random_numbers, only: start_random, uniform
   use dst_kinds, only: wp
-  use dst_bernstein, only: first_zero, bernstein_value
+  use dst_bernstein, only: first_zero, sign_changes, bernstein_value
   use dst_collocation, only: collocation_t, radau_iia
   use dst_interpolation, only: grid_t, new_grid
   implicit none
@@ -35,6 +35,7 @@ program test_collocation
     call test_interpolation(radau_iia(stage_counts(k)))
   end do
   call test_known_zeros()
+  call test_sign_changes()
   call test_tangents()
   call test_zeros_of_coefficients()
   call test_random_polynomials()
@@ -111,7 +112,7 @@ contains
   !> A polynomial of full degree is reproduced, with its derivative at the nodes, inside and outside [0, 1].
   subroutine test_interpolation(method)
     type(collocation_t), intent(in) :: method
-    real(wp) :: monomial(0:method%stages), values(0:method%stages), basis(0:method%stages), bernstein(0:method%stages)
+    real(wp) :: monomial(0:method%stages), values(0:method%stages), basis(0:method%stages), bernstein(0:7)
     real(wp) :: tau, slope, nodal(0:7), places(3), found(3)
     integer :: i, trial
     logical :: agrees, unit_sum, differentiates, converts, extrapolates
@@ -142,9 +143,9 @@ contains
           slope = dot_product(grid%derivative(i, 0:s), values)
           differentiates = differentiates .and. near(slope, derivative(monomial, grid%node(i)), sum(abs(grid%derivative(i, 0:s))))
         end do
-        call grid%bernstein_coefficients(values, bernstein)
+        call grid%bernstein_coefficients(nodal, bernstein)
         tau = minval(uniform(1, 0.0_wp, 1.0_wp))
-        converts = converts .and. near(bernstein_value(s, bernstein, tau), polynomial(monomial, tau), sum(abs(monomial)))
+        converts = converts .and. near(bernstein_value(s, bernstein(:s), tau), polynomial(monomial, tau), sum(abs(monomial)))
       end do
       call check('interpolation agrees', agrees)
       call check('interpolation: the basis sums to 1', unit_sum)
@@ -187,14 +188,16 @@ contains
     real(wp), intent(in) :: zeros(:), sign
     real(wp) :: coefficient(0:stages)
     type(collocation_t) :: method
-    real(wp) :: values(0:stages)
+    real(wp) :: values(0:7), padded(0:7)
     integer :: i
 
     method = radau_iia(stages)
+    values = 0.0_wp
     do i = 0, stages
       values(i) = sign*product(method%grid%node(i) - zeros)
     end do
-    call method%grid%bernstein_coefficients(values, coefficient)
+    call method%grid%bernstein_coefficients(values, padded)
+    coefficient = padded(:stages)
   end function with_zeros
 
   subroutine test_known_zeros()
@@ -294,6 +297,42 @@ contains
     call check('random polynomials: what is found is a zero', is_zero)
     call check('random polynomials: none means none', none_invented)
   end subroutine test_random_polynomials
+
+  !> Between the changes of sign that are found the polynomial has one sign, and alternates from one to the next.
+  subroutine test_sign_changes()
+    integer, parameter :: trials = 4000, samples = 400
+    real(wp) :: coefficient(0:7), position(7), x, value, largest
+    logical :: complete, in_order
+    integer :: trial, i, s, n
+
+    call sign_changes(7, with_zeros(7, [0.1_wp, 0.3_wp, 0.30001_wp, 0.5_wp, 0.6_wp, 0.95_wp, 1.2_wp], 1.0_wp), position, n)
+    call check('all changes of sign', n == 6)
+    if (n == 6) call check_close('their positions', maxval(abs(position(:6) - &
+      [0.1_wp, 0.3_wp, 0.30001_wp, 0.5_wp, 0.6_wp, 0.95_wp])), 0.0_wp, 1.0e-7_wp)
+    call sign_changes(3, with_zeros(3, [0.0_wp, 0.5_wp, 1.0_wp], 1.0_wp), position, n)
+    call check('the ends are none', n >= 1 .and. any(abs(position(:n) - 0.5_wp) < 1.0e-12_wp) .and. &
+      all(abs(position(:n) - 0.5_wp) < 1.0e-12_wp .or. min(position(:n), 1.0_wp - position(:n)) < 1.0e-12_wp))
+    call sign_changes(2, [1.0_wp, -0.5_wp, 0.25_wp], position, n)
+    call check('a double zero is none', n == 0 .or. n == 2)
+    call sign_changes(2, [0.0_wp, 0.0_wp, 0.0_wp], position, n)
+    call check('zero everywhere has none', n == 0)
+    complete = .true.
+    in_order = .true.
+    do trial = 1, trials
+      s = 1 + modulo(trial, 7)
+      coefficient(0:s) = uniform(s + 1, -1.0_wp, 1.0_wp)
+      call sign_changes(s, coefficient(0:s), position, n)
+      in_order = in_order .and. all(position(2:n) >= position(:n - 1))
+      largest = maxval(abs(coefficient(0:s)))
+      do i = 0, samples
+        x = real(i, wp)/real(samples, wp)
+        value = bernstein_value(s, coefficient(0:s), x)*sign(1.0_wp, coefficient(0))*(-1.0_wp)**count(position(:n) < x)
+        complete = complete .and. value >= -1.0e-9_wp*largest
+      end do
+    end do
+    call check('changes of sign are in order', in_order)
+    call check('no change of sign is missed or invented', complete)
+  end subroutine test_sign_changes
 
   !> Smallest value at equidistant points.
   pure real(wp) function minimum(s, coefficient, samples)
