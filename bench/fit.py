@@ -1,6 +1,6 @@
 """Reliability of fits: how often the 95 % intervals contain the true values, for synthetic traces of random rigs.
 
-Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the amplitude. Random parameters are
+Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the swing. Random parameters are
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. `python bench/fit.py` fits 200 traces (`--count`); other

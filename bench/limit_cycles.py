@@ -4,7 +4,7 @@
 
 Prints the time of `dynstiction.cycles` on Fig. 3 and how far its cycles are from those of settled runs; then for each row
 of the table in docs/maps.md the angle at which stick-slip ends, from `stick_slip_ends`, and whether two runs agree, 1e-8 of the
-angle below and above it: below it the amplitude (peak to peak) settles above 5 % of F_0, above it to less. At folds, with
+angle below and above it: below it the swing settles above 5 % of F_0, above it to less. At folds, with
 ``--folds`` (some minutes), stick-slip continues below the angle, and becomes steady sliding above it.
 """
 
@@ -41,7 +41,8 @@ def main() -> None:
         f"{'V [mm/s]':>9s} {'end [deg]':>16s} {'by':>6s} {'runs: apart':>12s} {'slow law':>10s} {'fast law':>10s}"
     )
     for velocity in VELOCITIES[3:5] if options.short else VELOCITIES:
-        scene = FIG3.replace(drive={"velocity": velocity})
+        # A stiff axis on which the slow motion holds at every velocity.
+        scene = FIG3.replace(drive={"velocity": velocity}, system={"stiffness_y": 1e10})
         ends = ds.stick_slip_ends(scene)
         assert ends.misalignment is not None
         at, is_fold = ends.misalignment.at, ends.misalignment.is_fold
@@ -102,7 +103,7 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 
 
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
-    """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to an amplitude that counts."""
+    """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to a swing that counts."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency"
     ).stable[-1]
@@ -111,7 +112,7 @@ def swings(scene: ds.Scene, at: float, angle: float) -> bool:
 
 
 def lasts(scene: ds.Scene, angle: float) -> bool:
-    """Whether stick-slip with a somewhat larger initial amplitude continues for a long time."""
+    """Whether stick-slip with a somewhat larger initial swing continues for a long time."""
     cycle = ds.cycles(
         scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency"
     ).stable[-1]

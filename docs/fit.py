@@ -62,7 +62,7 @@ def identifiability(short: bool) -> dict[tuple[float, float], ds.Fit]:
         for noise in NOISES[1:2] if short else NOISES:
             found[rate, noise] = ds.fit(RIG, noisy(trace, noise, 1), FREE)
     names = [name.partition(".")[2] for name in FREE]
-    print("| samples per second | noise, of the amplitude | " + " | ".join(names) + " |")
+    print("| samples per second | noise, of the swing | " + " | ".join(names) + " |")
     print("| --- " * (len(FREE) + 2) + "|")
     for (rate, noise), fit in found.items():
         cells = [

@@ -23,6 +23,7 @@ from .errors import (
     PackageError,
     SamplingWarning,
     SolverError,
+    StiffnessWarning,
     UsageError,
 )
 
@@ -105,6 +106,7 @@ __all__ = [
     "Statistic",
     "StickSlip",
     "StickSlipEnds",
+    "StiffnessWarning",
     "Sweep",
     "System",
     "Trace",

@@ -20,6 +20,8 @@ from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 __all__ = ["PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
+COUNTS = ("complete", "result_code", "processes", "threads")
+"""Attributes that are Python integers, as in a run in memory; every other one is what h5py reads, also what others have added."""
 
 T = TypeVar("T")
 
@@ -61,9 +63,8 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     deck = _read_text(file, "deck/text")
     if hashlib.sha256(deck.encode("utf-8", "surrogateescape")).hexdigest() != file.attrs["deck_sha256"]:
         raise FileError(f"{name}: is damaged: its deck does not have the checksum that the file states")
-    attributes: dict[str, str | int] = {"complete": 0}
-    for key, value in file.attrs.items():
-        attributes[key] = value if isinstance(value, str) else int(value)
+    attributes = {"complete": 0, **file.attrs}
+    attributes |= {name: int(attributes[name]) for name in COUNTS if name in attributes}
     return Record(
         columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
         events=events,

@@ -211,7 +211,8 @@ class _Judge:
         if max(attribute.get_storage_size(), prod(attribute.shape)) > LONGEST_TEXT:
             self.refuse(where, "is too long")
         if stored_as.get_class() != h5t.STRING:
-            if not self.is_number(stored_as):
+            # HDF5 has no truth values: h5py stores them as an enumeration.
+            if not self.is_number(stored_as) and attribute.dtype != np.bool_:
                 self.refuse(where, "is neither a number nor a text")
         elif stored_as.is_variable_str():
             if attribute.shape != ():

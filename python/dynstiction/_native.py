@@ -276,6 +276,8 @@ class Run(Session):
         """Why 'auto' chose the model; empty if the deck names another model."""
         self.sampling_note = _named_text(handle, "sampling_note")
         """Note on what the samples will not show; empty if they show everything."""
+        self.stiffness_note = _named_text(handle, "stiffness_note")
+        """Why the method is slow on this scene; empty if it is not."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
@@ -355,8 +357,9 @@ class Cycles(Session):
         )
         self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
         self.slow_cycles, self.count = int(slow), int(count)
-        load, stable, velocity = _table(handle, "sliding")[1][:, 0].tolist()
-        self.sliding_load, self.sliding_is_stable, self.velocity = load, stable == 1.0, velocity
+        sliding = _table(handle, "sliding")[1][:, 0].tolist()
+        self.sliding_load, stable, self.velocity, self.model_error = sliding
+        self.sliding_is_stable = stable == 1.0
         real, imaginary = _table(handle, "eigenvalues")[1]
         self.eigenvalues = real + 1j * imaginary
 
@@ -377,7 +380,13 @@ class Ends(Session):
         super().__init__(handle)
         self._raise(deck, status)
         cells, numbers = _table(handle, "ends")
-        self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
+        self.obstacles = {name: obstacle for name, obstacle in cells if obstacle}
+        """Why the slow motion does not give an end, by its name."""
+        self.values = {
+            name: value
+            for (name, obstacle), value in zip(cells, numbers[0].tolist(), strict=True)
+            if not obstacle
+        }
         """Numbers by name; those that do not exist are left out."""
 
 
@@ -441,6 +450,8 @@ class Sweep(Session):
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
         self.quantities = _infos(handle, "quantities")
+        self.stiffness_note = _named_text(handle, "stiffness_note")
+        """Why the method is slow on the scene of the deck; empty if it is not."""
         cycles, (most,) = _table(handle, "cycles", described=True)
         self.cycle_quantities = [info for info, *_ in cycles]
         self.most_cycles = int(max(most, default=0))

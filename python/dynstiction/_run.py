@@ -7,7 +7,7 @@ from typing import Unpack
 
 from numpy.typing import ArrayLike
 
-from .errors import SamplingWarning
+from .errors import SamplingWarning, StiffnessWarning
 from .groups import Changes
 from .result import Result
 from .scene import DeckLike
@@ -53,6 +53,8 @@ def run(
         If the run was stopped at ``output.wall_limit``; the result ends there.
     SamplingWarning
         If the scene has a fast oscillation that ``output.interval`` is too long to show.
+    StiffnessWarning
+        If an explicit method will need a million steps or more, and an implicit one far fewer.
 
     Raises
     ------
@@ -83,6 +85,8 @@ def run(
     with Simulation(deck, times=times, **changes) as simulation:
         if times is None and (note := simulation._core.sampling_note):
             warnings.warn(note, SamplingWarning, stacklevel=2)
+        if note := simulation._core.stiffness_note:
+            warnings.warn(note, StiffnessWarning, stacklevel=2)
         return simulation._finish(progress, stacklevel=4)
 
 

@@ -17,7 +17,7 @@ from ._open import open_file
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
-from .errors import DeckError, FileError, IncompleteWarning, UsageError
+from .errors import DeckError, FileError, IncompleteWarning, StiffnessWarning, UsageError
 from .groups import Changes
 from .record import Info, si_units
 from .scene import DeckLike, Scene
@@ -87,6 +87,8 @@ def sweep(
     -----
     IncompleteWarning
         If some cases failed.
+    StiffnessWarning
+        If an explicit method will need a million steps or more, and an implicit one far fewer.
 
     Raises
     ------
@@ -141,6 +143,8 @@ def sweep(
                 "sweep.keep = 'series': this function keeps no time series; give sweep={'keep': 'summary'}, "
                 "or run the deck with the command dynstiction run"
             )
+        if core.stiffness_note:
+            warnings.warn(core.stiffness_note, StiffnessWarning, stacklevel=2)
         work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
             if executor is None:

@@ -16,6 +16,7 @@ __all__ = [
     "PackageError",
     "SamplingWarning",
     "SolverError",
+    "StiffnessWarning",
     "UsageError",
     "error_for",
     "printable",
@@ -122,6 +123,10 @@ class IncompleteWarning(UserWarning):
 
 class SamplingWarning(UserWarning):
     """The samples of a run are too far apart to show its fast oscillation: figures show an oscillation that does not exist."""
+
+
+class StiffnessWarning(UserWarning):
+    """An explicit method will need many steps on a stiff scene: the text says how many, and which method is faster."""
 
 
 class FitWarning(UserWarning):

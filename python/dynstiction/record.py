@@ -286,7 +286,7 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     parameters : Described
         Every key of the deck with the value used.
     attributes : dict
-        Provenance and outcome: program, version, model, method, result_code, ….
+        Provenance and outcome: program, version, model, method, result_code, …; and what was added to the file.
     deck, resolved_deck : str
         The deck as read, and the deck with the values used of all keys.
     """
@@ -296,7 +296,7 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     summary: Described[float]
     statistics: Described[float]
     parameters: Described[float | str] = field(default_factory=lambda: Described([]))
-    attributes: dict[str, str | int] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
     deck: str = ""
     resolved_deck: str = ""
 

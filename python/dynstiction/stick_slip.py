@@ -23,10 +23,10 @@ THRESHOLD = 0.01
 KEPT = 100
 """Largest number of cycles over which means are taken."""
 RING_DOWN, RING_DOWN_OF_ONE, RIPPLE = 0.9, 0.5, 0.01
-"""An oscillation dies out if its last amplitude is below RING_DOWN times its first one (RING_DOWN_OF_ONE in a single cycle), and no
-amplitude exceeds the one before by more than the share RIPPLE."""
+"""An oscillation dies out if its last swing is below RING_DOWN times its first one (RING_DOWN_OF_ONE in a single cycle), and no
+swing exceeds the one before by more than the share RIPPLE."""
 TELLING = 4
-"""Number of cycles from which shrinking amplitudes are not a coincidence."""
+"""Number of cycles from which shrinking swings are not a coincidence."""
 PATIENCE, LONG = 3.0, 10.0
 """Time without a turn, in lengths of the longest cycle, after which the cycles are over, or a new motion begins."""
 

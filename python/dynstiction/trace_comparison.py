@@ -114,7 +114,7 @@ class TraceComparison:
 
     @property
     def waveform_rms(self) -> float:
-        """Root mean square of the difference of both waveforms over the phase, relative to the measured amplitude."""
+        """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
         difference = self.simulated_waveform.force - self.measured_waveform.force
         return float(np.sqrt(np.mean(difference**2))) / self["swing"].measured
 
@@ -141,7 +141,7 @@ class TraceComparison:
             lines.append("  ".join([first, *others]).rstrip())
         lines.append("")
         lines.append(
-            f"waveforms differ by {self.waveform_rms:.3g} of the amplitude (root mean square over a cycle)"
+            f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)"
         )
         told = ", ".join(self.differing)
         lines.append(

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._optional import needed
 from .trace import Trace
 from .trace_cycles import find_cycles
 
@@ -21,7 +20,7 @@ class CreepTest(NamedTuple):
     """Whether an object creeps before it slips."""
 
     creep_share: float
-    """How far the force before slip is below the straight line of the loading, over the amplitude: mean over the cycles."""
+    """How far the force before slip is below the straight line of the loading, over the swing: mean over the cycles."""
     error: float
     """Its standard error."""
     of_inertia: float
@@ -42,7 +41,7 @@ class CreepTest(NamedTuple):
             else "no creep before slip is seen: static friction, or creep that is too small for this trace"
         )
         return (
-            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the amplitude, inertia alone {self.of_inertia:.4f}; "
+            f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the swing, inertia alone {self.of_inertia:.4f}; "
             f"by chance with probability {self.probability:.1e}: {verdict}"
         )
 
@@ -68,8 +67,7 @@ def creep_test(trace: Trace) -> CreepTest:
     FileError
         If the trace has no stick-slip, see `find_cycles`.
     """
-    needed("scipy", "creep_test")
-    from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     cycles = find_cycles(trace)
     means, errors = cycles.means(), cycles.errors()

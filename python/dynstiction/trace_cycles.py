@@ -76,7 +76,7 @@ CYCLE_COLUMNS = (
     Info(
         "creep_share",
         "1",
-        "how far the force before slip is below the straight line of the loading, over the amplitude",
+        "how far the force before slip is below the straight line of the loading, over the swing",
     ),
 )
 """Quantities of a cycle."""

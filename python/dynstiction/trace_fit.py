@@ -17,7 +17,6 @@ from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slo
 from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
-from ._optional import needed
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
@@ -36,7 +35,7 @@ TOLD = 0.5
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 COARSE = (0.02, 0.005, 0.001)
-"""Errors relative to amplitude and period that are added, one fit after another."""
+"""Errors relative to swing and period that are added, one fit after another."""
 CORRECTIONS = 6
 """Largest number of times that the difference between the full model and the slow one is computed."""
 CORRECTED = 0.1
@@ -164,7 +163,7 @@ class Fit:
         low, high : float
             Ends of the interval; 0 and infinity for a parameter that the trace does not determine.
         """
-        from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+        from scipy.stats import t  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
         number("level", level, above=0.0, below=1.0)
         if not self.parameters[name].told:
@@ -275,7 +274,6 @@ def fit(
     each single cycle on the fit. They are valid for noise that is correlated within a cycle, but do not include an error that all
     cycles share.
     """
-    needed("scipy", "a fit")
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
     whole("seed", seed, least=0)
@@ -489,7 +487,7 @@ class _Problem:
         count: int,
         other_laws: _Floats | None,
     ) -> Fit:
-        from scipy.stats import f  # noqa: PLC0415  (optional)
+        from scipy.stats import f  # noqa: PLC0415  (slow to import)
 
         wave = self.wave
         z, jacobian = found.z.copy(), found.jacobian.copy()

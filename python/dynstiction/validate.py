@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, TextIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._optional import needed
 from ._run import run
 from .creep import FORMS, creep_asymptotic, creep_exact
 from .errors import UsageError
@@ -247,11 +246,10 @@ def mean_creep(
 
     A cycle begins where u_y rises through its value in the exact creep. There X, which oscillates opposite to u_y,
     is at its mean, so that a decaying oscillation does not affect the average. The times [s] are the middles of the
-    windows; a `UsageError` is raised if the oscillation has died out at one of them, a `PackageError` without SciPy. Parameters
-    that are not given are those of Fig. 3, in SI units.
+    windows; a `UsageError` is raised if the oscillation has died out at one of them. Parameters that are not given are those of
+    Fig. 3, in SI units.
     """
-    needed("scipy", "validate_creep")
-    from scipy.interpolate import CubicHermiteSpline  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.interpolate import CubicHermiteSpline  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     cycle = 2.0 * math.pi * math.sqrt(mass / stiffness_y)
     # Late cycles are longer than `cycle`, by 1/sqrt(1 - tau^2).

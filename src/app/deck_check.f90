@@ -14,7 +14,7 @@ module dst_deck_check
   use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
   use dst_plain_numbers, only: number_text, bytes_text
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_scene_notes, only: scene_notes
+  use dst_scene_notes, only: scene_notes, sweep_notes
   use dst_schema, only: sweep_group
   use dst_simulation, only: simulation_t
   use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities, series_interval
@@ -51,8 +51,7 @@ contains
 
     notes = ''
     if (deck%is_sweep()) then
-      if (deck%notes%count > 0) notes = deck%notes%report(deck%name)//new_line('a')
-      call weigh_sweep(deck, output, shards, demand, error)
+      call weigh_sweep(deck, output, shards, demand, notes, error)
     else
       call weigh_run(deck, output, demand, notes, interval, error)
     end if
@@ -107,13 +106,15 @@ contains
   end subroutine weigh_run
 
   !> A sweep: its list of points, and for each case a record in a shard and a row of the result.
-  subroutine weigh_sweep(deck, output, shards, demand, error)
+  subroutine weigh_sweep(deck, output, shards, demand, notes, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     integer, intent(in) :: shards
     type(demand_t), intent(out) :: demand
+    character(:), allocatable, intent(inout) :: notes
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
+    type(scene_t) :: scene
     type(path_t), allocatable :: files(:)
     real(wp) :: cases, numbers, samples
     integer :: i
@@ -145,6 +146,8 @@ contains
     do i = 1, size(files)
       demand%there = demand%there + real(file_size(files(i)%text), wp)
     end do
+    call scene_from_deck(deck, scene)
+    call sweep_notes(deck, scene, cases, notes)
   end subroutine weigh_sweep
 
   !> Number of values in the series of a case.

@@ -72,7 +72,7 @@ module dst_schema
   character(*), parameter :: weakening_laws = 'weakening stribeck'
   character(*), parameter :: laws = 'constant table '//weakening_laws
   character(*), parameter :: columns = 'default u_x u_y w_x w_y X Y X_rate Y_rate spring_force_x spring_force_y '// &
-    'friction theta psi sticking zeta pull_force theta_deg'
+    'friction theta psi sticking zeta pull_force theta_deg u_x_rate u_y_rate'
 
   type(condition_t), parameter :: none = condition_t(), always(2) = none
   type(condition_t), parameter :: dynamic(2) = [condition_t('model', plane_models//' low_frequency high_frequency auto'), none]
@@ -181,7 +181,7 @@ module dst_schema
     key_t('output', 'interval', real_kind, 's', non_negative, may, 'auto', '', 'auto', always, &
           'time between samples; auto = shows all motion, in up to 1e6 samples; 0 = every accepted step'), &
     key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, always, &
-          'columns of the time series; default stands for all but pull_force and theta_deg'), &
+          'columns of the time series; default: all but pull_force, theta_deg, u_x_rate, u_y_rate'), &
     key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', always, &
           'wall time between flushes of the file'), &
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', always, &

@@ -8,7 +8,8 @@
 !>     m (w_1 - w_0) = h K u_h - h f_1,          u_h = theta u_1 + (1 - theta) u_0,
 !>     f_1 = F(|w_1|) w_1/|w_1|  or, where w_1 = 0,  |f_1| <= F_0.
 !>
-!> An object that rests, or that turns back within the step, sticks up to the static limit F_s >= F_0.
+!> An object that rests, or whose slip turns back on a straight line within the step, sticks up to the static limit F_s >= F_0. If
+!> slip ends with w_1 = 0 under more than F_0, it does not rest but turns (dst_rest): it goes on from a speed that is roundoff.
 !>
 !> Eliminating u_1 leaves A w_1 + f_1 = b with the diagonal A = m/h + theta^2 h K and
 !> b = m w_0/h + K (u_0 + theta D e - theta (1 - theta) h w_0): either |b| <= F_0 and w_1 = 0, or
@@ -29,6 +30,7 @@ module dst_moreau_jean
   use dst_drive, only: drive_segment_t
   use dst_friction, only: friction_law_t
   use dst_interpolation, only: new_grid
+  use dst_rest, only: comes_to_rest, is_on_line
   use dst_roots, only: bracket_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
@@ -94,7 +96,7 @@ contains
         inertia = inertia + theta*self%slider%damping
         free_force = free_force + self%slider%damping*(driven/step - (1.0_wp - theta)*w)
       end if
-      if (is_held(self%slider%law, free_force, w)) then
+      if (is_held(self%slider, free_force, w, from%u, drive%velocity_at(from%time))) then
         to%y(1:2) = 0.0_wp
         friction = free_force
       else
@@ -104,6 +106,7 @@ contains
       to%u = from%u + driven - step*mean_velocity
       mean_elongation = theta*to%u + (1.0_wp - theta)*from%u
       call to%later(from, step)
+      call turn(self%slider, drive, w, to)
       to%position = from%position + step*dot_product(system%drive_coupling, mean_velocity)
       to%drive_work = from%drive_work + dot_product(driven, k*mean_elongation)
       to%friction_work = from%friction_work + step*dot_product(friction, mean_velocity)
@@ -119,16 +122,37 @@ contains
     outcome = attempt_t(solved=.true., error=0.0_wp, factor=1.0_wp)
   end subroutine attempt
 
-  !> Whether static friction above the kinetic one stops the object: at rest it balances more than in slip, and an object that turns
-  !> back has been at rest.
-  pure logical function is_held(law, free_force, velocity)
-    class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: free_force(2), velocity(2)   !! b [N] and w_0 [m/s]
+  !> Whether static friction above the kinetic one holds the object: one that is at rest, or that has been at rest in the step
+  !> because it turns back on a straight line.
+  pure logical function is_held(slider, free_force, velocity, u, drive_velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: free_force(2), velocity(2)      !! b [N] and w_0 [m/s]
+    real(wp), intent(in) :: u(2), drive_velocity            !! m, m/s
+    real(wp) :: speed
 
-    is_held = law%static_limit > law%kinetic_limit
-    if (is_held) is_held = hypot(free_force(1), free_force(2)) <= law%static_limit .and. &
-      .not. dot_product(free_force, velocity) > 0.0_wp
+    is_held = slider%law%static_limit > slider%law%kinetic_limit
+    if (is_held) is_held = hypot(free_force(1), free_force(2)) <= slider%law%static_limit
+    speed = hypot(velocity(1), velocity(2))
+    if (is_held .and. speed > 0.0_wp) is_held = dot_product(free_force, velocity) <= 0.0_wp .and. &
+      is_on_line(slider, velocity/speed, u, drive_velocity)
   end function is_held
+
+  !> Let slip with the velocity `before` [m/s] that ended within the step go on in the direction of the force, if it does not come
+  !> to rest. That matters only if the static limit would hold it.
+  pure subroutine turn(slider, drive, before, to)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    real(wp), intent(in) :: before(2)
+    type(state_t), intent(inout) :: to
+    real(wp) :: force(2), drive_velocity
+
+    if (.not. slider%law%static_limit > slider%law%kinetic_limit) return
+    if (any(abs(to%y(1:2)) > 0.0_wp) .or. .not. any(abs(before) > 0.0_wp)) return
+    drive_velocity = drive%velocity_at(to%time)
+    if (comes_to_rest(slider, atan2(before(2), before(1)), to%u, drive_velocity, drive%acceleration)) return
+    force = slider%force_at_rest(to%u, drive_velocity)
+    to%y(1:2) = epsilon(1.0_wp)*hypot(before(1), before(2))*force/hypot(force(1), force(2))
+  end subroutine turn
 
   !> w_1 and f_1 of A w_1 + f_1 = b.
   subroutine slip_velocity_after(self, inertia, free_force, speed_before, velocity, friction)

@@ -28,8 +28,6 @@ module dst_braking
     real(wp) :: delay = 0.0_wp
     !> Whether friction changes little and smoothly until then, compared with the force that brakes.
     logical :: steady = .false.
-    !> Highest v until then [m/s].
-    real(wp) :: highest = 0.0_wp
   contains
     procedure :: ends_within
     procedure :: end_of_slip
@@ -71,18 +69,15 @@ contains
         stopping%steady = change(1) <= linear_change*m*abs(stopping%acceleration) .and. &
           change(2) <= curved_change*m*abs(stopping%acceleration)
       end associate
-      stopping%highest = v
-      if (stopping%falls .and. stopping%acceleration > 0.0_wp) &
-        stopping%highest = v - 0.5_wp*stopping%acceleration**2/stopping%jerk
     end associate
   end function braking
 
-  !> Whether slip ends smoothly within `time` [s], and is no faster than `cut` [m/s] until then.
-  pure logical function ends_within(self, time, cut)
+  !> Whether slip ends smoothly within `time` [s], falling all the time: slip that speeds up first may turn meanwhile.
+  pure logical function ends_within(self, time)
     class(braking_t), intent(in) :: self
-    real(wp), intent(in) :: time, cut
+    real(wp), intent(in) :: time
 
-    ends_within = self%falls .and. self%steady .and. self%highest <= cut .and. self%delay <= time
+    ends_within = self%falls .and. self%steady .and. self%acceleration < 0.0_wp .and. self%delay <= time
   end function ends_within
 
   !> The state at the end of slip. Its works follow from u, F(v) and the dampers, which vary until then.
@@ -102,7 +97,7 @@ contains
       travel = drive%displacement(from%time, delay)
       call to%later(from, delay)
       to%u = from%u + travel*slider%drive_coupling() - slipped*slider%free*direction
-      to%y = 0.0_wp
+      to%y(1) = 0.0_wp
       to%position = from%position + slipped*dot_product(slider%along, direction)
       to%friction_work = from%friction_work + slider%law%kinetic_limit*slipped + slope(1)*v**2*delay/3.0_wp
       to%drive_work = from%drive_work + travel*dot_product(slider%stiffness*slider%drive_coupling(), 0.5_wp*(from%u + to%u)) &

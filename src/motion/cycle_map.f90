@@ -11,7 +11,7 @@ module dst_cycle_map
   use dst_divergence, only: divergence_t
   use dst_errors, only: error_t
   use dst_fast_cycle, only: release_angle_t, release_at, fast_cycle_t
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp, int64, pi
   use dst_leap, only: leap_t
   use dst_motion, only: motion_t, serialise_motion
   use dst_piece, only: piece_t, no_event, slip_begins, slips, touches, sticks
@@ -38,6 +38,13 @@ module dst_cycle_map
   !> They begin no nearer than this share of rtol, and have to end within this many times the duration of the one that is measured.
   !> Conventions.
   real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
+  !> An excursion that is reused lies in time by the drift of fast cycles: each lasts no longer than this many periods of the stiffer
+  !> spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller is a slow
+  !> cycle, or noise. Conventions; twice: no change on Fig. 3.
+  real(wp), parameter :: longest_fast = 10.0_wp, least_turn = 10.0_wp, alike = 2.0_wp
+  !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the balance of
+  !> steps is open by 190 at most.
+  real(wp), parameter :: unbalanced = 1000.0_wp
   !> Largest numbers of leaps that are kept, of excursions that can be reused, and of pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
 
@@ -254,8 +261,34 @@ contains
         self%excursion_releases = 0
         self%excursion_at = now%time
       end if
+      if (place > 0) then
+        if (.not. is_sound(self, here, self%leaps(place), longest)) place = 0
+      end if
     end associate
   end subroutine choose_leap
+
+  !> Whether a leap invents nothing: the time increases, by no more than asked, the lead is at most one fast cycle, events stay in
+  !> order, and the works balance. Otherwise the motion continues by steps.
+  logical function is_sound(self, here, leap, longest)
+    class(cycle_map_t), intent(in) :: self
+    type(release_angle_t), intent(in) :: here
+    type(leap_t), intent(in) :: leap
+    real(wp), intent(in) :: longest
+    real(wp), allocatable :: time(:)
+    integer, allocatable :: kind(:)
+    real(wp) :: lead
+
+    lead = lead_of(self, here, leap)
+    associate (k => self%slider%stiffness, u => self%slider%elongation_at_limit(leap%from%theta()), &
+        u_last => self%slider%elongation_at_limit(leap%to%theta()), duration => leap%duration - lead)
+      is_sound = duration > 0.0_wp .and. duration <= longest .and. leap%friction_work >= 0.0_wp .and. &
+        abs(leap%drive_work - leap%friction_work - 0.5_wp*sum(k*(u_last**2 - u**2))) <= unbalanced*self%survey%rtol*leap%exchanged
+    end associate
+    if (.not. is_sound .or. .not. abs(lead) > 0.0_wp) return
+    call leap%events(time, kind)
+    where (time > leap%slip_begins) time = time - lead
+    is_sound = abs(lead) <= self%survey%last%duration .and. all(time(2:) > time(:size(time) - 1))
+  end function is_sound
 
   !> A leap that began at the same release and ends in time, 0 if there is none.
   integer function known_leap(self, here, longest) result(place)
@@ -292,8 +325,10 @@ contains
     lead = 0.0_wp
     if (leap%table > 0 .or. .not. self%survey%before%known) return
     associate (last => self%survey%last, before => self%survey%before)
-      ! Slow cycles with one stick each are excursions themselves, and do not drift: if they repeat, their turns are roundoff.
-      if (.not. max(last%duration, before%duration) < 0.5_wp*leap%duration) return
+      ! Slow cycles with one stick each do not drift: if they repeat, their turns are noise.
+      if (max(last%duration, before%duration) > longest_fast*2.0_wp*pi*self%slider%radian_time()) return
+      if (min(abs(last%turn), abs(before%turn)) < least_turn*self%survey%rtol) return
+      if (last%turn/before%turn < 1.0_wp/alike .or. last%turn/before%turn > alike) return
       lead = (here%angle - leap%from%angle)*(1.5_wp*last%duration/last%turn - 0.5_wp*before%duration/before%turn)
     end associate
   end function lead_of

@@ -10,7 +10,7 @@ module dst_explicit_slip
   use dst_motion, only: at_time
   use dst_piece, only: slips
   use dst_release, only: release_t, release_series
-  use dst_rest, only: holds, slip_start_t, spring_force_size
+  use dst_rest, only: slip_start_t, spring_force_size
   use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, serialise_slip_stick, negligible_share
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
@@ -57,9 +57,9 @@ contains
     end if
   end subroutine go_on
 
-  !> End slip that is slower than the cut-off in closed form. Slip against K u ends without a rest, in a turn: the method continues
-  !> until the slip is so slow that the change of direction does not matter; then its speed counts as zero. The same holds for slip
-  !> in which a knot of the drive occurs just after its release.
+  !> End slip that is slower than the cut-off in closed form. Slip against more than friction ends without a rest, in a turn: the
+  !> method continues through it, unless its speed is negligible and counts as zero. The same holds for slip in which a knot of the
+  !> drive occurs just after its release.
   subroutine end_slow_slip(self, horizon, ended)
     class(explicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -79,17 +79,17 @@ contains
       ended = now%y(1) <= cut .or. negligible
       if (.not. ended) return
       stopping = braking(self%slider, drive, now)
-      ended = stopping%ends_within(now%until(horizon), cut)
+      ended = stopping%ends_within(now%until(horizon))
       if (ended) then
         to = stopping%end_of_slip(self%slider, drive, now)
-        if (.not. negligible) ended = holds(self%slider, to%u, merge(drive%velocity_at(to%time), drive_velocity, &
-          self%slider%is_damped()), drive%acceleration)
+        if (.not. negligible) ended = self%ends_straight(to%u, merge(drive%velocity_at(to%time), drive_velocity, &
+          self%slider%is_damped()), cut)
       end if
       if (.not. ended) then
         ended = negligible .and. (.not. now%time > drive%start .or. stopping%acceleration < 0.0_wp)
         if (.not. ended) return
         now%y(1) = 0.0_wp
-        call self%rest_or_set_off()
+        call self%stop_or_turn()
         return
       end if
     end associate

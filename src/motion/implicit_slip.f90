@@ -8,9 +8,9 @@ module dst_implicit_slip
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_piece, only: slips
-  use dst_rest, only: holds, slip_start_t, spring_force_size
+  use dst_rest, only: slip_start_t, spring_force_size
   use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, serialise_slip_stick, &
-    negligible_share, noise_allowance
+    noise_allowance
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_stepping, only: slide
@@ -71,8 +71,8 @@ contains
     if (.not. ended) call slide(self, horizon, error)
   end subroutine go_on
 
-  !> End slip that is slower than the cut-off in closed form, if it is about to stop and rests then. Slip against K u ends without a
-  !> rest, in a turn: the method continues until the slip is so slow that the change of direction does not matter.
+  !> End slip that is slower than the cut-off in closed form, if it is about to stop and rests then. Slip against more than friction
+  !> ends without a rest, in a turn: the method continues through it, unless its speed is negligible.
   subroutine end_slow_slip(self, horizon, ended)
     class(implicit_slip_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
@@ -92,14 +92,12 @@ contains
         cut = now%y(1)
       end if
       stopping = braking(self%slider, drive, now)
-      if (.not. (stopping%ends_within(now%until(horizon), cut) .and. stopping%acceleration < 0.0_wp)) return
+      if (.not. stopping%ends_within(now%until(horizon))) return
       to = stopping%end_of_slip(self%slider, drive, now)
       if (unloaded) then
         if (.not. is_unloaded(self, to)) return
       end if
-      ended = now%y(1) <= negligible_share*cut
-      if (.not. ended) ended = holds(self%slider, to%u, merge(drive%velocity_at(to%time), self%drive_velocity(), &
-        self%slider%is_damped()), drive%acceleration)
+      ended = self%ends_straight(to%u, merge(drive%velocity_at(to%time), self%drive_velocity(), self%slider%is_damped()), cut)
     end associate
     if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip

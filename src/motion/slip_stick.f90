@@ -8,7 +8,8 @@ module dst_slip_stick
   use dst_interpolation, only: chebyshev_grid
   use dst_kinds, only: wp, pi
   use dst_piece, only: stick_begins, slip_begins, slips, touches, sticks
-  use dst_rest, only: holds, release_delay, slip_start_t, start_at_release, start_of_slip, touch_time
+  use dst_rest, only: is_held, comes_to_rest, delay_by_turning, release_delay, slip_start_t, start_at_release, start_of_slip, &
+    touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
   use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
@@ -46,6 +47,8 @@ module dst_slip_stick
     procedure :: first_step
     procedure :: come_to_rest
     procedure :: rest_or_set_off
+    procedure :: stop_or_turn
+    procedure :: ends_straight
     procedure :: look_at_jump
     procedure :: stay_stuck
     procedure :: finish
@@ -85,7 +88,7 @@ contains
 
     self%just_released = .false.
     if (.not. self%piece%to%y(1) > 0.0_wp) then
-      call self%rest_or_set_off()
+      call self%rest_or_set_off(stays_at_rest(self))
       return
     end if
     self%next_step = min(self%next_step, self%first_step())
@@ -107,18 +110,33 @@ contains
     first_step = self%piece%to%y(1)*self%slider%mass/max(self%slider%law%kinetic_limit, tiny(1.0_wp))
   end function first_step
 
-  !> At v = 0: rest, or continue in the direction of K u.
-  subroutine rest_or_set_off(self)
+  !> At v = 0: rest, or set off in the direction of K u.
+  subroutine rest_or_set_off(self, rests)
+    class(slip_stick_t), intent(inout) :: self
+    logical, intent(in) :: rests
+
+    if (rests) then
+      call self%come_to_rest()
+    else
+      call self%set_off(start_of_slip(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
+    end if
+  end subroutine rest_or_set_off
+
+  !> Whether the object, which has not moved until now, is held.
+  pure logical function stays_at_rest(self)
+    class(slip_stick_t), intent(in) :: self
+
+    stays_at_rest = is_held(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration)
+  end function stays_at_rest
+
+  !> After slip whose speed has fallen to zero: rest, or a turn.
+  subroutine stop_or_turn(self)
     class(slip_stick_t), intent(inout) :: self
 
-    associate (u => self%piece%to%u, drive_velocity => self%drive_velocity())
-      if (holds(self%slider, u, drive_velocity, self%piece%drive%acceleration)) then
-        call self%come_to_rest()
-      else
-        call self%set_off(start_of_slip(self%slider, u, drive_velocity, self%piece%drive%acceleration))
-      end if
+    associate (now => self%piece%to)
+      call self%rest_or_set_off(comes_to_rest(self%slider, now%y(2), now%u, self%drive_velocity(), self%piece%drive%acceleration))
     end associate
-  end subroutine rest_or_set_off
+  end subroutine stop_or_turn
 
   !> Where the drive velocity jumps, the force of the dampers jumps: a slip that begins there is accelerated by the excess of their
   !> force over friction, and one that would begin after a stop may not begin.
@@ -129,7 +147,7 @@ contains
     if (self%piece%from%time > self%piece%drive%start .or. self%piece%drive%start <= 0.0_wp) return
     self%just_released = .false.
     self%contact = slips
-    call self%rest_or_set_off()
+    call self%rest_or_set_off(stays_at_rest(self))
     self%piece%from = self%piece%to
     self%piece%contact = self%contact
   end subroutine look_at_jump
@@ -243,7 +261,7 @@ contains
 
     if (self%just_released .and. .not. truncated) self%release_step = self%next_step
     self%just_released = .false.
-    if (stopped) call self%rest_or_set_off()
+    if (stopped) call self%stop_or_turn()
     if (fades(self)) call self%come_to_rest()
   end subroutine settle
 
@@ -255,10 +273,23 @@ contains
     fades = .false.
     if (self%contact /= slips .or. self%just_released) return
     associate (now => self%piece%to)
-      if (now%y(1) <= faded_share*self%stepper%start_speed) &
-        fades = holds(self%slider, now%u, self%drive_velocity(), self%piece%drive%acceleration)
+      if (now%y(1) <= faded_share*self%stepper%start_speed) fades = stays_at_rest(self)
     end associate
   end function fades
+
+  !> Whether slip from the present state whose speed falls to zero at the elongation `u` [m] may end there in its present direction:
+  !> the time that this neglects is to the time up to the end what the speed `cut` [m/s] is to the largest slip speed.
+  pure logical function ends_straight(self, u, drive_velocity, cut)
+    class(slip_stick_t), intent(in) :: self
+    real(wp), intent(in) :: u(2), drive_velocity, cut
+    real(wp) :: share
+
+    associate (now => self%piece%to)
+      share = max(delay_by_turning(self%slider, now%y(2), now%u, self%drive_velocity()), &
+        delay_by_turning(self%slider, now%y(2), u, drive_velocity))
+      ends_straight = share*now%y(1) <= max(negligible_share, self%cut_share)*cut
+    end associate
+  end function ends_straight
 
   !> The end of slip in closed form as a piece, with its final state.
   subroutine finish(self, stopping, to)
@@ -270,7 +301,7 @@ contains
     call self%piece%path%take(self%closed_form)
     self%piece%to = to
     self%stepper%count%steps = self%stepper%count%steps + 1
-    call self%rest_or_set_off()
+    call self%stop_or_turn()
   end subroutine finish
 
   !> The direction of slip is an unknown.

@@ -2,7 +2,7 @@
 module dst_time_stepping
   use dst_kinds, only: wp
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
-  use dst_rest, only: holds, limit_roundoff, spring_force_size
+  use dst_rest, only: is_held, limit_roundoff, spring_force_size
   use dst_stepping, only: stepping_t
   implicit none
   private
@@ -25,7 +25,7 @@ contains
     call self%stepping_t%begin()
     associate (now => self%piece%to)
       if (any(abs(now%y) > 0.0_wp)) return
-      if (.not. holds(self%slider, now%u, self%drive_velocity(), self%piece%drive%acceleration)) return
+      if (.not. is_held(self%slider, now%u, self%drive_velocity(), self%piece%drive%acceleration)) return
     end associate
     self%contact = sticks
     call self%note_event(stick_begins)

@@ -1,8 +1,8 @@
 !> Friction laws: magnitude of the friction force as a function of the slip speed.
 !>
 !> There are two limits. The static limit F_s is the largest force that friction balances at rest; the kinetic limit F_0 = F(0+) is
-!> the friction force as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest, release and landing depend
-!> on F_s, forces and slopes in slip on F.
+!> the friction force as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest and
+!> release depend on F_s, stops, forces and slopes in slip on F.
 !>
 !> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
 !> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/equations.md (stribeck, table).

@@ -2,7 +2,10 @@
 !>
 !> The object sticks while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. It is released when
 !> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m; this is zero if F_s is the kinetic limit F_0 = F(0+).
-!> If the object stops with |K u| >= F_s, it does not rest: the motion continues in the direction of K u.
+!>
+!> Slip comes to rest only where |K u| < F_0, because friction in slip is F_0 down to v = 0: under more load the direction of slip
+!> turns at a speed that never vanishes, into the direction of K u, and slip goes on. Slip on a straight line cannot turn: there it
+!> stops, and rests up to F_s. So an object at rest `is_held` up to F_s, and slip `comes_to_rest` up to F_0.
 !>
 !> With dampers C the force on the object at rest is K u + C V e, with the velocity V of the drive, instead of K u. It jumps where V
 !> jumps.
@@ -18,7 +21,8 @@ module dst_rest
   implicit none
   private
 
-  public :: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
+  public :: spring_force_size, is_held, comes_to_rest, is_on_line, delay_by_turning
+  public :: release_delay, slip_start_t, start_of_slip, start_at_release, touch_time, limit_roundoff
 
   !> Roundoff of the spring force at the static limit, relative to it: of a force that rests there, and of one that has been moved
   !> there. It is the roundoff of |K u|, with a margin. Twice: no change on Fig. 3 with radau9 and dopri5.
@@ -26,6 +30,11 @@ module dst_rest
   !> A touch lasts no longer than this share of a radian of the faster oscillation, or of the loading of the springs. Convention.
   !> Twice: no change on Fig. 3; 31 instead of 32 sticks where the slip speed just reaches zero in each oscillation.
   real(wp), parameter :: touch_share = 1.0e-3_wp
+
+  !> What strays from a line within roundoff: of an elongation or a drive velocity, relative to it; and the angle of a slip, which
+  !> the stiffer spring magnifies [rad]. Conventions: 1e5 slips along the stiff axis stray by 6e-12, and an angle by 4e-16 k_y/k_x.
+  !> Twice: no change.
+  real(wp), parameter :: line_roundoff = 4.0e4_wp*epsilon(1.0_wp), line_angle = 1.0e-6_wp
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
   type :: slip_start_t
@@ -48,11 +57,34 @@ contains
     spring_force_size = hypot(force(1), force(2))
   end function spring_force_size
 
-  !> Whether an object at rest stays at rest. Exactly at the static limit this depends on whether the drive [m/s, m/s2] increases
-  !> the force.
-  pure logical function holds(slider, u, drive_velocity, drive_acceleration)
+  !> Whether an object at rest stays at rest, with the drive at this velocity [m/s] and acceleration [m/s2].
+  pure logical function is_held(slider, u, drive_velocity, drive_acceleration)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
+    real(wp), intent(in), optional :: drive_acceleration
+
+    is_held = balances(slider, slider%law%static_limit, u, drive_velocity, drive_acceleration)
+  end function is_held
+
+  !> Whether slip in the direction `theta` [rad] whose speed falls to zero ends at rest. On a straight line it stops against any
+  !> force, and then the static limit holds it.
+  pure logical function comes_to_rest(slider, theta, u, drive_velocity, drive_acceleration)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: theta, u(2), drive_velocity, drive_acceleration
+    real(wp) :: direction(2)
+
+    comes_to_rest = balances(slider, slider%law%kinetic_limit, u, drive_velocity, drive_acceleration)
+    if (comes_to_rest .or. .not. slider%law%static_limit > slider%law%kinetic_limit) return
+    direction = [cos(theta), sin(theta)]
+    comes_to_rest = is_held(slider, u, drive_velocity, drive_acceleration) .and. is_on_line(slider, direction, u, drive_velocity) &
+      .and. dot_product(slider%force_at_rest(u, drive_velocity), direction) < 0.0_wp
+  end function comes_to_rest
+
+  !> Whether friction up to `limit` [N] balances the force on the object at rest. Exactly at the limit this depends on whether the
+  !> drive increases the force.
+  pure logical function balances(slider, limit, u, drive_velocity, drive_acceleration)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: limit, u(2), drive_velocity
     real(wp), intent(in), optional :: drive_acceleration
     real(wp) :: pull(2), outward, force
 
@@ -60,9 +92,41 @@ contains
     pull = slider%loading_rate(drive_velocity, drive_acceleration)
     outward = dot_product(pull, slider%force_at_rest(u, drive_velocity))
     if (.not. force > 0.0_wp) outward = dot_product(pull, pull)
-    holds = force < slider%law%static_limit
-    if (.not. outward > 0.0_wp) holds = force <= slider%law%static_limit*(1.0_wp + limit_roundoff)
-  end function holds
+    balances = force < limit
+    if (.not. outward > 0.0_wp) balances = force <= limit*(1.0_wp + limit_roundoff)
+  end function balances
+
+  !> Whether slip in this direction, the elongation and the drive are on one line, and the forces of springs and dampers with them:
+  !> on a principal axis, or on any line if both springs and both dampers are equal.
+  pure logical function is_on_line(slider, direction, u, drive_velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: direction(2), u(2), drive_velocity
+    real(wp) :: across(2), drive(2)
+
+    across = [-direction(2), direction(1)]
+    if (abs(slider%stiffness(1) - slider%stiffness(2)) + abs(slider%damping(1) - slider%damping(2)) > 0.0_wp) &
+      across = merge([0.0_wp, 1.0_wp], [1.0_wp, 0.0_wp], abs(direction(1)) > abs(direction(2)))
+    drive = slider%drive_coupling()*drive_velocity
+    is_on_line = abs(dot_product(across, direction)) <= line_angle &
+      .and. abs(dot_product(across, u)) <= line_roundoff*hypot(u(1), u(2)) &
+      .and. abs(dot_product(across, drive)) <= line_roundoff*hypot(drive(1), drive(2))
+  end function is_on_line
+
+  !> Share of the time up to the end of slip in the direction `theta` [rad] by which the end is later, or the turn, because the
+  !> direction does not stay: f^2 sin(delta)^2/|F_0^2 - f^2|, with the angle delta to the force f, if both forces are constant.
+  pure real(wp) function delay_by_turning(slider, theta, u, drive_velocity) result(share)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: theta, u(2), drive_velocity
+    real(wp) :: force(2), size, across
+
+    force = slider%force_at_rest(u, drive_velocity)
+    size = hypot(force(1), force(2))
+    across = force(2)*cos(theta) - force(1)*sin(theta)
+    share = 0.0_wp
+    associate (limit => slider%law%kinetic_limit)
+      if (abs(across) > 0.0_wp) share = across/max(abs(limit - size), epsilon(limit)*limit)*(across/(limit + size))
+    end associate
+  end function delay_by_turning
 
   !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment.
   !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.

@@ -1,7 +1,7 @@
 !> Output columns: the quantities of the motion at one instant.
 !>
 !> Adding a column: its number, one line in `columns` and one case in `value_of`; docs/howto/output_column.md.
-!> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10).
+!> Source of the formulas: Nakano & Popov (2020), Eqs. (4)-(6) and (10); the elongation rates are the preprint's v_x and v_y.
 module dst_columns
   use dst_kinds, only: wp, pi
   use dst_drive, only: drive_t
@@ -18,10 +18,10 @@ module dst_columns
   integer, parameter :: c_time = 1, c_u_x = 2, c_u_y = 3, c_w_x = 4, c_w_y = 5, c_x = 6, c_y = 7, c_x_rate = 8
   integer, parameter :: c_y_rate = 9, c_spring_force_x = 10, c_spring_force_y = 11
   integer, parameter :: c_friction = 12, c_theta = 13, c_psi = 14, c_sticking = 15, c_zeta = 16
-  integer, parameter :: c_pull_force = 17, c_theta_deg = 18
+  integer, parameter :: c_pull_force = 17, c_theta_deg = 18, c_u_x_rate = 19, c_u_y_rate = 20
 
   !> Columns that are written only if they are requested by name: they follow from the others.
-  character(*), parameter :: columns_on_request = 'pull_force theta_deg'
+  character(*), parameter :: columns_on_request = 'pull_force theta_deg u_x_rate u_y_rate'
 
   !> The table of columns: name, unit, meaning.
   type(quantity_t), parameter :: columns(*) = [ &
@@ -42,7 +42,9 @@ module dst_columns
     quantity_t('sticking', '1', '1 while the object sticks, 0 while it slips'), &
     quantity_t('zeta', '1', 'damping ratio of the soft mode, Eq. (10)'), &
     quantity_t('pull_force', 'N', 'force of springs and dampers on the object along the drive: what a load cell measures'), &
-    quantity_t('theta_deg', 'deg', 'angle of the friction force to the soft axis')]
+    quantity_t('theta_deg', 'deg', 'angle of the friction force to the soft axis'), &
+    quantity_t('u_x_rate', 'm/s', 'elongation rate of the spring along the soft axis'), &
+    quantity_t('u_y_rate', 'm/s', 'elongation rate of the spring along the stiff axis')]
 
 contains
 
@@ -147,6 +149,10 @@ contains
         value = dot_product(instant%spring_force + slider%damping*(instant%drive_velocity*e - w), e)
       case (c_theta_deg)
         value = instant%theta*(180.0_wp/pi)
+      case (c_u_x_rate)
+        value = instant%drive_velocity*e(1) - w(1)
+      case (c_u_y_rate)
+        value = instant%drive_velocity*e(2) - w(2)
       case default
         value = 0.0_wp
       end select

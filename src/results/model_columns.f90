@@ -38,7 +38,9 @@ module dst_model_columns
     row_t('theta', 'aaa-'), &
     row_t('psi', 'aaa-'), &
     row_t('sticking', 'hfa-'), &
-    row_t('zeta', 'aa--')]
+    row_t('zeta', 'aa--'), &
+    row_t('u_x_rate', 'afa-'), &
+    row_t('u_y_rate', 'hfa-')]
   type(row_t), parameter :: any_other = row_t('', 'aaa-')
 
 contains

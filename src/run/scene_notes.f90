@@ -7,10 +7,11 @@ module dst_scene_notes
   use dst_sampling, only: sampling_note
   use dst_scene, only: scene_t
   use dst_schema, only: find_key
+  use dst_stiffness, only: stiffness_note
   implicit none
   private
 
-  public :: scene_notes
+  public :: scene_notes, sweep_notes
 
   !> A ratio above which a quantity is far larger. A convention: on Fig. 3 v_f is ten times V, which is intended.
   real(wp), parameter :: far = 30.0_wp
@@ -40,6 +41,7 @@ contains
       call note_weakening(fastest)
     if (deck%is_used('friction', 'v_smooth')) call note_smoothing(fastest*abs(sin(scene%misalignment_deg*pi/180.0_wp)))
     if (sampling_note(scene) /= '') call note('output', 'interval', sampling_note(scene))
+    call note_stiffness(deck, scene, 1.0_wp, notes)
     text = ''
     if (notes%count > 0) text = notes%report(deck%name)//new_line('a')
 
@@ -83,4 +85,29 @@ contains
       call notes%add(deck%value(find_key(group, key))%place, 'note: '//what)
     end subroutine note
   end subroutine scene_notes
+
+  !> The notes on the deck of a sweep of so many `cases`, where `scene` is that of the deck itself.
+  subroutine sweep_notes(deck, scene, cases, text)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: cases
+    character(:), allocatable, intent(out) :: text
+    type(faults_t) :: notes
+
+    notes = deck%notes
+    call note_stiffness(deck, scene, cases, notes)
+    text = ''
+    if (notes%count > 0) text = notes%report(deck%name)//new_line('a')
+  end subroutine sweep_notes
+
+  subroutine note_stiffness(deck, scene, cases, notes)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: cases
+    type(faults_t), intent(inout) :: notes
+    character(:), allocatable :: what
+
+    what = stiffness_note(scene, cases)
+    if (what /= '') call notes%add(deck%value(find_key('integrator', 'method'))%place, 'note: '//what)
+  end subroutine note_stiffness
 end module dst_scene_notes

@@ -66,12 +66,12 @@ test_bounds() { # test_bounds lowest|newest PYTHON
   pip -c "$scratch/lowest.txt" "${build_tools[@]}" ninja
   # meson and its Python of this environment; without isolation, so that the build has these versions.
   PATH=$clean/bin:$PATH pip -c "$scratch/lowest.txt" --no-build-isolation "$source" pytest
-  say "Installed in $seconds s: $("$clean/bin/python" -m pip freeze --all | grep -E "^(meson|meson-python|numpy|h5py|matplotlib|xarray|pandas)==" | tr '\n' ' ')"
+  say "Installed in $seconds s: $("$clean/bin/python" -m pip freeze --all | grep -E "^(meson|meson-python|numpy|h5py|matplotlib|xarray|pandas|scipy)==" | tr '\n' ' ')"
   run_pytest --collect-only -qq tests > "$scratch/collected.txt" 2>&1 || {
     tail -n 40 "$scratch/collected.txt" >&2
     die 'without the extras not every test is collected: pytest.importorskip("PACKAGE", reason="pip install PACKAGE")'
   }
-  mapfile -t extras < <(requirements "['project']['optional-dependencies']['fit'] + project['project']['optional-dependencies']['netcdf'] + project['project']['optional-dependencies']['progress']")
+  mapfile -t extras < <(requirements "['project']['optional-dependencies']['netcdf'] + project['project']['optional-dependencies']['progress']")
   pip -c "$scratch/lowest.txt" "${extras[@]}" pytest-xdist
   run_pytest -m 'not full' -n auto --dist loadfile "${tests[@]/#/tests/python/}"
 }

@@ -9,8 +9,7 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from fig3 import CONSTANT, SLIDER
-
-solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
+from scipy.integrate import solve_ivp
 
 DEGREES = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)
 # Errors at tau = 0.5, computed in quadruple precision.

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from programs import ROOT
-
-integrate = pytest.importorskip("scipy.integrate", reason="pip install scipy")
-simpson, solve_ivp = integrate.simpson, integrate.solve_ivp
-brentq = pytest.importorskip("scipy.optimize", reason="pip install scipy").brentq
+from scipy.integrate import simpson, solve_ivp
+from scipy.optimize import brentq
 
 IMPLICIT = ["radau5", "radau9", "radau13"]
 EXPLICIT = ["dopri5", "dop853"]

@@ -28,7 +28,7 @@ PAGES = (
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}
 
 
-EXTRAS = {"howto/fit_a_trace": "scipy", "python_ten_minutes": "scipy", "howto/read_files": "h5netcdf"}
+EXTRAS = {"howto/read_files": "h5netcdf"}
 """What the commands of a page need besides the package's own dependencies."""
 
 

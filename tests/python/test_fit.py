@@ -12,8 +12,6 @@ import pytest
 from dynstiction import trace_fit
 from programs import INPUTS, Program
 
-pytest.importorskip("scipy", reason="pip install scipy")
-
 ALL = ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f", "system.mass", "system.stiffness_x")
 QUICK = {"method": "radau13", "rtol": 1e-7}
 RIG = ds.Scene(INPUTS / "fig3.nml").replace(

@@ -12,8 +12,7 @@ import pytest
 from fig3 import CONSTANT, DECK, FRICTION, TEXT
 from programs import DONE, Program, executable
 from results import assert_same
-
-solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
+from scipy.integrate import solve_ivp
 
 Deck = dict[str, dict[str, Any]]
 

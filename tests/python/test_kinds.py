@@ -15,7 +15,6 @@ from dynstiction.plot.spectra import predicted_ridge
 from dynstiction.plot.style import new_figure
 from dynstiction.plot.theory import damping_crossing, slider
 from fig3 import CONSTANT
-from matplotlib.figure import Figure
 
 SHORT = {"t_end": 0.3}
 FINE = {"interval": 2e-4}
@@ -29,12 +28,6 @@ def phi10_result() -> ds.Result:
 @pytest.fixture(scope="module")
 def constant_result() -> ds.Result:
     return ds.run(deck("fig3_constant"), scene={"t_end": 2.2})
-
-
-def crosses(figure: Figure) -> list[tuple[float, float]]:
-    (axis,) = figure.axes
-    points = [line for line in axis.lines if line.get_marker() == "x"]
-    return sorted((float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in points)
 
 
 def weakened_ratio(theta_deg: float, phi_deg: float) -> float:
@@ -66,9 +59,10 @@ def test_spectrogram_shows_the_ridge_and_the_prediction(fig4_result: ds.Result) 
 
 
 def test_spectrogram_traces_are_the_velocities(fig4_result: ds.Result) -> None:
-    for kind, places in (("spectrogram", (0, 2)), ("velocities", (0, 2))):
+    kinds = {"spectrogram": ("u_x_rate", "u_y_rate"), "velocities": ("w_x", "w_y")}
+    for kind, names in kinds.items():
         axes = plot.draw(fig4_result, kind).axes
-        for place, name in zip(places, ("w_x", "w_y"), strict=True):
+        for place, name in zip((0, 2), names, strict=True):
             drawn = axes[place].lines[0].get_ydata()
             factor = {"mm": 1e3, "µm": 1e6}[axes[place].get_ylabel().partition("[")[2].partition("/")[0]]
             assert (drawn.min(), drawn.max()) == (factor * fig4_result[name].min(), factor * fig4_result[name].max())
@@ -83,25 +77,30 @@ def test_velocities_show_five_periods(fig4_result: ds.Result) -> None:
     assert np.count_nonzero(falls) in (4, 5)
 
 
+def test_fig5_is_a_map_over_lambda_and_theta(fig4_result: ds.Result, phi10_result: ds.Result) -> None:
+    """Lines at Lambda = 3623.9 (1 deg) and 364.2 (10 deg) from 90 deg to theta = phi; zeta is 0.0193 and 1.907 there."""
+    axis = new_figure(lambda empty: draw_damping_of([fig4_result, phi10_result], empty)).axes[0]
+    assert axis.get_xlim()[0] < 1.0
+    assert axis.get_xlim()[1] > 3623.9
+    ratio, theta = np.moveaxis(axis.collections[0].get_coordinates(), 2, 0)
+    zeta = np.asarray(axis.collections[0].get_array())
+    np.testing.assert_allclose(zeta, ratio * np.sin(np.radians(theta)) ** 3, rtol=1e-12)
+    over, degrees = axis.lines[0].get_data()
+    np.testing.assert_allclose(over * np.sin(np.radians(degrees)) ** 3, 1.0, rtol=1e-9)
+    lines = [line.get_data() for line in axis.lines if line.get_linewidth() == 1.0 and line.get_marker() == "None"]
+    np.testing.assert_allclose(lines, [([3623.9] * 2, [90.0, 1.0]), ([364.2] * 2, [90.0, 10.0])], rtol=2e-4)
+    at_end = [ratio[1] * np.sin(np.radians(theta[1])) ** 3 for ratio, theta in lines]
+    np.testing.assert_allclose(at_end, [0.01926, 1.907], rtol=5e-4)
+
+
 def test_crossings_of_fig5(fig4_result: ds.Result, phi10_result: ds.Result) -> None:
-    """Where zeta = 1: 3.733 deg, with weakening at 5.10 and 10.87 deg; steady sliding at 1 deg (0.01926) and 10 deg."""
-    figure = new_figure(lambda empty: draw_damping_of([fig4_result, phi10_result], empty))
-    found = crosses(figure)
-    theta = [degrees for degrees, _ in found]
-    np.testing.assert_allclose(theta, [1.0, 3.733, 5.10, 10.0, 10.873], atol=5e-3)
+    """Where zeta = 1: 3.733 deg, with weakening at 5.10 and 10.87 deg; steady sliding at 1 and at 10 deg."""
+    lines = new_figure(lambda empty: draw_damping_of([fig4_result, phi10_result], empty)).axes[0].lines
+    found = {mark: [[*line.get_ydata()] for line in lines if line.get_marker() == mark and len(line.get_ydata())] for mark in "xo"}
+    assert found["x"] == [pytest.approx([1.0, 3.733], rel=2e-4), pytest.approx([10.0])]
+    assert found["o"] == [pytest.approx([5.103], rel=2e-4), pytest.approx([10.873], rel=2e-4)]
     assert weakened_ratio(10.873, 10.0) == pytest.approx(1.0, rel=1e-3)
     assert weakened_ratio(5.1033, 1.0) == pytest.approx(1.0, rel=1e-3)
-    zeta = [ratio for _, ratio in found]
-    np.testing.assert_allclose(zeta, [0.01926, 1.0, 1.0, 364.2 * np.sin(np.radians(10.0)) ** 3, 1.0], rtol=5e-4)
-    triangles = [line.get_xdata()[0] for line in figure.axes[0].lines if line.get_marker() == "v"]
-    assert triangles == [pytest.approx(4.316, abs=1e-3)]
-
-
-def test_damping_curve_is_equation_10(fig4_result: ds.Result) -> None:
-    line = plot.draw(fig4_result, "damping").axes[0].lines[0]
-    theta, zeta = line.get_data()
-    np.testing.assert_allclose(zeta, 3623.9 * np.sin(np.radians(theta)) ** 3, rtol=2e-5)
-    assert (theta.max(), theta.min()) == (pytest.approx(90.0), pytest.approx(1.0))
 
 
 def test_damping_crossing_of_closed_forms(fig4_result: ds.Result) -> None:
@@ -117,7 +116,7 @@ def test_damping_marks_where_the_run_has_been(fig4_result: ds.Result) -> None:
     lines = plot.draw(fig4_result, "damping").axes[0].lines
     (visited,) = [line for line in lines if line.get_linewidth() > 2.0 and len(line.get_xdata())]
     lowest = np.degrees(np.arcsin(np.abs(np.sin(fig4_result["theta"][1:])).min()))
-    assert visited.get_xdata().min() == pytest.approx(lowest, rel=1e-6)
+    assert min(visited.get_ydata()) == pytest.approx(lowest, rel=1e-6)
     assert lowest > 5.0
 
 
@@ -212,7 +211,7 @@ def test_a_result_without_parameters_is_refused_where_they_are_needed(fig4_resul
 
 def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Result) -> None:
     still = [
-        (info, np.full_like(values, 1e-5) if info.name in ("w_x", "w_y") else values) for info, values in fig4_result.columns.info()
+        (info, np.full_like(values, 1e-5) if info.name in ("u_x_rate", "u_y_rate") else values) for info, values in fig4_result.columns.info()
     ]
     figure = plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram")
     figure.draw_without_rendering()

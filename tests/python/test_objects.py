@@ -729,7 +729,6 @@ assert not errors, errors
 
 @pytest.mark.parametrize("kilobytes", [256, 1024])
 def test_small_stacks_of_threads_suffice(kilobytes: int, fig3_text: str) -> None:
-    pytest.importorskip("scipy", reason="pip install scipy")
     script = f"SLIDER = {SLIDER!r}\n{SMALL_STACK}".replace("SIZE", str(kilobytes * 1024))
     process(script, fig3_text)
 

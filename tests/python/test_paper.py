@@ -17,7 +17,6 @@ MM_PER_INCH = 25.4
 
 
 def test_command_draws_every_figure_and_lists_it(package: Program, tmp_path: Path) -> None:
-    pytest.importorskip("scipy", reason="pip install scipy")
     done = package("paper", "-o", "a/b", status=0, timeout=None)
     names = ["fig1", "fig2", "fig3", "fig4", "fig5", "creep_validation", "creep", "constant", "phi10"]
     assert done.stdout.split() == [f"a/b/{name}.png" for name in names]

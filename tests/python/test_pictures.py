@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -150,10 +149,10 @@ def test_a_profile_is_drawn_above(held: ds.Result) -> None:
 
 
 def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
-    """At t = 0 the object has its start velocity, |F| = F_0 and theta = phi; a moment later it rests under no load."""
+    """At t = 0 the object has its start velocity, |F| = F_0 and psi = 0; a moment later it rests under no load."""
     assert (result["friction"][0], result["friction"][1] < 1.0) == (pytest.approx(6.0), True)
-    _, _, friction, theta, _ = plot.draw(result, "history").axes
-    for axis, name in ((friction, "friction"), (theta, "theta")):
+    _, _, friction, angle, _ = plot.draw(result, "history").axes
+    for axis, name in ((friction, "friction"), (angle, "psi")):
         assert axis.lines[0].get_xdata()[0] == result.time[1]
         assert result[name][1] != result[name][0]
     segments = plot.draw(result, "path").axes[0].collections[0].get_segments()
@@ -273,7 +272,7 @@ def test_axes_of_the_user(result: ds.Result) -> None:
     assert plot.draw(result, columns=["friction", "X"], end=1.0, ax=[first, second]) is mine
     assert [axis.get_ylabel() for axis in mine.axes] == ["$|F|$ [N]", "$X$ [mm]"]
     assert plot.draw(result, ax=Figure().subplots()).axes[0].get_ylabel() == "$k_x u_x$ [N]"
-    for kind, label in (("path", "$F_x$ [N]"), ("damping", r"angle of friction to the soft axis, $\theta$ [deg]")):
+    for kind, label in (("path", "$F_x$ [N]"), ("damping", r"$\Lambda$")):
         assert plot.draw(result, kind, ax=Figure().subplots()).axes[0].get_xlabel() == label
     for wrong, how in (
         ("as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
@@ -291,7 +290,7 @@ def test_axes_of_the_user(result: ds.Result) -> None:
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
     figure = plot.overlay(runs)
-    assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\theta$ [deg]", "$X$ [mm]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
     for axis in figure.axes:
         assert len(axis.lines) == 2
@@ -309,18 +308,6 @@ def test_what_differs_is_the_physics(result: ds.Result) -> None:
     assert "interval" not in "".join(titles)
     same = replace(finer)
     assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
-
-
-def test_figures_need_no_scipy(result: ds.Result, tmp_path: Path) -> None:
-    result.save(tmp_path / "run.h5")
-    lines = [
-        "import sys, dynstiction as ds, dynstiction.plot as plot",
-        "sys.modules['scipy'] = None",
-        "result = ds.open('run.h5')",
-        "print(sum(len(plot.draw(result, kind).axes) > 0 for kind in plot.KINDS))",
-    ]
-    done = Program((sys.executable, "-c"), folder=tmp_path)("\n".join(lines), status=0)
-    assert done.stdout == f"{len(plot.KINDS)}\n"
 
 
 def test_commands_name_what_they_wrote_and_what_is_wrong(
@@ -423,7 +410,7 @@ def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
     axis.text(*place, "hidden", transform=figure.transFigure).set_in_layout(False)
     axis.text(0.9, 0.5, "beyond", transform=figure.transFigure).set_in_layout(False)
     found = overprinted(figure)
-    assert (r"damping ratio $\zeta$", "hidden") in found
+    assert (r"angle of friction to the soft axis, $\theta$ [deg]", "hidden") in found
     assert ("beyond", "the edge") in found
 
 
@@ -482,10 +469,36 @@ def test_no_period_where_no_cycle_persists(angles) -> None:
     np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
     (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
     np.testing.assert_array_equal(marks.get_xdata(), angles["system.misalignment_deg"].values[steady])
-    assert "no cycle persists" in [text.get_text() for text in axis.texts]
+    assert "no stick-slip" in [text.get_text() for text in axis.texts]
     # Ringing down towards steady sliding has had cycles, and none now.
     ringing = angles.assign(period=angles["period"].fillna(1.0))
     np.testing.assert_array_equal(np.isfinite(plot.draw(ringing, quantity="period").axes[0].lines[0].get_ydata()), ~steady)
+
+
+def test_each_reason_for_an_absent_value_has_its_colour() -> None:
+    grid = {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3, 3e-3]}
+    data = ds.sweep(deck("low_frequency"), grid, scene={"t_end": 6.0}, threads=1)
+    for name, given in {
+        "period": [[1.0, np.nan, np.nan], [np.nan] * 3],
+        "swing": [[1.0, 0.0, 1.0], [1.0, np.nan, np.nan]],
+        "cycles": [[9.0, 9.0, 9.0], [0.0, np.nan, np.nan]],
+        "result_code": [[0, 0, 0], [0, 44, -1]],
+    }.items():
+        data[name] = data[name].copy(data=np.array(given))
+    figure = plot.draw(data, quantity="period")
+    colours = {patch.get_label(): patch.get_facecolor() for patch in figure.legends[0].get_patches()}
+    seen = {}
+    for mesh in figure.axes[0].collections[1:]:
+        (cell,) = np.argwhere(~np.ma.getmaskarray(mesh.get_array()))
+        seen[next(text for text, colour in colours.items() if colour == mesh.cmap(0))] = tuple(cell)
+    # The misalignment is upwards.
+    places = {"no stick-slip": (0, 1), "rings down": (0, 2), "no cycle yet": (1, 0), "failed": (1, 1), "not run": (1, 2)}
+    assert seen == places
+    assert len(set(colours.values())) == 5
+    values = np.ma.masked_invalid(figure.axes[0].collections[0].get_array())
+    assert values.count() == 1
+    line = plot.draw(data.isel({"system.misalignment_deg": 0}), quantity="period")
+    assert {"no stick-slip", "rings down"} <= {text.get_text() for text in line.axes[0].texts}
 
 
 def test_many_angles_have_a_bar_of_colours(angles) -> None:

@@ -1,4 +1,4 @@
-"""`ds.plot(result)`, `result.plot()`, and the package of that name; what needs no SciPy."""
+"""`ds.plot(result)`, `result.plot()`, and the package of that name."""
 
 from __future__ import annotations
 
@@ -66,31 +66,3 @@ def test_kinds_and_faults_are_those_of_draw(fig3: ds.Scene) -> None:
     assert len(result.plot("path").axes) == len(ds.plot.draw(result, "path").axes)
     with pytest.raises(ds.UsageError, match="no kind of figure 'pth'"):
         result.plot("pth")
-
-
-WITHOUT_SCIPY = """
-import sys
-class Hidden:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == "scipy":
-            raise ImportError("hidden: " + name)
-sys.meta_path.insert(0, Hidden())
-import dynstiction as ds
-import numpy as np
-result = ds.run(sys.argv[1], t_end=2.0, velocity=3e-3)
-result.save(sys.argv[2] + "/run.h5")
-for kind in ("history", "velocities", "path", "columns", "creep"):
-    result.plot(kind).savefig(f"{sys.argv[2]}/{kind}.png")
-ds.plot(ds.open(sys.argv[2] + "/run.h5"))
-ds.plot({"a": result, "b": result})
-print(repr(ds.stick_slip_statistics(result))[:10], ds.Scene(sys.argv[1]).stability().stable)
-ds.plot(ds.sweep(sys.argv[1], {"misalignment_deg": [1.0, 2.0], "velocity": [1e-3, 2e-3]}, t_end=0.1), quantity="sticks")
-try:
-    import scipy
-except ImportError:
-    print("hidden")
-"""
-
-
-def test_running_and_drawing_need_no_scipy(fig3_text: str, tmp_path: object) -> None:
-    assert SCRIPT(WITHOUT_SCIPY, fig3_text, tmp_path, status=0).stdout.splitlines() == ["<StickSlip False", "hidden"]

@@ -12,6 +12,7 @@ import pytest
 from dynstiction import plot
 from dynstiction._native import Info
 from dynstiction.plot.paper import deck
+from dynstiction.plot.style import VERMILION
 from matplotlib import image
 from matplotlib.figure import Figure
 from programs import INPUTS, Program
@@ -42,6 +43,7 @@ def sawtooth(n: int = 20001) -> ds.Result:
         spring_force_y=np.sqrt(np.maximum(4.0 - force**2, 0.0)) + ripple,
         friction=np.full(n, 2.0),
         theta=np.arccos(np.clip(force / 2.0, 0.0, 1.0)),
+        psi=np.arccos(np.clip(force / 2.0, 0.0, 1.0)) - np.radians(1.0),
         X=np.where(time < 2.0, 1e-5 * time**2, 1e-3 * (np.floor(time) - 1.0)),
     )
 
@@ -61,7 +63,7 @@ def test_history_has_the_five_panels_of_fig3() -> None:
         assert values.max() == result[name].max()
         assert values.min() == result[name].min()
     # Without the sample at t = 0, after which friction jumps.
-    assert drawn[3].max() == np.degrees(result["theta"][1:].max())
+    assert drawn[3].max() == np.degrees(result["psi"][1:].max())
     assert drawn[4].max() == 1e3 * result["X"].max()
 
 
@@ -89,7 +91,7 @@ def test_first_release_of_a_sawtooth_and_of_a_plateau(sign: float) -> None:
     assert result.time[plot.first_release(sign * plateau)] == pytest.approx(1.98, abs=1e-3)
 
 
-UNITLESS = (r"$\zeta$", r"$\dot X/V$", r"$\tau", "rest", "P(u)", "u = k_x u_x/F_0", "$u$")
+UNITLESS = (r"$\zeta$", r"$\Lambda$", r"$\dot X/V$", r"$\tau", "rest", "P(u)", "u = k_x u_x/F_0", "$u$")
 """Of labels of numbers without unit."""
 
 
@@ -148,7 +150,7 @@ def test_path_is_that_of_the_friction_vector() -> None:
     np.testing.assert_allclose(np.hypot(*points.T), 2.0)
 
 
-NEEDED = {"history": "theta", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
+NEEDED = {"history": "psi", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
 
 
 @pytest.mark.parametrize("kind", NEEDED)
@@ -200,7 +202,7 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
         (line,) = column[0].lines
         assert line.get_ydata().max() == run["spring_force_x"].max()
         assert column[-1].get_xlabel()
-    fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "theta"]})}
+    fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "psi"]})}
     assert len(plot.compare(fewer).axes) == 2 * 4
     for wrong in ({"a": runs["phi1"]}, {str(i): runs["phi1"] for i in range(7)}):
         with pytest.raises(ds.UsageError, match="two to 6"):
@@ -406,6 +408,15 @@ def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> Non
         np.testing.assert_array_equal(there, (line[:, 0] > limit[0, 0]) == is_stable)
         np.testing.assert_allclose(line[there, 1], (1.5 + 0.5 * np.exp(-0.1)) * np.cos(np.radians(line[there, 0])))
     assert_readable_in_one_column(figure, units=False)
+
+
+@pytest.mark.parametrize(("stiffness", "ends"), [(1e7, 1), (2e3, 0)])
+def test_a_diagram_has_an_end_of_stick_slip_where_the_slow_motion_holds(stiffness: float, ends: int) -> None:
+    pytest.importorskip("xarray")
+    angles = {"system.misalignment_deg": [7.0, 9.0]}
+    data = ds.sweep(INPUTS / "fig3.nml", angles, system={"stiffness_y": stiffness}, scene={"t_end": 0.1}, threads=1)
+    lines = plot.draw(data, "map").axes[0].lines
+    assert [line.get_xdata()[0] for line in lines if line.get_color() == VERMILION] == [pytest.approx(8.184, abs=1e-3)] * ends
 
 
 def test_a_bifurcation_diagram_over_the_velocity_is_logarithmic(cycles) -> None:

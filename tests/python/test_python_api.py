@@ -357,6 +357,33 @@ def test_to_xarray_is_the_saved_group(tmp_path: Path, fig3_result: ds.Result) ->
 # Files
 
 
+ADDED: dict[str, object] = {
+    "temperature_C": 21.7,
+    "humidity": np.float32(0.45),
+    "position": np.array([1.5, 2.5]),
+    "operator": np.bytes_(b"K. N."),
+    "note": "mine: é",
+    "checked": np.True_,
+    "serial": 2**40,
+}
+
+
+def test_attributes_that_others_have_added_stay_as_they_are(tmp_path: Path, fig3_result: ds.Result) -> None:
+    first, second = tmp_path / "edited.h5", tmp_path / "saved.h5"
+    fig3_result.save(first)
+    with h5py.File(first, "r+") as file:
+        file.attrs.update(ADDED)
+        kinds = {name: file.attrs.get_id(name).dtype for name in file.attrs}
+    opened = ds.open(first)
+    opened.save(second)
+    for result in (opened, ds.open(second)):
+        assert {name for name in result.attributes if name not in ADDED} == set(fig3_result.attributes)
+        assert all(np.array_equal(result.attributes[name], value) for name, value in ADDED.items())
+        assert result.to_xarray().attrs["temperature_C"] == 21.7
+    with h5py.File(second) as file:
+        assert {name: file.attrs.get_id(name).dtype for name in file.attrs} == kinds
+
+
 def test_saved_result_opens_as_the_same(tmp_path: Path, fig3_result: ds.Result) -> None:
     path = tmp_path / "run.h5"
     fig3_result.save(path)

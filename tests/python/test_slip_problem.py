@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from fig3 import SLIDER
 from programs import Program
-
-solve_ivp = pytest.importorskip("scipy.integrate", reason="pip install scipy").solve_ivp
+from scipy.integrate import solve_ivp
 
 
 @pytest.mark.parametrize(

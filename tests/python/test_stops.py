@@ -41,6 +41,61 @@ def test_grazing_is_no_stick(method):
         assert list(result.events["kind"]) == [1, 2], rtol
 
 
+TURNING = {
+    "system": {
+        "mass": 0.10745644273827007,
+        "stiffness_x": 323.3910021669124,
+        "stiffness_y": 8780.331563208336,
+        "misalignment_deg": 0.0,
+    },
+    "friction": {
+        "law": "weakening",
+        "normal_load": 1.2306151123245448,
+        "mu_0": 0.3287389544475471,
+        "mu_inf": 0.025485580508520105,
+        "v_f": 0.009912637626459492,
+        "mu_static": 0.39811314478877635,
+    },
+}
+"""Slips swing back until the load is between mu_0 W and mu_static W."""
+
+
+def turning(method, angle, rtol=None, **system):
+    return ds.run(
+        ds.Scene(
+            **changed(TURNING, {"system": {"misalignment_deg": angle, **system}}),
+            scene={"t_end": 11.8},
+            drive={"velocity": -0.00075333},
+            integrator={"method": method} | ({"rtol": rtol} if rtol else {"step": 1e-4}),
+            output={"interval": 0.002},
+        )
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_turn_is_no_stop(method):
+    """A slip that meets more than mu_0 W turns round and goes on, however nearly it is on a line."""
+    for angle in (0.2, 0.01, 0.0003, 1e-7):
+        exact = turning("radau13", angle, 1e-11)
+        assert exact.summary["sticks"] == 13
+        for rtol in (1e-4, 1e-6):
+            found = turning(method, angle, rtol)
+            assert found.summary["sticks"] == 13, (angle, rtol)
+            assert np.abs(found["u_x"] - exact["u_x"]).max() < 100 * rtol * np.abs(exact["u_x"]).max(), (angle, rtol)
+
+
+@pytest.mark.parametrize("method", [*METHODS, "moreau_jean"])
+@pytest.mark.parametrize(("angle", "stiffness_y"), [(0.0, 8780.0), (37.0, TURNING["system"]["stiffness_x"])])
+def test_on_a_line_slip_stops(method, angle, stiffness_y):
+    """Up to mu_static W: along a principal axis, or in any direction if the springs are equal."""
+    for rtol in (None,) if method == "moreau_jean" else (1e-4, 1e-8):
+        assert turning(method, angle, rtol, stiffness_y=stiffness_y).summary["sticks"] == 4
+
+
+def test_a_turn_by_time_steps_is_no_stop():
+    assert turning("moreau_jean", 0.2).summary["sticks"] == 13
+
+
 @pytest.mark.parametrize("ratio", [1 + 1e-6, 1.0, 1 - 1e-6])
 def test_marginal_rest_is_the_same_for_all(ratio):
     """Friction that falls or rises by a millionth: the first oscillations all but stop."""

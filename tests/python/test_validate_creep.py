@@ -16,8 +16,6 @@ from dynstiction import validate
 from dynstiction.__main__ import main
 from programs import ROOT
 
-pytest.importorskip("scipy", reason="pip install scipy")
-
 FORMS = dict(validate.LIBRARY_FORMS)
 FIRST_POWER_OFF = "error of the first power, full model at 1 s, 1 deg"
 

@@ -9,7 +9,7 @@ program test_damping
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed, plane_decay
   use dst_low_frequency, only: new_low_frequency
   use dst_release, only: release_t, release_series
-  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip
+  use dst_rest, only: spring_force_size, is_held, release_delay, slip_start_t, start_of_slip
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
@@ -241,10 +241,10 @@ contains
     slider%mass = 0.25_wp
     call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
     call check_close('jump: force at rest', spring_force_size(slider, nothing, 0.03_wp), 3.0_wp, 4.0_wp*eps)
-    call check('jump: holds below the limit', holds(slider, nothing, 0.0199_wp) .and. holds(slider, nothing, -0.0199_wp))
-    call check('jump: does not above', .not. (holds(slider, nothing, 0.0201_wp) .or. holds(slider, nothing, -0.0201_wp)))
-    call check('jump: at the limit the ramp decides', holds(slider, [-1.0e-3_wp, 0.0_wp], 0.03_wp, -1.0_wp) &
-      .and. .not. holds(slider, [-1.0e-3_wp, 0.0_wp], 0.03_wp, 1.0_wp))
+    call check('jump: holds below the limit', is_held(slider, nothing, 0.0199_wp) .and. is_held(slider, nothing, -0.0199_wp))
+    call check('jump: does not above', .not. (is_held(slider, nothing, 0.0201_wp) .or. is_held(slider, nothing, -0.0201_wp)))
+    call check('jump: at the limit the ramp decides', is_held(slider, [-1.0e-3_wp, 0.0_wp], 0.03_wp, -1.0_wp) &
+      .and. .not. is_held(slider, [-1.0e-3_wp, 0.0_wp], 0.03_wp, 1.0_wp))
     call check_close('jump: released at once', release_delay(slider, nothing, drive_segment_t(velocity=0.03_wp), 0.0_wp), 0.0_wp, &
       0.0_wp)
     beginning = start_of_slip(slider, nothing, -0.03_wp)

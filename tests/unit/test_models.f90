@@ -11,7 +11,8 @@ program test_models
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, holds, release_delay, slip_start_t, start_of_slip, start_at_release
+  use dst_rest, only: spring_force_size, is_held, comes_to_rest, delay_by_turning, release_delay, slip_start_t, start_of_slip, &
+    start_at_release
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
@@ -27,6 +28,7 @@ program test_models
   call test_stribeck()
   call test_table()
   call test_static_limit()
+  call test_turn()
   call test_directions()
   call test_drive()
   call test_jacobians()
@@ -215,8 +217,8 @@ contains
     call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
     u = slider%elongation_at_limit(0.5_wp)
     call check_close('static limit: of the spring force', spring_force_size(slider, u), 2.5_wp, 4.0_wp*eps)
-    call check('static limit: rest holds below, not above', holds(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
-      .not. holds(slider, 1.01_wp*u, 1.0e-3_wp))
+    call check('static limit: rest holds below, not above', is_held(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
+      .not. is_held(slider, 1.01_wp*u, 1.0e-3_wp))
     begin = start_at_release(slider, u, 1.0e-3_wp)
     call check_close('static limit: acceleration at the release', begin%rate(1), 0.5_wp/0.25_wp, 4.0_wp*eps)
     begin = start_of_slip(slider, 1.2_wp*u, 1.0e-3_wp)
@@ -225,6 +227,55 @@ contains
     begin = start_at_release(slider, slider%elongation_at_limit(0.5_wp), 1.0e-3_wp)
     call check_close('static limit: none at F(0)', begin%rate(1), 0.0_wp, 0.0_wp)
   end subroutine test_static_limit
+
+  !> Between F_0 and F_s an object at rest is held, but slip against the force turns, unless it is on a line; and how much later
+  !> slip ends, or begins again, because it turns.
+  subroutine test_turn()
+    type(slider_t) :: slider
+    real(wp) :: u(2), v, delta, step, time, force
+    integer :: i, k
+    integer, parameter :: n = 200000
+    real(wp), parameter :: first = 3.0_wp, still = 0.0_wp
+
+    slider = fig3_slider()
+    slider%law%static_limit = 1.3_wp*slider%law%kinetic_limit
+    u = 1.15_wp*slider%law%kinetic_limit*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
+    call check('turn: held at rest', is_held(slider, u, still))
+    call check('turn: no stop', .not. (comes_to_rest(slider, 0.5_wp + pi, u, still, still) &
+      .or. comes_to_rest(slider, 0.5_wp, u, still, still)))
+    call check('turn: a stop below F_0', comes_to_rest(slider, 0.5_wp + pi, 0.8_wp*u, still, still))
+    ! On the soft axis, with a little roundoff, and on any line if the springs are equal.
+    slider%along = [1.0_wp, 0.0_wp]
+    u = [1.15_wp*slider%law%kinetic_limit/slider%stiffness(1), 1.0e-19_wp]
+    call check('turn: a stop on a line', comes_to_rest(slider, pi, u, 1.0e-3_wp, still))
+    call check('turn: slip with the force does not stop', .not. comes_to_rest(slider, still, u, 1.0e-3_wp, still))
+    slider%along = cos_sin_degrees(1.0e-4_wp)
+    call check('turn: none where the drive leaves the line', .not. comes_to_rest(slider, pi, u, 1.0e-3_wp, still))
+    slider%stiffness(2) = slider%stiffness(1)
+    u = u(1)*slider%along
+    call check('turn: a stop on the line of equal springs', &
+      comes_to_rest(slider, atan2(-u(2), -u(1)), u, 1.0e-3_wp, still))
+    ! m v' = f cos(delta) - F_0 and m v delta' = -f sin(delta), that is dt = m v/(f sin(delta)) ddelta, by the midpoint rule.
+    do i = 1, 2
+      u = [0.6_wp, 0.95_wp]*slider%law%kinetic_limit/slider%stiffness(1)
+      if (i == 1) u(2) = 0.0_wp
+      delta = first
+      v = 1.0e-3_wp
+      force = slider%stiffness(1)*hypot(u(1), u(2))
+      ! With f < F_0 until the end of slip; with f > F_0 until v grows as (f - F_0)/m times the time since the turn.
+      time = slider%mass*v/(slider%law%kinetic_limit - force*cos(delta)) &
+        *(1.0_wp + sign(delay_by_turning(slider, atan2(u(2), u(1)) + delta, u, still), slider%law%kinetic_limit - force))
+      step = first/real(n, wp)
+      do k = 1, n
+        delta = first - (real(k, wp) - 0.5_wp)*step
+        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
+        time = time - step*slider%mass*v/(force*sin(delta))
+        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
+        if (k == n - n/1000) exit
+      end do
+      call check_close('turn: its delay', time, slider%mass*v/(slider%law%kinetic_limit - force), 1.0e-4_wp*slider%mass*1.0e-3_wp)
+    end do
+  end subroutine test_turn
 
   subroutine test_directions()
     real(wp) :: angle, direction(2), mirrored(2), worst, worst_unit
@@ -641,11 +692,11 @@ contains
 
     slider = fig3_slider()
     slider%along = [1.0_wp, 0.0_wp]
-    call check('holds below the limit', holds(slider, 0.95_wp*u, 1.0e-3_wp) .and. holds(slider, 0.95_wp*u, -1.0e-3_wp))
-    call check('does not hold above it', .not. (holds(slider, 1.05_wp*u, 1.0e-3_wp) .or. holds(slider, 1.05_wp*u, -1.0e-3_wp)))
-    call check('at the limit: held if it is unloaded or nothing moves', holds(slider, u, -1.0e-3_wp) &
-      .and. holds(slider, u, 0.0_wp) .and. holds(slider, -u, 1.0e-3_wp))
-    call check('at the limit: not held if it is loaded', .not. (holds(slider, u, 1.0e-3_wp) .or. holds(slider, -u, -1.0e-3_wp)))
+    call check('holds below the limit', is_held(slider, 0.95_wp*u, 1.0e-3_wp) .and. is_held(slider, 0.95_wp*u, -1.0e-3_wp))
+    call check('does not hold above it', .not. (is_held(slider, 1.05_wp*u, 1.0e-3_wp) .or. is_held(slider, 1.05_wp*u, -1.0e-3_wp)))
+    call check('at the limit: held if it is unloaded or nothing moves', is_held(slider, u, -1.0e-3_wp) &
+      .and. is_held(slider, u, 0.0_wp) .and. is_held(slider, -u, 1.0e-3_wp))
+    call check('at the limit: not held if it is loaded', .not. (is_held(slider, u, 1.0e-3_wp) .or. is_held(slider, -u, -1.0e-3_wp)))
     call check_close('at the limit: forwards', release_delay(slider, u, drive_segment_t(velocity=1.0e-3_wp), 0.0_wp), &
       0.0_wp, 0.0_wp)
     call check_close('at the limit: forwards by a ramp from rest', &
@@ -832,6 +883,6 @@ contains
     call check('brake: speeding up at first is no stop', .not. stops)
     from%u = [-3.0e-3_wp, 0.0_wp]
     call brake(slider, drive, from, to, stops)
-    call check('brake: beyond the limit it ends in a turn', stops .and. .not. holds(slider, to%u, drive%velocity))
+    call check('brake: beyond the limit it ends in a turn', stops .and. .not. is_held(slider, to%u, drive%velocity))
   end subroutine test_brake
 end program test_models

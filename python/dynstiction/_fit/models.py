@@ -92,7 +92,7 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     NoCycleError
         If there is no stick-slip that repeats.
     """
-    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     result = _settled(scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, precise=True)
     period = float(result.summary["period"])
@@ -184,7 +184,7 @@ def _geometry(scene: Scene) -> tuple[float, float]:
 
 def _fall_through(level: float, grid: _Floats, load: Callable[[_Floats], _Floats]) -> float:
     """Last time at which the load falls through a level; the first time of the grid if it does so between two periods."""
-    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     values = load(grid)
     falls = np.flatnonzero((values[:-1] > level) & (values[1:] <= level))

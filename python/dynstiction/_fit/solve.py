@@ -30,7 +30,7 @@ RANGE = 3.0
 PRIOR = 2.3
 """Standard deviation of the prior of a logarithm about its start: a factor of ten."""
 COARSE = 0.02
-"""Errors relative to amplitude and period, for the comparison of starts and for the first fit."""
+"""Errors relative to swing and period, for the comparison of starts and for the first fit."""
 PERIOD = 1e-8
 """Relative tolerance of the period."""
 PERIOD_STEPS = 4
@@ -68,7 +68,7 @@ def residuals(
 
 
 def weights_of(wave: Waveform, coarse: float) -> _Floats:
-    """Inverse errors of the bins and of the period, with shares of the amplitude and of the period added to the errors."""
+    """Inverse errors of the bins and of the period, with shares of the swing and of the period added to the errors."""
     bins = wave.used / np.hypot(wave.error, coarse * wave.swing)
     return np.append(bins, 1.0 / np.hypot(wave.period_error, coarse * wave.period))
 
@@ -127,13 +127,13 @@ def least_squares_of(
     start : ndarray, shape (p,)
         Logarithms of the parameters.
     coarse : float
-        Error relative to amplitude and period that is added.
+        Error relative to swing and period that is added.
     offset : ndarray or float
         Added to the model.
     delay : float
         Initial delay, over the fall.
     """
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     at = residuals(model, wave, weights_of(wave, coarse), offset)
     exact = 1.0 / weights_of(wave, coarse)[-1] / wave.period

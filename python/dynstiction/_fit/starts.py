@@ -17,7 +17,7 @@ WEAKENING = (0.1, 0.4, 1.2, 4.0)
 LAG = 0.4
 """Share of the weakening that such a slip does not reach, divided by the ratio of v_f to the speed of the fastest slip."""
 FALL = 0.494
-"""Share of half a period of a harmonic motion in which it falls from 85 % to 15 % of its amplitude (peak to peak)."""
+"""Share of half a period of a harmonic motion in which it falls from 85 % to 15 % of its swing."""
 STEEPEST = 10
 """Number of parts of a cycle; the load rises fastest over one of them."""
 

@@ -47,7 +47,7 @@ class Waveform:
     period, period_error : float
         Mean period and its standard error [s].
     fall : float
-        Time in which the force falls from 85 % to 15 % of its amplitude, peak to peak [s].
+        Time in which the force falls from 85 % to 15 % of its swing [s].
     interval : float
         Time between two samples [s].
     """
@@ -149,7 +149,7 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
-    """Mean time from 85 % to 15 % of the amplitude (peak to peak)."""
+    """Mean time from 85 % to 15 % of the swing."""
     low, high = np.quantile(force, [0.02, 0.98])
     lengths = []
     for slip in slips:

@@ -50,7 +50,7 @@ CONSEQUENCES = ("scene.", "integrator.")
 """Keys that a list may vary together with its parameter."""
 
 LEAST_SWING = 0.01
-"""Least amplitude of a cycle as a share of F_0, as in src/results/cycles.f90: below it the object slides steadily."""
+"""Least swing of a cycle as a share of F_0, as in src/results/cycles.f90: below it the object slides steadily."""
 
 SLIDER = ("mass", "stiffness_x", "misalignment_deg", "mu_0", "normal_load", "velocity")
 """Parameters of the stability of steady sliding; in addition mu_inf and v_f if friction weakens, k_y, and dampers."""
@@ -382,7 +382,7 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
         found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]
     for end, value in found:
         yield VerticalLine(
-            value, "fold of cycles at" if end.is_fold else "amplitude 5 % of $F_0$ at", VERMILION
+            value, "fold of cycles at" if end.is_fold else "peak to peak 5 % of $F_0$ at", VERMILION
         )
 
 

@@ -1,4 +1,4 @@
-"""Damping ratio of the slow motion against the direction of friction (Fig. 5)."""
+"""Damping diagram: the damping ratio of the slow motion over Lambda and the angle of friction (Fig. 5)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import NullFormatter
 
@@ -14,42 +15,69 @@ from ..errors import UsageError
 from ..result import Result
 from ..stability import damping_ratio
 from .notation import MISALIGNMENT
-from .samples import Floats, columns
-from .style import BLUE, VERMILION, one_axes
+from .samples import columns
+from .style import BLACK, one_axes
 from .theory import damping_crossing, slider
 
 __all__ = ["draw_damping", "draw_damping_of"]
 
-COLOURS = (BLUE, VERMILION)
-LOWEST_RATIO = 3e-3
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)))
+COLOURS = "PuOr_r"
+"""Its middle is the damping ratio 1."""
+MOST_RATIO = 1e5
+"""The colours end at this ratio and at its inverse."""
+SHOWN = (0.1, 1e5)
+"""Least range of Lambda: both sides of 1, below which no angle is overdamped."""
+LEAST_ANGLE = 0.5
+"""Least angle [deg], unless a run slides at a smaller one."""
+FINE = 200
+"""Cells of the map in each direction."""
 
 
 def draw_damping(result: Result, canvas: FigureBase | Axes) -> None:
-    """Damping ratio against angle with the path of one run (Fig. 5)."""
+    """Damping ratio over Lambda and angle, with the line of one run."""
     draw_damping_of([result], canvas)
 
 
 def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> None:
-    """Damping ratio against angle with the paths of at most two runs (Fig. 5).
+    """Damping ratio of Eq. (10) over Lambda and angle, with the lines of at most two runs (Fig. 5).
 
-    Each path leads from friction across the soft axis (90 deg) to steady sliding (theta = phi). Solid: Eq. (10), thick in the
-    part that the run covers before it first slips or slides; dashed: with the weakening of friction. Crosses: damping ratio 1 and
-    steady sliding.
+    A run has one Lambda. Its line leads from friction across the soft axis (90 deg) down to steady sliding (theta = phi), and is
+    thick where the run has been before it first slips or slides. Crosses: damping ratio 1, and steady sliding; circle: damping
+    ratio 1 with the weakening of friction.
     """
     sliders = [_slider(result) for result in results]
+    constant = [{n: v for n, v in each.items() if n not in ("mu_inf", "v_f")} for each in sliders]
+    ratios = [float(damping_ratio(0.5 * np.pi, **each)) for each in constant]
+    ends = [float(np.arcsin(abs(np.sin(each["misalignment"])))) for each in sliders]
     axis = one_axes(canvas, 72.0)
     axis.set(xscale="log", yscale="log")
-    for result, parameters, colour in zip(results, sliders, COLOURS, strict=False):
-        _draw_path(axis, result, parameters, colour)
-    lowest = min(abs(np.sin(parameters["misalignment"])) for parameters in sliders)
-    axis.set_xlim(max(0.05, 0.5 * np.degrees(np.arcsin(lowest))), 100.0)
-    _mark_regions(axis)
+    axis.set_xlim(min(SHOWN[0], 0.3 * min(ratios)), max(SHOWN[1], 3.0 * max(ratios)))
+    axis.set_ylim(min(LEAST_ANGLE, 0.5 * np.degrees(min(ends))), 90.0)
+    _draw_map(axis)
+    for result, parameters, plain, ratio, end, dashes in zip(
+        results, sliders, constant, ratios, ends, DASHES, strict=False
+    ):
+        label = rf"{MISALIGNMENT} = {np.degrees(parameters['misalignment']):.4g}°, $\Lambda$ = {ratio:.4g}"
+        axis.plot(
+            [ratio] * 2, [90.0, np.degrees(end)], color=BLACK, linestyle=dashes, linewidth=1.0, label=label
+        )
+        _draw_visited(axis, result, ratio)
+        reached = [theta for theta in (end, damping_crossing(plain, 1.0)) if theta >= end]  # False for NaN
+        _mark(axis, ratio, reached, "x", markersize=5.0)
+        crossing = damping_crossing(parameters, 1.0)
+        if parameters != plain and crossing >= end:
+            _mark(axis, ratio, [crossing], "o", markersize=4.0, fillstyle="none")
+    axis.plot([], [], color=BLACK, linewidth=3.2, alpha=0.35, label="run, up to its first slip")
+    if any(line.get_marker() == "o" for line in axis.lines):
+        axis.plot(
+            [], [], "o", color=BLACK, markersize=4.0, fillstyle="none", label=r"$\zeta=1$ with weakening"
+        )
+    axis.set(xlabel=r"$\Lambda$", ylabel=r"angle of friction to the soft axis, $\theta$ [deg]")
     _label_degrees(axis)
-    axis.set(xlabel=r"angle of friction to the soft axis, $\theta$ [deg]", ylabel=r"damping ratio $\zeta$")
-    if any("v_f" in parameters for parameters in sliders):
-        axis.plot([], [], "--", color="0.3", label="with weakening")
-    axis.plot([], [], color="0.3", linewidth=2.6, alpha=0.35, label="run, up to its first slip")
-    axis.legend(loc="lower right", handlelength=1.8)
+    # Ticks inside would not be visible on the colours.
+    axis.tick_params(which="both", direction="out", top=False, right=False)
+    axis.legend(loc="best", handlelength=1.8, frameon=True, edgecolor="none")
 
 
 def _slider(result: Result) -> dict[str, float]:
@@ -64,34 +92,30 @@ def _slider(result: Result) -> dict[str, float]:
     return parameters
 
 
-def _draw_path(axis: Axes, result: Result, weakening: dict[str, float], colour: str) -> None:
-    """Eq. (10) and, if friction weakens, the corrected curve, between friction across the soft axis and steady sliding."""
-    constant = {name: value for name, value in weakening.items() if name not in ("mu_inf", "v_f")}
-    end = np.arcsin(abs(np.sin(weakening["misalignment"])))
-    theta = np.geomspace(0.5 * np.pi, min(end, 0.4 * np.pi), 400)
-    label = f"{MISALIGNMENT} = {np.degrees(weakening['misalignment']):.4g}°"
-    axis.plot(np.degrees(theta), damping_ratio(theta, **constant), color=colour, label=label)
-    _draw_visited(axis, result, constant, colour)
-    if weakening != constant:
-        _draw_weakening(axis, theta, weakening, colour)
-        _cross(axis, damping_crossing(weakening, 1.0), weakening, end, colour)
-    _cross(axis, damping_crossing(constant, 1.0), constant, end, colour)
-    _cross(axis, end, constant, end, colour)
+def _draw_map(axis: Axes) -> None:
+    """Colours of zeta = Lambda sin^3 theta, and its curve zeta = 1."""
+    ratio, degrees = (np.geomspace(*limits, FINE) for limits in (axis.get_xlim(), axis.get_ylim()))
+    zeta = ratio * np.sin(np.radians(degrees))[:, np.newaxis] ** 3
+    norm = LogNorm(1.0 / MOST_RATIO, MOST_RATIO)
+    # In the least ratio that the colours have, where zeta underflows.
+    picture = axis.pcolormesh(
+        ratio,
+        degrees,
+        zeta.clip(min=np.finfo(np.float64).tiny),
+        cmap=COLOURS,
+        norm=norm,
+        shading="gouraud",
+        rasterized=True,
+    )
+    axis.get_figure().colorbar(picture, ax=axis, label=r"damping ratio $\zeta$", extend="both")  # type: ignore[union-attr]
+    over = np.geomspace(max(1.0, ratio[0]), ratio[-1], FINE)
+    axis.plot(
+        over, np.degrees(np.arcsin(over ** (-1.0 / 3.0))), color=BLACK, linewidth=1.6, label=r"$\zeta=1$"
+    )
 
 
-def _draw_weakening(axis: Axes, theta: Floats, parameters: dict[str, float], colour: str) -> None:
-    """The curve with weakening; a triangle at the lower edge marks where it falls through zero."""
-    zero = damping_crossing(parameters, 0.0)
-    if zero > theta[-1]:  # False for NaN
-        theta = np.concatenate([theta[theta > 1.1 * zero], zero * (1.0 + np.geomspace(0.1, 1e-7, 100))])
-        axis.plot(
-            np.degrees(zero), 0.025, "v", color=colour, markersize=4.0, transform=axis.get_xaxis_transform()
-        )
-    axis.plot(np.degrees(theta), damping_ratio(theta, **parameters), "--", color=colour)
-
-
-def _draw_visited(axis: Axes, result: Result, constant: dict[str, float], colour: str) -> None:
-    """The part of the curve that the run covers up to its first slip."""
+def _draw_visited(axis: Axes, result: Result, ratio: float) -> None:
+    """The part of the line on which the run is up to its first slip."""
     needed = columns(result, "theta", "spring_force_x")
     force = np.abs(needed["spring_force_x"])
     fallen = np.flatnonzero(np.maximum.accumulate(force) - force > 0.05 * force.max())
@@ -100,33 +124,26 @@ def _draw_visited(axis: Axes, result: Result, constant: dict[str, float], colour
     if not np.any(loaded):
         return
     sine = np.abs(np.sin(needed["theta"][before][loaded]))
-    theta = np.arcsin(np.geomspace(sine.max(), max(float(sine.min()), 1e-6), 400).clip(max=1.0))
-    (visited,) = axis.plot(np.degrees(theta), damping_ratio(theta, **constant), color=colour)
-    visited.set(linewidth=2.6, alpha=0.35, solid_capstyle="butt")
+    theta = np.degrees(np.arcsin([sine.max(), max(float(sine.min()), 1e-6)]))
+    axis.plot([ratio] * 2, theta, color=BLACK, linewidth=3.2, alpha=0.35, solid_capstyle="butt")
 
 
-def _cross(axis: Axes, theta: float, parameters: dict[str, float], end: float, colour: str) -> None:
-    """A cross at an angle that the path reaches."""
-    if theta >= end:  # False for NaN
-        ratio = float(damping_ratio(theta, **parameters))
-        axis.plot(np.degrees(theta), ratio, "x", color=colour, markersize=5.0, markeredgewidth=1.1, zorder=5)
-
-
-def _mark_regions(axis: Axes) -> None:
-    axis.axhline(1.0, color="0.4", linewidth=0.6, linestyle=":")
-    tops = [
-        float(np.nanmax(line.get_ydata())) for line in axis.lines if line.get_transform() == axis.transData
-    ]
-    axis.set_ylim(LOWEST_RATIO, 3.0 * max([1.0, *tops]))
-    axis.axhspan(1.0, axis.get_ylim()[1], color="0.94", zorder=0)
-    style: Any = {"transform": axis.get_yaxis_transform(), "ha": "right", "fontsize": 7.5, "color": "0.3"}
-    axis.text(0.98, 1.25, "overdamped: creep", va="bottom", **style)
-    axis.text(0.98, 0.8, "underdamped: slip", va="top", **style)
+def _mark(axis: Axes, ratio: float, angles: Sequence[float], marker: str, **style: Any) -> None:
+    axis.plot(
+        [ratio] * len(angles),
+        np.degrees(angles),
+        marker,
+        color=BLACK,
+        markeredgewidth=1.1,
+        zorder=5,
+        clip_on=False,
+        **style,
+    )
 
 
 def _label_degrees(axis: Axes) -> None:
-    limits = axis.get_xlim()
-    axis.set_xticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 90])
-    axis.set_xlim(limits)
-    axis.xaxis.set_major_formatter("{x:g}")
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    limits = axis.get_ylim()
+    axis.set_yticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 90])
+    axis.set_ylim(limits)
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_minor_formatter(NullFormatter())

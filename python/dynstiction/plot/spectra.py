@@ -1,4 +1,4 @@
-"""Slip velocities and their spectrograms (Fig. 4)."""
+"""Elongation rates or slip velocities, and their spectrograms (Fig. 4)."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from .time_series import VELOCITIES, draw_column, show_time
 from .view import View, view_of
 
 __all__ = ["draw_spectrogram", "predicted_ridge"]
+
+RATES = ("u_x_rate", "u_y_rate")
 
 PERIODS = 20.0
 """Length of the Hamming window in periods of the stiff axis: a spectral line is then about a tenth of its frequency wide."""
@@ -50,30 +52,33 @@ def draw_spectrogram(
     end: float | None = None,
     length: float | None = None,
 ) -> None:
-    """Both slip velocities, their spectrograms and the predicted ridge of the first creep (Fig. 4).
+    """Both elongation rates, their spectrograms and the predicted ridge of the first creep (Fig. 4).
 
-    The length of the sliding window [s] follows from the scene if it is not given.
+    A file without the rates shows the slip velocities, which are the drive's velocity minus the rates. The length of the sliding
+    window [s] follows from the scene if it is not given.
     """
-    columns(result, *VELOCITIES)
+    names = RATES if all(name in result for name in RATES) else VELOCITIES
+    columns(result, *names)
     view = view_of(result, start, end)
     stiff = stiff_frequency(result)
     _refuse_aliases(view.result, stiff)
     length = length or _length(view, stiff)
     shown = view.result
-    spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in VELOCITIES}
-    # The slips, which are visible only in w_x, may exceed the scale.
-    top = float(spectra["w_y"].density.max()) or float(spectra["w_x"].density.max()) or 1.0
+    spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in names}
+    # The slips, which are visible only along the soft axis, may exceed the scale.
+    soft, stiff_axis = (float(spectra[name].density.max()) for name in names)
+    top = stiff_axis or soft or 1.0
     axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff or np.inf)
     ridge = None
-    for i, name in enumerate(VELOCITIES):
-        draw_column(axes[2 * i], shown, name, 0.05, tuple(shown[each] for each in VELOCITIES))
+    for i, name in enumerate(names):
+        draw_column(axes[2 * i], shown, name, 0.05, tuple(shown[each] for each in names))
         image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest, length)
         ridge = _draw_ridge(axes[2 * i + 1], result) or ridge
         axes[2 * i + 1].set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
     show_time(axes[-1], shown)
     label = "power density [dB re 1 (mm/s)$^2$/Hz]"
-    beyond = ["slips exceed the scale of colours"] if spectra["w_x"].density.max() > top else []
+    beyond = ["slips exceed the scale of colours"] if soft > top else []
     figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
     note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *_folds(shown, stiff)))
     if ridge is not None:

@@ -35,7 +35,7 @@ PLAIN, SHORT = 200.0, 5.0
 """Largest ratio of the ends of a logarithmic axis for which its ticks are plain, evenly spaced numbers."""
 
 VISIBLE = 0.01
-"""Share of F_0 above which an amplitude is that of stick-slip."""
+"""Share of F_0 above which a swing is that of stick-slip."""
 
 FREE_OSCILLATION = float(np.arccos(0.9) / np.pi)
 """Share of the time in which X' = V (1 - cos omega t) is at most V/10."""

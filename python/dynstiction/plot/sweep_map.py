@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import FigureBase
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
+from numpy.typing import NDArray
 
 from ..errors import UsageError
 from ..stability import critical_misalignment
 from .bifurcation import draw_vertical_lines, mark_below, slides_steadily, span_of
 from .notation import scaled, with_unit
 from .samples import Floats
-from .style import BLACK, BLUE, VERMILION, sized
+from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -27,10 +29,10 @@ __all__ = ["draw_map"]
 
 COLOURS = "cividis"
 NOTHING = "0.8"
-"""Colour of cases without the quantity."""
+"""Colour of cases that are done and have no such quantity."""
 
 RELATIVE = {
-    "swing": ("amplitude of $k_x u_x$ over $F_0$", "F_0"),
+    "swing": ("peak-to-peak $k_x u_x$ over $F_0$", "F_0"),
     "peak_force": ("mean peak of the load over $F_0$", "F_0"),
     "valley_force": ("mean valley of the load over $F_0$", "F_0"),
     "sticking_time": ("share of the time at true rest", "t_end"),
@@ -96,9 +98,8 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
 def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     """Values as they are drawn, and their label."""
     values = table.quantity(quantity)
-    if _of_cycles(quantity) and "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
-        # Such a small amplitude is steady sliding: earlier cycles did not persist.
-        values = np.where(slides_steadily(table).reshape(values.shape), np.nan, values)
+    if _of_cycles(quantity):
+        values = np.where(_slides(table, values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
         label, unit = RELATIVE[quantity]
@@ -116,6 +117,28 @@ def _of_cycles(quantity: str) -> bool:
     return quantity.removesuffix("_scatter") in OF_CYCLES
 
 
+def _absent(table: Table, quantity: str, values: Floats) -> list[tuple[str, NDArray[np.bool_], str]]:
+    """Why cases have no value: words, the cases, and a colour that the values do not have."""
+    codes = table.data["result_code"].values
+    missing = ~np.isfinite(values)
+    done = missing & (codes == 0)
+    rows = [("failed", missing & (codes > 0), PURPLE), ("not run", missing & ~(codes >= 0), GREEN)]
+    if not _of_cycles(quantity):
+        return [*rows, ("no value", done, NOTHING)]
+    steady = done & _slides(table, values.shape)
+    cycled = done & ~steady & (table.quantity("cycles") > 0.0)
+    return [
+        *rows, ("no stick-slip", steady, NOTHING), ("rings down", cycled, SKY), ("no cycle yet", done & ~steady & ~cycled, BROWN)
+    ]  # fmt: skip
+
+
+def _slides(table: Table, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether each case slides steadily: its swing is so small that earlier cycles did not persist."""
+    if "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
+        return slides_steadily(table).reshape(shape)
+    return np.zeros(shape, dtype=bool)
+
+
 def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: str) -> None:
     (side,) = table.axes
     order = np.argsort(side.values)
@@ -123,14 +146,9 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
     # Also if no case has a value.
     axis.set_xlim(*span_of(side))
-    codes = table.data["result_code"].values
     rows = [
-        ("failed", codes > 0, VERMILION),
-        (
-            "no cycle persists" if _of_cycles(quantity) else "no value",
-            (codes == 0) & ~np.isfinite(values),
-            "0.35",
-        ),
+        (text, cases, "0.35" if colour == NOTHING else colour)
+        for text, cases, colour in _absent(table, quantity, values)
     ]
     mark_below(axis, side.shown, rows)
     draw_vertical_lines(axis, table, side)
@@ -150,10 +168,10 @@ def _draw_colours(
 ) -> None:
     """Draw the first parameter upwards and the second to the right, or vice versa if the second is the misalignment."""
     up, right = table.axes
+    absent = [row for row in _absent(table, quantity, values) if row[1].any()]
     is_turned = right.name == "misalignment_deg"
     if is_turned:
         up, right, values = right, up, values.T
-    axis.set_facecolor(NOTHING)
     extend = "both" if quantity in SIGNED else "neither"
     if quantity in SIGNED:
         colours, highest = SIGNED_COLOURS, SIGNED[quantity]
@@ -169,6 +187,9 @@ def _draw_colours(
         _edges(right), _edges(up), values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True
     )
     figure.colorbar(picture, ax=axis, label=label, extend=extend)
+    for _, cases, colour in absent:
+        cells = np.ma.masked_equal(cases.T if is_turned else cases, False)
+        axis.pcolormesh(_edges(right), _edges(up), cells, cmap=ListedColormap([colour]), rasterized=True)
     if quantity == "lyapunov_exponent" and "fast_decay" in table.data:
         decay = table.quantity("fast_decay")
         _draw_decay(axis, up, right, decay.T if is_turned else decay)
@@ -176,7 +197,7 @@ def _draw_colours(
         _draw_stability(axis, table, up, right)
     axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
     axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
-    _draw_legend(figure, axis, bool(np.isnan(values).any()), _of_cycles(quantity))
+    _draw_legend(figure, axis, [Patch(color=colour, label=text) for text, _, colour in absent])
     # Ticks inside would not be visible on the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
 
@@ -235,8 +256,8 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
 
 
-def _draw_legend(figure: FigureBase, axis: Axes, has_gaps: bool, of_cycles: bool) -> None:
-    """Legend above the map: lines, and the grey of cases without a value."""
+def _draw_legend(figure: FigureBase, axis: Axes, absent: Sequence[Patch]) -> None:
+    """Legend above the map: lines, and the colours of cases without a value."""
     low, high = axis.get_ylim()
     handles: list[Artist] = [
         line
@@ -244,10 +265,7 @@ def _draw_legend(figure: FigureBase, axis: Axes, has_gaps: bool, of_cycles: bool
         if not str(line.get_label()).startswith("_")
         and np.any((np.asarray(line.get_ydata()) > low) & (np.asarray(line.get_ydata()) < high))
     ]
-    if has_gaps:
-        handles.append(
-            Patch(color=NOTHING, label="no cycle persists, or failed" if of_cycles else "no value")
-        )
+    handles += absent
     if handles:
         figure.legend(
             handles=handles,

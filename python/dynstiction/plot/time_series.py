@@ -51,9 +51,9 @@ __all__ = [
     "what_differs",
 ]
 
-HISTORY = ("spring_force_x", "spring_force_y", "friction", "theta", "X")
+HISTORY = ("spring_force_x", "spring_force_y", "friction", "psi", "X")
 VELOCITIES = ("w_x", "w_y")
-OVERLAID = ("spring_force_x", "theta", "X")
+OVERLAID = ("spring_force_x", "psi", "X")
 """Default columns of several runs in the same panels."""
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY)
 DASHES: tuple[Any, ...] = (

@@ -24,6 +24,7 @@ class Dynstiction(MesonPackage):
     depends_on("py-numpy@2:", type=("build", "run"))
     depends_on("py-h5py", type="run")
     depends_on("py-matplotlib", type="run")
+    depends_on("py-scipy", type="run")
     depends_on("py-xarray", type="run")
     depends_on("hdf5~mpi")
     depends_on("lapack")
