@@ -133,7 +133,7 @@ unit_tests() {
 python_tests() {
   run_tests "$1" "$python_summary" python -m pytest -n auto --dist loadfile --durations=10 --durations-min=5 "${@:2}"
 }
-all_python=("$checkout"/tests/{python,extremes,audit})
+all_python=("$checkout"/tests/{python,extremes,audit,invariance})
 
 # Lines of src/ that the tests of the checked build reach, by file: lines, share, name; the last row is the total. The flat layer
 # for Python is not in that build.

@@ -48,18 +48,19 @@ ROUNDS = {
     "small": {
         "collocation": "", "models": "", "stability": "", "creep": "", "creep_end": "", "slow_cycles": "", "giving_up": "", "moreau_jean": "", "radau": "",
         "resume": "", "runge_kutta": "", "cycle_map": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
-        "test_models": "not profiles and not methods_agree", "test_model_choice": "not error_stays_below_accuracy",
+        "test_models": "not profiles", "test_model_choice": "not error_stays_below_accuracy",
     },
     "medium": {
         "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
         "test_references": "not number_of_sticks", "test_simulation": "not bar", "test_unstable_sliding": "", "test_friction_peak": "",
-        "test_own_scale": "", "test_error_codes": "", "test_mirror": "", "test_cycle_map": "",
+        "test_error_codes": "", "test_cycle_map": "",
         "test_damping": "not another_program", "test_friction_laws": "",
     },
     "large": {
         "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
         "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
         "test_trade": "", "test_maps": "", "test_validate_creep": "", "test_handover": "", "../extremes": "",
+        "../invariance": "",
     },
 }  # fmt: skip
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import random
 from typing import Any
 
 import dynstiction as ds
@@ -11,9 +9,6 @@ import numpy as np
 import pytest
 from fig3 import changed, slider
 from programs import INPUTS
-
-hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
-st = hypothesis.strategies
 
 GROWTH = ("lyapunov_exponent", "lyapunov_error", "regularity")
 COUNTERS = ("cycles_leapt", "cycles_sampled", "excursions_reused")
@@ -44,24 +39,6 @@ def apart(a: ds.Result, b: ds.Result) -> float:
 def distances(a: ds.Result, b: ds.Result) -> dict[str, float]:
     """The largest difference in each column, relative to its largest value."""
     return {name: np.abs(a[name] - b[name]).max() / max(np.abs(b[name]).max(), 1e-300) for name in b if name != "time"}
-
-
-# Scenes of any kind.
-
-
-def random_scene(seed: int) -> ds.Scene:
-    """At most some 2000 fast oscillations; the springs hold already, so that sticks and slips come soon."""
-    chance = random.Random(seed)
-
-    def logarithmic(low: float, high: float) -> float:
-        return math.exp(chance.uniform(math.log(low), math.log(high)))
-
-    mass, stiffness_y, velocity = logarithmic(1e-4, 10.0), logarithmic(1e5, 1e10), logarithmic(1e-5, 0.1)
-    t_end = logarithmic(800.0, 2000.0) * 2 * math.pi * math.sqrt(mass / stiffness_y)
-    system = {"mass": mass, "stiffness_y": stiffness_y, "misalignment_deg": logarithmic(0.05, 30.0)}
-    groups = slider({"system": system, "drive": {"velocity": velocity}, "friction": {"v_f": logarithmic(1e-4, 1.0)}})
-    initial = {"elongation_x": 2e-3 * chance.uniform(0.3, 0.999), "velocity_ratio": 0.0}
-    return ds.Scene(scene={"t_end": t_end}, initial=initial, **groups)
 
 
 def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
@@ -98,20 +75,6 @@ def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
             allowed = max((2e-5 if name == "creep_share" else 1e-6) * abs(value), 30 * abs(finer.summary.get(name, np.inf) - value))
             assert by_map.summary[name] == pytest.approx(value, rel=0, abs=allowed), name
     return statistics["cycles_leapt"]
-
-
-@pytest.mark.parametrize("examples", [60, pytest.param(600, marks=pytest.mark.full)])
-def test_the_map_makes_the_motion_of_the_steps(examples: int) -> None:
-    leapt = []
-
-    # Hypothesis varies one thing at a time; scenes that have sticks need all of them spread.
-    @hypothesis.given(st.integers(0, 2**32 - 1))
-    @hypothesis.settings(max_examples=examples, deadline=None, derandomize=True, database=None)
-    def whatever(seed: int) -> None:
-        leapt.append(compare(random_scene(seed)))
-
-    whatever()
-    assert np.count_nonzero(leapt) > 0.05 * examples, leapt
 
 
 KINDS: dict[str, Groups] = {
@@ -198,35 +161,6 @@ LASTING = ("period", "peak_force", "valley_force", "slip_duration", "stick_durat
 @pytest.fixture(scope="module", params=["auto", "off"])
 def settled(request: pytest.FixtureRequest) -> ds.Result:
     return ds.run(FIG3, scene={"t_end": 50.0, "settle": 1e-5}, integrator={"cycle_map": request.param}, output={"interval": 0.01})
-
-
-@pytest.mark.parametrize("case", range(12))
-def test_a_run_settles_whether_its_cycles_are_leapt_or_not(case: int) -> None:
-    """Where a cycle is noticed lies up to a step or a leap after it: a hundredth of its period, or many cycles that are leapt at once."""
-    random = np.random.default_rng(case)
-    slider = {
-        "mass": 10.0 ** random.uniform(-0.5, 0.5),
-        "stiffness_x": 10.0 ** random.uniform(2.5, 3.3),
-        "misalignment_deg": random.uniform(0.5, 3.0),
-    }
-    mu_0 = random.uniform(0.2, 0.4)
-    friction = {"mu_0": mu_0, "mu_inf": mu_0 * random.uniform(0.7, 0.85), "v_f": 10.0 ** random.uniform(-2.3, -1.7)}
-    runs = [
-        ds.run(
-            FIG3,
-            scene={"t_end": 300.0, "settle": 1e-6},
-            system=slider,
-            friction=friction,
-            integrator={"method": "radau13", "rtol": 1e-7, "cycle_map": wanted},
-            output={"interval": 1.0},
-        ).summary
-        for wanted in ("auto", "off")
-    ]
-    for summary in runs:
-        assert summary["settled_at"] < 151.0
-    assert runs[1]["cycles"] <= 20
-    for name in ("period", "peak_force", "valley_force", "slip_length"):
-        assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-5), name
 
 
 def test_a_settled_run_ends_after_a_few_cycles(settled: ds.Result) -> None:

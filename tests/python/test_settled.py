@@ -246,3 +246,19 @@ def test_random_scenes_are_judged_as_by_a_run_four_times_as_long() -> None:
     np.testing.assert_allclose(short["period"].values[both], long["period"].values[both], rtol=1e-3)
     changed = np.abs(short["peak_force"].values / long["peak_force"].values - 1)[both]
     assert np.quantile(changed, 0.99) < 1e-3
+
+
+def test_a_reversing_drive_has_the_cycles_of_its_strokes() -> None:
+    """Six strokes, to and fro, have six times what one has, and no cycle is made of two strokes."""
+    stroke = scene_of(1.0, 6.0, {"velocity": 1e-3})
+    alone = ds.run(stroke)
+    times, velocities = [], []
+    for i in range(6):
+        times += [6.0 * i, 6.0 * (i + 1)]
+        velocities += [(-1) ** i * 1e-3] * 2
+    there_and_back = ds.run(stroke, scene={"t_end": 36.0}, drive={"time": tuple(times), "velocity": tuple(velocities)})
+    cycles = ds.stick_slip_statistics(there_and_back)
+    assert np.nanmax(cycles["period"]) == pytest.approx(alone.summary["period"], rel=1e-3)
+    assert np.isfinite(cycles["period"]).sum() == there_and_back.summary["cycles"]
+    for name in MEANS:
+        assert there_and_back.summary[name] == pytest.approx(alone.summary[name], rel=1e-5), name

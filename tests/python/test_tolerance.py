@@ -94,3 +94,19 @@ def fig3(method: str, rtol: float, t_end: float = 10.0) -> ds.Result:
         integrator={"method": method, "rtol": rtol, "cycle_map": "off"},
         output={"interval": t_end},
     )
+
+
+@pytest.mark.parametrize("method", ["radau9", "radau13"])
+def test_smallest_tolerance_is_above_roundoff(method: str) -> None:
+    """An estimate that is roundoff would let no step be accepted."""
+    result = ds.run(
+        ROOT / "inputs" / "fig3.nml",
+        scene={"t_end": 0.162415},
+        system={"mass": 3.480169648166425, "stiffness_x": 995.9, "stiffness_y": 9463507165.97595, "misalignment_deg": 0.397373},
+        friction={"mu_0": 0.42109980163498795, "mu_inf": 0.1383628731788608, "v_f": 0.7513, "normal_load": 1.2848338195258513},
+        drive={"velocity": 0.008696861398735376},
+        initial={"velocity_ratio": 0.0},
+        integrator={"method": method, "rtol": 1e-13},
+        output={"interval": 0.162415},
+    )
+    assert len(result.events) == 4
