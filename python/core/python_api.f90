@@ -40,7 +40,7 @@ module dst_python_api
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
   use dst_sweep_points, only: read_csv
-  use dst_text, only: integer_text, printable
+  use dst_text, only: integer_text, printable, short_text
   use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
@@ -247,7 +247,7 @@ contains
     found_list = merge(1_c_int, 0_c_int, self%sweep%is_list)
   end subroutine sweep_open
 
-  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own model, under its first drive
+  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own model, under the only drive
   !> velocity that is kept for some time and is not 0.
   subroutine cycles_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model
@@ -265,7 +265,7 @@ contains
     status = status_of(self)
   end subroutine cycles_open
 
-  !> Read a deck and find where its stick-slip ends, under its first drive velocity that is kept for some time and is not 0.
+  !> Read a deck and find where its stick-slip ends, under the only drive velocity that is kept for some time and is not 0.
   subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
@@ -285,7 +285,7 @@ contains
     status = status_of(self)
   end subroutine ends_open
 
-  !> Read a deck and find the linear theory of its steady sliding, under its first drive velocity that is kept for some time and is
+  !> Read a deck and find the linear theory of its steady sliding, under the only drive velocity that is kept for some time and is
   !> not 0. The table 'steady' has in one row this velocity [m/s], the misalignment [rad], and the values of `steady_sliding` for
   !> 'eigenvalues' and 'critical'.
   subroutine steady_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
@@ -317,7 +317,7 @@ contains
       merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
   end subroutine steady_open
 
-  !> A session with the scene of a deck, and the drive velocity [m/s] for which it is treated.
+  !> A session with the scene of a deck, and the only drive velocity [m/s] that is kept for some time and is not 0.
   subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
     character(*), intent(in) :: deck, name, settings
     integer(c_long_long), intent(out) :: handle
@@ -337,6 +337,11 @@ contains
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     if (size(velocities) == 0) then
       call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')
+      return
+    end if
+    if (size(velocities) > 1) then
+      call raise(self%error, usage_error, 'the drive holds several velocities, '//trim(short_text(velocities(1)))//' and '// &
+        trim(short_text(velocities(2)))//' m/s among them: give one, as drive={"time": None, "velocity": V}')
       return
     end if
     velocity = velocities(1)
@@ -601,9 +606,9 @@ contains
         self%table%number(n + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
       end associate
     case ('sliding')
-      call new_table(self%table, 1, 0, 3)
+      call new_table(self%table, 1, 0, 4)
       self%table%number(:, 1) = [self%cycles%sliding_load, merge(1.0_wp, 0.0_wp, self%cycles%sliding_is_stable), &
-        self%cycles%velocity]
+        self%cycles%velocity, self%cycles%error]
     case ('eigenvalues')
       call new_table(self%table, size(self%cycles%eigenvalues), 0, 2)
       do i = 1, size(self%cycles%eigenvalues)
@@ -637,10 +642,13 @@ contains
     integer :: pass, row
 
     do pass = 1, 2
-      if (pass == 2) call new_table(table, row, 1, 1)
+      if (pass == 2) call new_table(table, row, 2, 1)
       row = 0
-      call put('critical_misalignment', ends%critical_angle, ends%critical_angle > 0.0_wp)
-      call put('is_supercritical', merge(1.0_wp, 0.0_wp, ends%is_supercritical), ends%critical_angle > 0.0_wp)
+      call put('drive_velocity', ends%drive_velocity, .true.)
+      associate (there => ends%critical_angle > 0.0_wp .and. ends%misalignment%validity%obstacle == '')
+        call put('critical_misalignment', ends%critical_angle, there)
+        call put('is_supercritical', merge(1.0_wp, 0.0_wp, ends%is_supercritical), there)
+      end associate
       call put_end('misalignment', ends%misalignment)
       call put('slow_drive_law', ends%canard%angle, ends%canard%exists)
       call put('slow_drive_doubt', ends%canard%doubt, ends%canard%exists)
@@ -648,8 +656,10 @@ contains
       call put('fast_drive_doubt', ends%swing%doubt, ends%swing%exists)
       call put('bautin_velocity', ends%bautin_velocity, ends%has_bautin_point)
       call put('bautin_misalignment', ends%bautin_angle, ends%has_bautin_point)
-      call put('critical_velocity_low', ends%critical_velocity(1), ends%has_critical_velocities)
-      call put('critical_velocity_high', ends%critical_velocity(2), ends%has_critical_velocities)
+      associate (there => ends%has_critical_velocities .and. ends%velocity%validity%obstacle == '')
+        call put('critical_velocity_low', ends%critical_velocity(1), there(1))
+        call put('critical_velocity_high', ends%critical_velocity(2), there(2))
+      end associate
       call put_end('velocity_low', ends%velocity(1))
       call put_end('velocity_high', ends%velocity(2))
     end do
@@ -660,19 +670,25 @@ contains
       character(*), intent(in) :: name
       type(slow_end_t), intent(in) :: end
 
-      call put(name, end%at, end%kind /= ends_nowhere)
-      call put(name//'_is_fold', merge(1.0_wp, 0.0_wp, end%kind == ends_at_fold), end%kind /= ends_nowhere)
+      associate (there => end%kind /= ends_nowhere .and. end%validity%obstacle == '')
+        call put(name, end%at, there)
+        call put(name//'_is_fold', merge(1.0_wp, 0.0_wp, end%kind == ends_at_fold), there)
+        call put(name//'_error', end%validity%error, there)
+      end associate
+      call put(name, 0.0_wp, end%validity%obstacle /= '', end%validity%obstacle)
     end subroutine put_end
 
-    subroutine put(name, value, exists)
+    subroutine put(name, value, exists, obstacle)
       character(*), intent(in) :: name
       real(wp), intent(in) :: value
       logical, intent(in) :: exists
+      character(*), intent(in), optional :: obstacle
 
       if (.not. exists) return
       row = row + 1
       if (pass == 1) return
       table%text(1, row) = name
+      if (present(obstacle)) table%text(2, row) = obstacle
       table%number(1, row) = value
     end subroutine put
   end subroutine make_table_of_ends

@@ -355,8 +355,9 @@ class Cycles(Session):
         )
         self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
         self.slow_cycles, self.count = int(slow), int(count)
-        load, stable, velocity = _table(handle, "sliding")[1][:, 0].tolist()
-        self.sliding_load, self.sliding_is_stable, self.velocity = load, stable == 1.0, velocity
+        sliding = _table(handle, "sliding")[1][:, 0].tolist()
+        self.sliding_load, stable, self.velocity, self.model_error = sliding
+        self.sliding_is_stable = stable == 1.0
         real, imaginary = _table(handle, "eigenvalues")[1]
         self.eigenvalues = real + 1j * imaginary
 
@@ -377,7 +378,13 @@ class Ends(Session):
         super().__init__(handle)
         self._raise(deck, status)
         cells, numbers = _table(handle, "ends")
-        self.values = dict(zip((name for (name,) in cells), numbers[0].tolist(), strict=True))
+        self.obstacles = {name: obstacle for name, obstacle in cells if obstacle}
+        """Why the slow motion does not give an end, by its name."""
+        self.values = {
+            name: value
+            for (name, obstacle), value in zip(cells, numbers[0].tolist(), strict=True)
+            if not obstacle
+        }
         """Numbers by name; those that do not exist are left out."""
 
 

@@ -59,7 +59,7 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
     DeckError
         If the scene cannot be read.
     UsageError
-        If these functions do not have its friction law, or its drive has no constant velocity other than 0.
+        If these functions do not have its friction law, or its drive keeps no velocity other than 0, or several.
     """
     system, friction = scene.system, scene.friction
     values: dict[str, float | None] = {
@@ -99,10 +99,14 @@ def drive_of(scene: Scene) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def held_velocity(scene: Scene) -> float:
-    """The first constant velocity [m/s] of the drive of a scene that is not 0, without its sign."""
+    """The only constant velocity [m/s] of the drive of a scene that is not 0, without its sign."""
     times, velocities = drive_of(scene)
-    for i, velocity in enumerate(velocities):
-        last = i == len(velocities) - 1
-        if velocity != 0.0 and (last or (times[i + 1] > times[i] and velocities[i + 1] == velocity)):
-            return abs(velocity)
-    raise UsageError("the drive of the scene holds no velocity but 0: give velocity=…")
+    held = {
+        abs(velocity)
+        for i, velocity in enumerate(velocities)
+        if i == len(velocities) - 1 or (times[i + 1] > times[i] and velocities[i + 1] == velocity)
+    } - {0.0}
+    if len(held) != 1:
+        count = "several velocities" if held else "no velocity but 0"
+        raise UsageError(f"the drive of the scene holds {count}: give velocity=…")
+    return held.pop()

@@ -65,8 +65,7 @@ def rhs(
         Elongation of the spring ``u_x, u_y`` [m] and slip velocity ``w_x, w_y`` [m/s], in the principal
         axes. Any leading dimensions.
     scene : str, PathLike or Scene, optional
-        A deck or a scene, for the parameters that are not given. If its drive has several velocities, the first constant one
-        that is not 0 is taken.
+        A deck or a scene, for the parameters that are not given. If its drive keeps several velocities, `velocity` must be given.
     mass : float
         m [kg].
     stiffness_x, stiffness_y : float

@@ -74,6 +74,8 @@ class Cycles(NamedTuple):
     """Eigenvalues of a small disturbance of steady sliding [1/s], by decreasing real part; shape (2,), for the full model (4,)."""
     regularity: Regularity | None
     """Regularity of the full model."""
+    error: float
+    """Estimated largest relative error of the slow motion against the full one [-]; 0 for the full model, and without its k_y."""
 
     @property
     def stable(self) -> tuple[LimitCycle, ...]:
@@ -92,32 +94,41 @@ class End(NamedTuple):
     at: float
     """Misalignment [rad] or drive velocity [m/s]."""
     is_fold: bool
-    """Whether a stable and an unstable cycle meet there; if not, the amplitude (peak to peak) is 5 % of mu_0 W there."""
+    """Whether a stable and an unstable cycle meet there; if not, the amplitude (peak to peak) of k_x u_x is 5 % of mu_0 W."""
+    error: float
+    """Estimated largest distance of the end of the full model from it, over `at` [-]."""
 
 
 class StickSlipEnds(NamedTuple):
-    """Limits of the stick-slip of the slow motion. A limit that does not exist is None."""
+    """Limits of the stick-slip of the slow motion, where that stands for the full one. A limit that does not exist is None."""
 
     critical_misalignment: float | None
-    """Misalignment at which steady sliding becomes stable at the scene's velocity [rad]; None if friction does not weaken."""
+    """Misalignment at which steady sliding becomes stable at this velocity [rad]; None if friction does not weaken."""
     is_supercritical: bool | None
     """Whether the small cycles that begin there are stable."""
     misalignment: End | None
-    """Misalignment at which stick-slip ends at the scene's velocity."""
-    critical_velocity: tuple[float, float] | None
+    """Misalignment at which stick-slip ends at this velocity, `at` in rad."""
+    critical_velocity: tuple[float | None, float | None] | None
     """Velocities between which steady sliding is unstable at the scene's misalignment [m/s]."""
     velocity: tuple[End | None, End | None]
-    """Velocities between which there is stick-slip at the scene's misalignment."""
+    """Velocities between which there is stick-slip at the scene's misalignment, `at` in m/s."""
     bautin_point: tuple[float, float] | None
     """V [m/s] and phi [rad] at which small cycles change from stable to unstable."""
     slow_drive_law: float | None
-    """Misalignment [rad] of the canard, in three orders."""
+    """Misalignment of the canard, in three orders [rad]."""
     slow_drive_doubt: float | None
     """The last term of its series over the sum [-]."""
     fast_drive_law: float | None
-    """Misalignment [rad] at which harmonic oscillations end."""
+    """Misalignment at which harmonic oscillations end [rad]."""
     fast_drive_doubt: float | None
     """The largest damping ratio in such an oscillation [-]."""
+    model: Literal["low_frequency"]
+    """Model of all limits: the slow motion, with a rigid stiff axis."""
+    drive_velocity: float
+    """Drive velocity |V| of the limits in the misalignment [m/s]."""
+    obstacles: dict[str, str]
+    """Why the slow motion does not give the limits in ``'misalignment'``, ``'velocity_low'``, ``'velocity_high'``: it does not
+    hold there, and only a sweep of the full model does."""
 
 
 def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
@@ -126,7 +137,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Parameters
     ----------
     scene : str, PathLike or Scene
-        A deck or a scene. If its drive has several velocities, the first constant one that is not 0 is taken.
+        A deck or a scene. Its drive must keep one velocity other than 0 and no second one.
     model : str
         Model of the cycles, 'full' or 'low_frequency'; by default the scene's own model, which must be one of these.
 
@@ -138,10 +149,10 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     Raises
     ------
     DeckError, FileError
-        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, or the full model has the smoothed
-        contact.
+        As for `dynstiction.run`; also if the misalignment is a multiple of 90 degrees, the full model has the smoothed
+        contact, or the slow motion does not hold for the scene's stiff axis.
     UsageError
-        If the drive has no constant velocity other than 0.
+        If the drive keeps no velocity other than 0, or several.
     SolverError
         If the motion cannot be followed.
 
@@ -163,6 +174,7 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.sliding_is_stable,
             found.eigenvalues,
             _regularity(found) if found.model == "full" else None,
+            found.model_error,
         )
 
 
@@ -180,17 +192,18 @@ def _regularity(found: _native.Cycles) -> Regularity:
 
 
 def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
-    """Limits of the stick-slip of the slow motion in misalignment and drive velocity.
+    """Limits of the stick-slip of the slow motion in misalignment and drive velocity, where it stands for the full motion.
 
     Parameters
     ----------
     scene : str, PathLike or Scene
-        As for `cycles`. Its misalignment is used only for the limits in velocity, and its velocity for the limits in the angle.
+        As for `cycles`, with both stiffnesses. Its misalignment is used only for the limits in velocity, and its velocity for the
+        limits in the angle.
 
     Returns
     -------
     StickSlipEnds
-        The limits, and those of the laws for slow and for fast drives.
+        The limits, and those of the laws for slow and for fast drives; None where the slow motion does not hold, with the reason.
 
     Raises
     ------
@@ -201,21 +214,24 @@ def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
         values = found.values
 
     def end(name: str) -> End | None:
-        return End(values[name], values[f"{name}_is_fold"] == 1.0) if name in values else None
+        if name not in values:
+            return None
+        return End(values[name], values[f"{name}_is_fold"] == 1.0, values[f"{name}_error"])
 
-    def pair(first: str, second: str) -> tuple[float, float] | None:
-        return (values[first], values[second]) if first in values else None
-
+    critical_velocity = (values.get("critical_velocity_low"), values.get("critical_velocity_high"))
     supercritical = values.get("is_supercritical")
     return StickSlipEnds(
         values.get("critical_misalignment"),
         None if supercritical is None else supercritical == 1.0,
         end("misalignment"),
-        pair("critical_velocity_low", "critical_velocity_high"),
+        critical_velocity if any(critical_velocity) else None,
         (end("velocity_low"), end("velocity_high")),
-        pair("bautin_velocity", "bautin_misalignment"),
+        (values["bautin_velocity"], values["bautin_misalignment"]) if "bautin_velocity" in values else None,
         values.get("slow_drive_law"),
         values.get("slow_drive_doubt"),
         values.get("fast_drive_law"),
         values.get("fast_drive_doubt"),
+        "low_frequency",
+        values["drive_velocity"],
+        found.obstacles,
     )

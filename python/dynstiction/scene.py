@@ -252,7 +252,7 @@ class Scene(SceneGroups):
         DeckError
             If the scene is refused.
         UsageError
-            If its drive has no constant velocity other than 0, or its model has no mass or only one stiffness.
+            If its drive keeps no velocity other than 0, or several, or its model has no mass or only one stiffness.
 
         See Also
         --------

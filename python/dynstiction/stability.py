@@ -67,7 +67,7 @@ class Stability(NamedTuple):
     stable: bool
     """Whether every disturbance decays, so that steady sliding can be seen."""
     velocity: float
-    """Drive velocity |V| [m/s] of this analysis: the first constant velocity of the drive that is not 0."""
+    """Drive velocity |V| [m/s] of this analysis: the only one that the drive keeps and that is not 0."""
     misalignment: float
     """Misalignment of the scene [rad]."""
     critical_misalignment: float
@@ -122,9 +122,8 @@ def steady_sliding_eigenvalues(
     Parameters
     ----------
     scene : str, PathLike or Scene, optional
-        A deck or a scene, for the parameters that are not given. If its drive has several velocities, the first constant one
-        that is not 0 is taken. Without keywords the scene may have any friction law, with keywords only constant or weakening
-        friction.
+        A deck or a scene, for the parameters that are not given. If its drive keeps several velocities, `velocity` must be given.
+        Without keywords the scene may have any friction law, with keywords only constant or weakening friction.
     mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
         As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which must not be
         0, and the smoothing velocity [m/s].

@@ -86,7 +86,7 @@ module dst_command_table
     command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &
       'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
       'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
-      'and in the velocity, and where both are stable. For a drive with several velocities, '// &
+      'and in the velocity, and where both are stable, if the slow motion holds there. For a drive with several velocities, '// &
       'each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction stability inputs/fig3.nml'//n// &
       'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &

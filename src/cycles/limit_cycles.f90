@@ -10,6 +10,7 @@ module dst_limit_cycles
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
+  use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   use dst_stability, only: steady_sliding_eigenvalues, is_stable
   use dst_writer, only: quantity_t
   implicit none
@@ -39,6 +40,7 @@ module dst_limit_cycles
     complex(wp), allocatable :: eigenvalues(:)
     !> For the full model: what the motion from the scene's initial state is like.
     type(regularity_t) :: regularity
+    real(wp) :: error = 0.0_wp                     !! of the slow motion, relative to the full one, estimated
   contains
     procedure :: number
   end type limit_cycles_t
@@ -137,8 +139,16 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(slow_map_t) :: map
     type(slow_cycle_t), allocatable :: found(:)
+    type(slow_validity_t) :: validity
     integer :: i
 
+    validity = slow_validity(slider, velocity, common_accuracy)
+    if (validity%obstacle /= '') then
+      call raise(error, deck_error, 'scene.model: the slow motion does not hold here: '//trim(validity%obstacle)// &
+        ": give model 'full'", 'scene.model')
+      return
+    end if
+    cycles%error = validity%error
     call new_slow_map(slider, velocity, rtol, map)
     cycles%sliding_load = slider%stiffness(1)*map%equilibrium
     cycles%sliding_is_stable = map%damping > 0.0_wp

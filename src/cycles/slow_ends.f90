@@ -7,7 +7,8 @@
 !> stability.
 !>
 !> Stick-slip ends at the farthest p at which there is a cycle with an amplitude (peak to peak) of at least a share of F_0: at a
-!> fold, or where the amplitude passes this share.
+!> fold, or where the amplitude passes this share. The end is that of the full model only where the slow motion holds: its validity
+!> is that at the end, or, if there is none, where steady sliding changes its stability.
 module dst_slow_ends
   use dst_errors, only: error_t, raise, too_many_steps
   use dst_kinds, only: wp
@@ -15,6 +16,7 @@ module dst_slow_ends
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, slow_gain_t, slow_gain, slow_cycle_of, find_slow_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
+  use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   implicit none
   private
 
@@ -55,6 +57,7 @@ module dst_slow_ends
     type(slow_cycle_t) :: cycle            !! the last one
     !> Where steady sliding changes its stability, phi [rad] or V [m/s]; between it and a fold beyond it both are stable.
     real(wp) :: steady_limit = 0.0_wp
+    type(slow_validity_t) :: validity      !! of the slow motion there
   end type slow_end_t
 
   !> The family of cycles of one slider, over the misalignment or over the drive velocity.
@@ -83,13 +86,19 @@ contains
     type(slow_end_t), intent(out) :: end
     type(error_t), allocatable, intent(out) :: error
     type(family_t) :: family
+    type(slider_t) :: at_end
 
     family%slider = slider
     family%velocity = abs(velocity)
-    family%limit = slider%law%static_limit/slider%stiffness(1)
+    family%limit = slider%law%kinetic_limit/slider%stiffness(1)
     call find_end(family, log(tan(critical)), end, error)
     end%at = atan(exp(end%at))
     end%steady_limit = critical
+    at_end = slider
+    associate (angle => merge(critical, end%at, end%kind == ends_nowhere))
+      at_end%along = [cos(angle), sin(angle)]
+    end associate
+    call judge(at_end, velocity, end, error)
   end subroutine misalignment_end
 
   !> The drive velocity at which stick-slip ends, at the slider's own misalignment; steady sliding is stable beyond `critical`
@@ -104,11 +113,23 @@ contains
     family%slider = slider
     family%over_velocity = .true.
     family%outwards = outwards
-    family%limit = slider%law%static_limit/slider%stiffness(1)
+    family%limit = slider%law%kinetic_limit/slider%stiffness(1)
     call find_end(family, log(critical), end, error)
     end%at = exp(end%at)
     end%steady_limit = critical
+    call judge(slider, merge(critical, end%at, end%kind == ends_nowhere), end, error)
   end subroutine velocity_end
+
+  !> Whether the slow motion holds where it ends; if it does not, it is no matter that the end could not be computed.
+  subroutine judge(slider, velocity, end, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(slow_end_t), intent(inout) :: end
+    type(error_t), allocatable, intent(inout) :: error
+
+    end%validity = slow_validity(slider, velocity, common_accuracy)
+    if (allocated(error) .and. end%validity%obstacle /= '') deallocate (error)
+  end subroutine judge
 
   !> The farthest cycle that is large enough; steady sliding changes its stability at the parameter `first`. `end%at` is p.
   subroutine find_end(family, first, end, error)

@@ -87,7 +87,7 @@ contains
       map%velocity = abs(velocity)
       call own%law%evaluate(1, [map%velocity], force, slope)
       map%equilibrium = force(1)*own%along(1)/own%stiffness(1)
-      map%length = own%law%static_limit/own%stiffness(1) + map%velocity*own%along(1)*sqrt(own%mass/own%stiffness(1))
+      map%length = own%law%kinetic_limit/own%stiffness(1) + map%velocity*own%along(1)*sqrt(own%mass/own%stiffness(1))
       map%impedance = sqrt(own%mass)*sqrt(own%stiffness(1))
       map%motion%system = new_low_frequency(own)
       map%motion%stepper = new_radau(stages, 1, 1, rtol)

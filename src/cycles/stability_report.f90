@@ -11,14 +11,12 @@ module dst_stability_report
   use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
   use dst_slow_laws, only: law_end_t
-  use dst_plain_numbers, only: long_text
+  use dst_plain_numbers, only: long_text, number_text
   use dst_text, only: text_builder_t, integer_text
   implicit none
   private
 
   public :: stability_report, held_velocities
-
-  character(*), parameter :: nowhere = 'not found: no cycle has an amplitude of 5 % of mu_0 W'
 
 contains
 
@@ -82,7 +80,7 @@ contains
     logical :: stable
 
     call page%line('# '//name//': steady sliding at V = '//long_text(velocity)//' m/s, phi = '// &
-                   long_text(misalignment_deg)//' deg')
+                   long_text(misalignment_deg)//' deg, model full')
     call list_eigenvalues(page, slider, velocity, error)
     if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
     if (allocated(error)) return
@@ -164,6 +162,7 @@ contains
     type(error_t), allocatable :: error
     real(wp) :: lambda, angle, misalignment, zeta
 
+    call page%line('Damping of the slow motion (rigid stiff axis)')
     call damping_scale(slider, velocity, lambda, error)
     if (allocated(error)) then
       call page%row('Lambda, zeta, theta*', 'no value: '//error%text)
@@ -195,7 +194,7 @@ contains
     type(stick_slip_ends_t) :: ends
     type(error_t), allocatable :: error
 
-    call page%line('Stick-slip of the slow motion (model low_frequency)')
+    call page%line('Stick-slip of the slow motion (model low_frequency, rigid stiff axis)')
     call find_stick_slip_ends(slider, velocity, ends, error)
     if (allocated(error)) then
       call page%row('ends at', 'no value: '//error%text)
@@ -205,13 +204,15 @@ contains
       call page%row('stick-slip', 'none: friction does not weaken at this velocity')
       return
     end if
-    call page%row('small cycles begin at', angle_text(ends%critical_angle)// &
-      merge(': stable  ', ': unstable', ends%is_supercritical))
-    call page%row('stick-slip ends at', angle_end(ends%misalignment))
-    call page%row('both are stable for', both_stable(ends%misalignment, 1.0_wp/degree, 'deg', '|phi|'))
-    call page%row('law of slow drives', law_text(ends%canard, 'last term', ''))
-    call page%row('law of fast drives', law_text(ends%swing, 'largest damping ratio', trim(merge(', a fold', '        ', &
-      ends%swing%is_fold))))
+    call page%row('stick-slip ends at', end_text(ends%misalignment, 1.0_wp/degree, 'deg', 'system.misalignment_deg'))
+    if (ends%misalignment%validity%obstacle == '') then
+      call page%row('both are stable for', both_stable(ends%misalignment, 1.0_wp/degree, 'deg', '|phi|'))
+      call page%row('small cycles begin at', angle_text(ends%critical_angle)// &
+        merge(': stable  ', ': unstable', ends%is_supercritical))
+      call page%row('law of slow drives', law_text(ends%canard, 'last term', ''))
+      call page%row('law of fast drives', law_text(ends%swing, 'largest damping ratio', trim(merge(', a fold', '        ', &
+        ends%swing%is_fold))))
+    end if
     if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//long_text(ends%bautin_velocity)// &
       ' m/s, '//angle_text(ends%bautin_angle)//' (Bautin point)')
     call page%line('')
@@ -220,9 +221,10 @@ contains
       return
     end if
     call page%line('At phi = '//long_text(misalignment_deg)//' deg')
-    call page%row('stick-slip begins at', velocity_end_text(ends%velocity(1)))
-    call page%row('stick-slip ends at', velocity_end_text(ends%velocity(2)))
-    call page%row('both are stable for', both_stable(ends%velocity(2), 1.0_wp, 'm/s', 'V'))
+    call page%row('stick-slip begins at', end_text(ends%velocity(1), 1.0_wp, 'm/s', 'drive.velocity'))
+    call page%row('stick-slip ends at', end_text(ends%velocity(2), 1.0_wp, 'm/s', 'drive.velocity'))
+    if (ends%velocity(2)%validity%obstacle == '') &
+      call page%row('both are stable for', both_stable(ends%velocity(2), 1.0_wp, 'm/s', 'V'))
   end subroutine list_ends
 
   function angle_text(angle) result(text)
@@ -232,21 +234,23 @@ contains
     text = long_text(angle/degree)//' deg'
   end function angle_text
 
-  function angle_end(end) result(text)
+  !> An end, and how far that of the full model may be from it; or why there is none, and what gives one.
+  function end_text(end, scale, unit, key) result(text)
     type(slow_end_t), intent(in) :: end
+    real(wp), intent(in) :: scale
+    character(*), intent(in) :: unit, key
     character(:), allocatable :: text
 
-    text = nowhere
-    if (end%kind /= ends_nowhere) text = angle_text(end%at)//how(end)
-  end function angle_end
-
-  function velocity_end_text(end) result(text)
-    type(slow_end_t), intent(in) :: end
-    character(:), allocatable :: text
-
-    text = nowhere
-    if (end%kind /= ends_nowhere) text = long_text(end%at)//' m/s'//how(end)
-  end function velocity_end_text
+    if (end%validity%obstacle /= '') then
+      text = 'no value: the slow motion does not hold there, as '//trim(end%validity%obstacle)// &
+        '; a sweep of the full model shows it: dynstiction sweep DECK --vary '//key//'=FIRST:LAST:COUNT'
+    else if (end%kind == ends_nowhere) then
+      text = 'not found: no cycle has an amplitude of 5 % of mu_0 W'
+    else
+      text = long_text(scale*end%at)//' '//unit//how(end)//'; full model: within '// &
+        number_text(100.0_wp*end%validity%error, 2)//' % (estimated)'
+    end if
+  end function end_text
 
   !> How stick-slip ends.
   function how(end) result(text)

@@ -20,6 +20,7 @@ module dst_model_choice
   use dst_assembly, only: slider_from_scene
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
+  use dst_slow_validity, only: slow_validity_t, slow_validity, rigidity_obstacle, slip_error, margin, gradual
   use dst_stepper, only: work_count_t
   use dst_plain_numbers, only: number_text
   use dst_text, only: has_word
@@ -70,6 +71,7 @@ module dst_model_choice
     real(wp) :: length = 0.0_wp                !! V t_end/l_x
     real(wp) :: sine = 0.0_wp                  !! |sin(phi)|
     type(creep_end_t) :: end
+    type(slow_validity_t) :: slow              !! whether the slow motion holds through slips
     type(advances_t) :: creep
   end type smallness_t
 
@@ -83,23 +85,15 @@ module dst_model_choice
   ! its estimate (bench/model_choice.py draws others); docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
   ! changes no number of a chosen model. A wider range admits scenes that have not been tested.
   !
-  !> Margin over the errors that occurred.
-  real(wp), parameter :: margin = 4.0_wp
-  !> Range of all estimates: smallest stiffness_y/stiffness_x, largest delay.
-  real(wp), parameter :: least_anisotropy = 300.0_wp, largest_delay = 1.0_wp/3.0_wp
   !> Range of creep: largest ripple, largest contribution of inertia to it.
   real(wp), parameter :: largest_ripple = 2.0_wp, largest_inertia = 0.3_wp
   !> With weakening friction: largest ripple, largest feeding over sin(theta)^2 before slip, share of the load at the end of creep
-  !> up to which the motion is creep, smallest D, largest share of the critical tan(phi)^2.
-  real(wp), parameter :: largest_weak_ripple = 0.5_wp, largest_feeding = 0.3_wp, near_slip = 0.95_wp, least_decay = 1.0_wp, &
-    largest_share = 0.6_wp
+  !> up to which the motion is creep, largest share of the critical tan(phi)^2.
+  real(wp), parameter :: largest_weak_ripple = 0.5_wp, largest_feeding = 0.3_wp, near_slip = 0.95_wp, largest_share = 0.6_wp
   !> V t/l_x from which on an object whose creep ends has slipped; scenes between these limits are checked. Convention.
   real(wp), parameter :: surely_slipped = 2.0_wp
-  !> Weakening over sqrt(m k_x) below which slip is gradual and cycles are sensitive, and by how much.
-  real(wp), parameter :: gradual = 2.5_wp, sensitivity = 2.0_wp
-  !> For stick-slip: weights of delay, inertia, feeding, drift, k_x/(k_y sin(theta)^2) and exp(-D).
-  real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp, &
-    elastic_weight = 0.2_wp, decay_weight = 0.1_wp
+  !> For stick-slip, besides those at slip (dst_slow_validity): weights of delay, inertia, feeding, drift.
+  real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp
   !> For creep: weights of the effect of inertia on a closed form, and on low_frequency with weakening; of the ripple added to 1; of
   !> a finite k_y: as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
   real(wp), parameter :: inertia_in_creep = 2.0_wp, inertia_in_slow = 1.0_wp, ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, &
@@ -165,9 +159,12 @@ contains
       if (lack == '') then
         error = estimated_error(scene, slider, small, model, slow)
         accept = error <= scene%accuracy
-        lack = model//' is not known to be that accurate here'
-        if (error < excluded) lack = model//' may have an error of '//number_text(error, 2)
-        lack = lack//', more than accuracy = '//number_text(scene%accuracy, 2)
+        if (error < excluded) then
+          lack = model//' may have an error of '//number_text(error, 2)//', more than accuracy = '//number_text(scene%accuracy, 2)
+        else
+          lack = model//' is not known to be that accurate here'
+          if (scene%quantities == 'stick_slip' .and. small%slow%obstacle /= '') lack = lack//': '//trim(small%slow%obstacle)
+        end if
       end if
       if (.not. accept) then
         if (passed_over /= '') passed_over = passed_over//'; '
@@ -195,7 +192,6 @@ contains
       error = least_error_in_creep(small, model)
     else
       error = least_error_in_stick_slip(small)
-      if (.not. small%weakens .and. scene%fields(1) == 'default') return
     end if
     if (error > scene%accuracy) return
     if (.not. slow%tried) call follow_slow_motion(scene, slider, slow)
@@ -300,10 +296,8 @@ contains
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then
       text = 'the errors of the reduced models are known only for 0 < |misalignment_deg| < 90'
-    else if (slider%stiffness(2) < least_anisotropy*slider%stiffness(1)) then
-      text = 'stiffness_y is below 300 stiffness_x'
-    else if (largest_delay*abs(slider%along(2)/slider%along(1)) < slider%stiffness(1)/slider%stiffness(2)) then
-      text = 'the misalignment is not above stiffness_x/stiffness_y'
+    else
+      text = rigidity_obstacle(slider)
     end if
   end function obstacle_to_reduction
 
@@ -377,6 +371,7 @@ contains
         if (slope(3) < 0.0_wp) small%share = (slider%along(2)/slider%along(1))**2*friction(3)/(-speed*slope(3))
         small%speed = speed/scene%v_f
         small%end = creep_end(slider, speed)
+        small%slow = slow_validity(slider, speed, excluded)
         small%will_slip = small%end%exists .and. small%length > surely_slipped
       end if
     end associate
@@ -520,7 +515,11 @@ contains
     real(wp) :: feeding
 
     error = error_in_force(small)
-    if (.not. small%weakens) return
+    if (.not. small%weakens) then
+      ! Every oscillation dies out. Its cycles count until they have shrunk by a share, which two models pass at different times.
+      if (slow%cycles > 0.0_wp) error = excluded
+      return
+    end if
     if (slow%has_slipped .or. slow%cycles > 0.0_wp) then
       error = excluded
       if (slow%cycles > 0.0_wp) error = error_in_cycles(small, slow%cycles, slow%swing)
@@ -539,15 +538,10 @@ contains
   pure real(wp) function error_in_cycles(small, cycles, swing) result(error)
     type(smallness_t), intent(in) :: small
     real(wp), intent(in) :: cycles, swing
-    real(wp) :: gain
 
     error = excluded
-    if (.not. (small%end%exists .and. small%end%decay >= least_decay .and. small%share <= largest_share)) return
-    if (small%ripple <= largest_weak_ripple) then
-      gain = merge(sensitivity, 1.0_wp, small%weakening < gradual)
-      error = error_in_force(small) + margin*(gain*(feeding_weight*small%end%feeding + elastic_weight*small%end%softness) &
-        + decay_weight*exp(-small%end%decay))
-    end if
+    if (.not. (small%end%exists .and. small%slow%obstacle == '' .and. small%share <= largest_share)) return
+    if (small%ripple <= largest_weak_ripple) error = error_in_force(small) + margin*slip_error(small%end, small%weakening)
     if (small%weakening >= gradual .and. small%speed <= largest_speed .and. cycles >= least_cycles .and. &
       small%feeding <= largest_strong_feeding .and. small%softness <= largest_softness) &
       error = min(error, strong_margin*max(small%feeding, softness_weight*small%softness) &
