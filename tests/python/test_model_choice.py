@@ -272,6 +272,21 @@ COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "ti
 SPANS = (("creep", 0.1), ("creep", 0.5), ("creep", 0.95), ("stick_slip", 2.6), ("stick_slip", 4.0))
 
 
+def test_where_no_cycle_lasts_none_is_left_to_the_edge_of_a_rule() -> None:
+    """Friction is constant, so that every oscillation dies out; the two models pass the share below which it has at different times."""
+    scene = FIG3 | {
+        "mass": 0.197669,
+        "stiffness_x": 828700.08,
+        "stiffness_y": 1.51873811e9,
+        "mu_0": 0.322611,
+        "mu_inf": 0.322611,
+        "misalignment_deg": 0.848907,
+        "velocity": -1.22994e-3,
+    }
+    assert choice_of(scene, 0.05, 0.03).startswith("low_frequency: ")
+    assert choice_of(scene, 6.0, 0.03).startswith("full: ")
+
+
 def chosen_for(column: str, scene: dict[str, float], quantities: str, lengths: float, accuracy: float) -> ds.Result | None:
     """What `auto` gives of one column; None if it takes the full model."""
     more = f"quantities='{quantities}', accuracy={accuracy}"
