@@ -1,4 +1,4 @@
-"""The package against an independent reference on random scenes, and pairs of scenes that must have the same motion.
+"""The package against an independent reference on random scenes.
 
 The scenes are fresh in each run: `DYNSTICTION_SEED`, which pytest prints, gives them again. The bounded form runs always, the whole with
 --full. docs/testing.md says what is compared and how.
@@ -110,8 +110,6 @@ def test_fresh_scenes(reference: tr.Reference, family: str) -> None:
     assert sum(v.excused for v in outcome.verdicts) <= EXCUSED * len(outcome.verdicts), outcome.table()
 
 
-
-
 # The checks see what they are for.
 
 
@@ -134,7 +132,6 @@ def test_an_error_of_the_size_of_a_looser_tolerance_is_found(
 
 def test_a_change_of_a_parameter_is_found(reference: tr.Reference, case: audit.Case, monkeypatch: pytest.MonkeyPatch) -> None:
     """The conditioning allows for rtol's worth of a parameter, not for a thousand times that."""
-<<<<<<< HEAD
     run, heavier = audit.run, replace(case.scene, normal_load=case.scene.normal_load * (1 + 1e-6))
     monkeypatch.setattr(audit, "run", lambda _, *settings: run(heavier, *settings))
     assert not audit.compare(case, "radau13", 1e-10).good
@@ -145,25 +142,3 @@ def test_a_run_that_fails_is_shown_as_its_deck(reference: tr.Reference, case: au
     again, result = audit.ds.run(audit.shown(case, verdict)), audit.run(case.scene, "radau13", 1e-8, case.cycle_map)
     for name in result.columns:
         np.testing.assert_array_equal(again[name], result[name])
-
-
-@pytest.mark.parametrize("kind", [kind for kind in pairs.KINDS if kind != "units"])
-def test_pairs_that_are_none_are_found(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    number = pairs.KINDS.index(kind)
-    make = pairs.random_pair
-
-    def heavier(*arguments: object) -> tuple[object, ...]:
-        name, first, second, *rest = make(*arguments)  # type: ignore[arg-type]
-        scene = replace(second.scene, normal_load=second.scene.normal_load * 1.01)
-        return name, first, replace(second, scene=scene), *rest
-
-    monkeypatch.setattr(pairs, "random_pair", heavier)
-    found = [pairs.compare(pairs.SEED, number + len(pairs.KINDS) * i) for i in range(3)]
-    assert any(outcome.faults for outcome in found)
-=======
-    scene = random_scene(audit.SEED, 1)
-    case = audit.judge(reference, 1, scene)
-    heavier = replace(scene, normal_load=scene.normal_load * (1 + 1e-6))
-    moved = audit.Judged(**{**vars(case), "scene": heavier})
-    assert not audit.compare(reference, moved, "radau13", 1e-10).good
->>>>>>> suite
