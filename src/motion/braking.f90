@@ -28,6 +28,8 @@ module dst_braking
     real(wp) :: delay = 0.0_wp
     !> Whether friction changes little and smoothly until then, compared with the force that brakes.
     logical :: steady = .false.
+    !> Highest v until then [m/s].
+    real(wp) :: highest = 0.0_wp
   contains
     procedure :: ends_within
     procedure :: end_of_slip
@@ -69,15 +71,18 @@ contains
         stopping%steady = change(1) <= linear_change*m*abs(stopping%acceleration) .and. &
           change(2) <= curved_change*m*abs(stopping%acceleration)
       end associate
+      stopping%highest = v
+      if (stopping%falls .and. stopping%acceleration > 0.0_wp) &
+        stopping%highest = v - 0.5_wp*stopping%acceleration**2/stopping%jerk
     end associate
   end function braking
 
-  !> Whether slip ends smoothly within `time` [s], falling all the time: slip that speeds up first may turn meanwhile.
-  pure logical function ends_within(self, time)
+  !> Whether slip ends smoothly within `time` [s], and is no faster than `cut` [m/s] until then.
+  pure logical function ends_within(self, time, cut)
     class(braking_t), intent(in) :: self
-    real(wp), intent(in) :: time
+    real(wp), intent(in) :: time, cut
 
-    ends_within = self%falls .and. self%steady .and. self%acceleration < 0.0_wp .and. self%delay <= time
+    ends_within = self%falls .and. self%steady .and. self%highest <= cut .and. self%delay <= time
   end function ends_within
 
   !> The state at the end of slip. Its works follow from u, F(v) and the dampers, which vary until then.

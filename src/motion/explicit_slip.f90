@@ -79,7 +79,7 @@ contains
       ended = now%y(1) <= cut .or. negligible
       if (.not. ended) return
       stopping = braking(self%slider, drive, now)
-      ended = stopping%ends_within(now%until(horizon))
+      ended = stopping%ends_within(now%until(horizon), cut)
       if (ended) then
         to = stopping%end_of_slip(self%slider, drive, now)
         if (.not. negligible) ended = self%ends_straight(to%u, merge(drive%velocity_at(to%time), drive_velocity, &

@@ -92,7 +92,7 @@ contains
         cut = now%y(1)
       end if
       stopping = braking(self%slider, drive, now)
-      if (.not. stopping%ends_within(now%until(horizon))) return
+      if (.not. (stopping%ends_within(now%until(horizon), cut) .and. stopping%acceleration < 0.0_wp)) return
       to = stopping%end_of_slip(self%slider, drive, now)
       if (unloaded) then
         if (.not. is_unloaded(self, to)) return
