@@ -8,7 +8,7 @@ module dst_leap_summary
   use dst_kinds, only: wp, int64
   use dst_leap, only: leap_t
   use dst_motion, only: motion_t
-  use dst_interpolation, only: max_degree
+  use dst_interpolation, only: grid_t, new_grid, max_degree
   use dst_piece, only: piece_t, stick_begins, slips
   use dst_piece_view, only: piece_view_t, moment_of, friction_of
   use dst_recording, only: recording_t
@@ -27,10 +27,8 @@ module dst_leap_summary
   real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
   !> If a cycle at a point comes this close to the largest |X'| so far, the cycles between the points may exceed it.
   real(wp), parameter :: near_largest = 0.95_wp
-  !> Permitted error of the polynomials of the time in creep, relative to a cycle, and how many cycles are evaluated if the error is
-  !> larger.
-  real(wp), parameter :: smooth = 1.0e-7_wp
-  integer, parameter :: most_looks = 64
+  !> Permitted error of the polynomials of the time in creep, relative to a cycle.
+  real(wp), parameter :: smooth = 1.0e-8_wp
   !> A fall of the load within each cycle counts separately from this share of `threshold` on.
   real(wp), parameter :: large_ripple = 0.5_wp
 
@@ -190,7 +188,7 @@ contains
       if (table%observed_error(creep_time) <= smooth*leap%duration/real(n, wp)) then
         passage%creep_time = dot_product(leap%total, table%observed_coefficient(:, creep_time))
       else
-        passage%creep_time = creep_of_some(map, leap)
+        passage%creep_time = creep_of(map, leap, 1, n)
       end if
       passage%creep_time = min(leap%duration, max(passage%sticking_time, passage%creep_time))
       if (maxval(table%observed(:, largest_rate)) > near_largest*largest_so_far) then
@@ -203,29 +201,52 @@ contains
     call find_turns(map, leap, passage%turns)
   end subroutine know_cycles
 
-  !> Time in creep [s] of all cycles of a leap if it is not a smooth function of the angle: some cycles are evaluated, and the
-  !> values of those between are interpolated.
-  real(wp) function creep_of_some(map, leap) result(creep)
+  !> Time in creep [s] of the cycles of a leap from one to another, if it is not a smooth function of the angle in its whole table: it
+  !> is interpolated in ranges of cycles, which are halved until the interpolation is accurate.
+  recursive real(wp) function creep_of(map, leap, first, last) result(creep)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap
-    type(passage_t) :: cycle
-    real(wp) :: former
-    integer :: i, k, before, parts
+    integer, intent(in) :: first, last
+    type(grid_t) :: grid
+    real(wp) :: value(0:max_degree), basis(0:max_degree), middle, error
+    integer :: node(0:max_degree), i, k
 
-    creep = 0.0_wp
-    former = 0.0_wp
-    before = 0
-    parts = min(leap%cycles - 1, most_looks)
-    do k = 0, parts
-      i = 1
-      if (parts > 0) i = 1 + nint(real(k, wp)*real(leap%cycles - 1, wp)/real(parts, wp))
-      call summarise_cycle(map, leap, i, cycle)
-      ! Each cycle between two evaluated ones has the mean of both.
-      creep = creep + cycle%creep_time + 0.5_wp*real(max(0, i - before - 1), wp)*(former + cycle%creep_time)
-      former = cycle%creep_time
-      before = i
-    end do
-  end function creep_of_some
+    associate (length => last - first)
+      if (length < 2*max_degree) then
+        creep = sum([(creep_in(i), i=first, last)])
+        return
+      end if
+      node = first + nint(map%steps%closed_form%grid%node*real(length, wp))
+      grid = new_grid(real(node - first, wp))
+      value = [(creep_in(node(k)), k=0, max_degree)]
+      creep = 0.0_wp
+      do i = first, last
+        call grid%lagrange(real(i - first, wp), basis)
+        creep = creep + dot_product(basis, value)
+      end do
+      ! Between two nodes, off the middle, on either side.
+      error = 0.0_wp
+      do k = 3, 5, 2
+        i = (node(k) + node(k + 1))/2
+        call grid%lagrange(real(i - first, wp), basis)
+        middle = dot_product(basis, value)
+        error = max(error, abs(middle - creep_in(i)))
+      end do
+      if (error <= smooth*leap%duration/real(leap%cycles, wp)) return
+      i = first + length/2
+      creep = creep_of(map, leap, first, i) + creep_of(map, leap, i + 1, last)
+    end associate
+
+  contains
+
+    real(wp) function creep_in(number)
+      integer, intent(in) :: number
+      type(passage_t) :: cycle
+
+      call summarise_cycle(map, leap, number, cycle)
+      creep_in = cycle%creep_time
+    end function creep_in
+  end function creep_of
 
   !> Points at which the load turns back in the cycles of a leap: in each of them if it falls far enough, else at the ends.
   subroutine find_turns(map, leap, turns)
