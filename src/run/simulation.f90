@@ -215,6 +215,7 @@ contains
     self%pieces = self%pieces + 1
     if (self%motion%in_closed_form) self%motion%next_look = min(sample_time(self), last)
     self%motion%t_end = end_time(self)
+    if (allocated(self%other)) self%other%t_end = end_time(self)
     call next_piece(self%motion, self%other, error)
     if (allocated(error)) return
     call check(self, error)
