@@ -378,10 +378,6 @@ contains
         if (.not. found) return
         measure = measures_of(self%sample, here%side, self%scout%slider)
         expected = table%measures_at(angle)
-        if (allocated(self%observer)) then
-          call self%observer%observe(self%scout, self%sample, observed)
-          call table%check_observed(angle, observed)
-        end if
         inside = max(inside, table%error_inside(self%scout%closed_form%grid, angle, self%sample))
         table%error = max(table%error, abs(measure(duration)/expected(duration) - 1.0_wp), &
           abs(measure(turn) - expected(turn))/largest_turn)

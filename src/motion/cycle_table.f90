@@ -41,8 +41,6 @@ module dst_cycle_table
     real(wp) :: error = 0.0_wp
     !> The values of an observer for the cycles at the points (point, value), and their coefficients.
     real(wp), allocatable :: observed(:, :), observed_coefficient(:, :)
-    !> The errors of the polynomials of these values in cycles between the points.
-    real(wp), allocatable :: observed_error(:)
     !> The slip of the cycles at the points: ends of its panels as shares of its length, and nodal values (column, node, panel,
     !> point).
     real(wp), allocatable :: point(:)
@@ -57,7 +55,6 @@ module dst_cycle_table
     procedure :: slip_at
     procedure :: take
     procedure :: settle
-    procedure :: check_observed
     procedure :: error_inside
     procedure :: measures_at
     procedure :: log_stretch
@@ -80,7 +77,6 @@ contains
     table%points = points
     table%point = chebyshev_points(points)
     allocate (table%coefficient(points, measures), table%observed(points, values))
-    allocate (table%observed_error(values), source=0.0_wp)
   end subroutine new_cycle_table
 
   !> Whether an angle lies in the interval.
@@ -243,16 +239,6 @@ contains
     self%observed_coefficient = chebyshev_coefficients(self%observed)
   end subroutine settle
 
-  !> Note the errors of the polynomials of observed values in a cycle between the points.
-  pure subroutine check_observed(self, angle, observed)
-    class(cycle_table_t), intent(inout) :: self
-    real(wp), intent(in) :: angle, observed(:)
-    real(wp) :: polynomial(self%points)
-
-    call chebyshev_polynomials(self%points, self%place(angle), polynomial)
-    self%observed_error = max(self%observed_error, abs(matmul(polynomial, self%observed_coefficient) - observed))
-  end subroutine check_observed
-
   !> Largest error of the motion inside the slip of a recorded cycle that begins at an angle [rad], relative to the largest
   !> elongation and slip speed in it: in the middle of each panel.
   pure real(wp) function error_inside(self, grid, angle, recording) result(error)
@@ -397,16 +383,13 @@ contains
     call archive%serialise(last)
     call archive%serialise(values)
     if (archive%is_loading()) then
-      if (allocated(self%coefficient)) deallocate (self%coefficient, self%panel_end, self%inside, self%observed, &
-        self%observed_error)
+      if (allocated(self%coefficient)) deallocate (self%coefficient, self%panel_end, self%inside, self%observed)
       self%point = chebyshev_points(self%points)
       allocate (self%coefficient(self%points, measures), self%panel_end(0:self%panels), &
-        self%inside(slip_columns, 0:last, self%panels, self%points), self%observed(self%points, values), &
-        self%observed_error(values))
+        self%inside(slip_columns, 0:last, self%panels, self%points), self%observed(self%points, values))
     end if
     call archive%serialise(self%coefficient)
     call archive%serialise(self%observed)
-    call archive%serialise(self%observed_error)
     self%observed_coefficient = chebyshev_coefficients(self%observed)
     call archive%serialise(self%panel_end(0:self%panels))
     do j = 1, self%points

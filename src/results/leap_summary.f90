@@ -20,14 +20,14 @@ module dst_leap_summary
 
   public :: leap_summary_t, observe_cycles
 
-  !> The observations of a cycle: the time in creep or at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
+  !> The observations of a cycle: the time neither in creep nor at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
   !> where they are in the cycle, and whether slip begins in it.
-  integer, parameter :: creep_time = 1, largest_rate = 2, highest = 3, lowest = 6, highest_place = 9, lowest_place = 10, &
+  integer, parameter :: fast_time = 1, largest_rate = 2, highest = 3, lowest = 6, highest_place = 9, lowest_place = 10, &
     begins_to_slip = 11, values = 11
   real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
   !> If a cycle at a point comes this close to the largest |X'| so far, the cycles between the points may exceed it.
   real(wp), parameter :: near_largest = 0.95_wp
-  !> Permitted error of the polynomials of the time in creep, relative to a cycle.
+  !> Permitted error of an interpolated time in creep, relative to a cycle. Convention; a tenth: no change of Fig. 3.
   real(wp), parameter :: smooth = 1.0e-8_wp
   !> A fall of the load within each cycle counts separately from this share of `threshold` on.
   real(wp), parameter :: large_ripple = 0.5_wp
@@ -86,7 +86,7 @@ contains
     end associate
     call summarise(steps, cycle, summary)
     passage = summary%passage()
-    value(creep_time) = passage%creep_time
+    value(fast_time) = passage%duration - passage%creep_time
     value(largest_rate) = passage%largest_rate
     value(highest:highest + 2) = [passage%highest%load, passage%highest%time, passage%highest%position]
     value(lowest:lowest + 2) = [passage%lowest%load, passage%lowest%time, passage%lowest%position]
@@ -177,6 +177,7 @@ contains
     type(leap_t), intent(in), target :: leap
     real(wp), intent(in) :: largest_so_far
     type(passage_t), intent(out) :: passage
+    type(passage_t) :: ends(2)
     real(wp) :: polynomial(map%survey%table(leap%table)%points)
     integer :: i
 
@@ -185,11 +186,12 @@ contains
       passage%sticks = n
       passage%sticking_time = leap%duration - sum(leap%slip)
       passage%exchanged = leap%exchanged
-      if (table%observed_error(creep_time) <= smooth*leap%duration/real(n, wp)) then
-        passage%creep_time = dot_product(leap%total, table%observed_coefficient(:, creep_time))
-      else
+      ! Where neither the cycles at the points nor those at the ends are fast, no other one is.
+      call summarise_cycle(map, leap, 1, ends(1))
+      call summarise_cycle(map, leap, n, ends(2))
+      passage%creep_time = leap%duration
+      if (max(maxval(table%observed(:, fast_time)), maxval(ends%duration - ends%creep_time)) > smooth*leap%duration/real(n, wp)) &
         passage%creep_time = creep_of(map, leap, 1, n)
-      end if
       passage%creep_time = min(leap%duration, max(passage%sticking_time, passage%creep_time))
       if (maxval(table%observed(:, largest_rate)) > near_largest*largest_so_far) then
         do i = 1, n
@@ -201,8 +203,8 @@ contains
     call find_turns(map, leap, passage%turns)
   end subroutine know_cycles
 
-  !> Time in creep [s] of the cycles of a leap from one to another, if it is not a smooth function of the angle in its whole table: it
-  !> is interpolated in ranges of cycles, which are halved until the interpolation is accurate.
+  !> Time in creep [s] of the cycles of a leap from one to another. It is no smooth function of the angle where creep begins to be
+  !> interrupted: it is interpolated in ranges of cycles, which are halved until the interpolation is accurate.
   recursive real(wp) function creep_of(map, leap, first, last) result(creep)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap

@@ -55,7 +55,7 @@ contains
       moment%rate = dot_product(moment%slip_velocity, slider%along)
       moment%force = slider%stiffness(1)*state%u(1)
       moment%drive_velocity = piece%drive%velocity_at(state%time)
-      moment%force_rate = slider%stiffness(1)*slider%free(1)*(moment%drive_velocity*slider%along(1) - moment%slip_velocity(1))
+      moment%elongation_rate = slider%free(1)*(moment%drive_velocity*slider%along(1) - moment%slip_velocity(1))
     end associate
   end function moment_of
 

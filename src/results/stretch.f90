@@ -2,8 +2,8 @@
 !> velocity along the drive, and where slip begins.
 !>
 !> These are properties of the motion inside the stretch, not of its ends: all zeros and extremes of polynomials in Bernstein's form
-!> are found (dst_bernstein). The load k_x u_x is a polynomial as it is. Its rate k_x (V e_x - w_x), which is more accurate than the
-!> derivative of the polynomial, X' and F(v) are functions of polynomials; they are interpolated at Chebyshev points, in parts of the
+!> are found (dst_bernstein). The load k_x u_x is a polynomial as it is. The rate of u_x, V e_x - w_x, which is more accurate than
+!> the derivative of the polynomial, X' and F(v) are functions of polynomials; they are interpolated at Chebyshev points, in parts of the
 !> stretch that are halved until the interpolation is accurate. A stretch is not searched if a bound shows that there is nothing to
 !> find.
 module dst_stretch
@@ -22,8 +22,8 @@ module dst_stretch
   !> Permitted error of an interpolation, relative to the terms of the quantity, and the length of a part that is not halved any more.
   !> Conventions: far below the digits of a summary; most stretches are one part.
   real(wp), parameter :: accurate = 1.0e-9_wp, shortest = 1.0_wp/128.0_wp
-  !> The quantities that are interpolated: X' [m/s], |k_x u_x| - F(v) [N], and the rate of the load [N/s].
-  integer, parameter :: rate = 1, excess = 2, load_rate = 3
+  !> The quantities that are interpolated: X' [m/s], |k_x u_x| - F(v) [N], and the rate of the elongation [m/s].
+  integer, parameter :: rate = 1, excess = 2, stretching = 3
   !> Most points of a stretch at which the load turns back.
   integer, parameter :: most_turns = 4*max_degree
 
@@ -34,7 +34,7 @@ module dst_stretch
     real(wp) :: rate = 0.0_wp               !! X', m/s
     real(wp) :: slip_velocity(2) = 0.0_wp   !! m/s
     real(wp) :: force = 0.0_wp              !! k_x u_x, N
-    real(wp) :: force_rate = 0.0_wp         !! its derivative, N/s
+    real(wp) :: elongation_rate = 0.0_wp    !! of the soft spring, m/s
     real(wp) :: drive_velocity = 0.0_wp     !! V, m/s
   end type moment_t
 
@@ -131,7 +131,7 @@ contains
       return
     end if
     do while (part%to < 1.0_wp)
-      call next_part(self, grid, load_rate, part)
+      call next_part(self, grid, stretching, part)
       call sign_changes(max_degree, part%coefficient, position, n)
       n = min(n, most_turns - count)
       places(count + 1:count + n) = part%from + (part%to - part%from)*position(:n)
@@ -286,9 +286,9 @@ contains
       case (rate)
         value = moment%rate
         term = speed
-      case (load_rate)
-        value = moment%force_rate
-        term = abs(value)
+      case (stretching)
+        value = moment%elongation_rate
+        term = max(speed, abs(moment%drive_velocity))
       case default
         value = abs(moment%force) - self%friction(speed)
         term = abs(moment%force)

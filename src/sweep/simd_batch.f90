@@ -248,7 +248,7 @@ contains
     associate (scene => self%lanes%scene, now => self%lanes%point(point))
       moment = moment_t(now%time(i), position_of(self, i, now%time(i), now%u(i)), rate_along(self, i, now%w(i)), &
         [now%w(i), scene%across(i)], scene%stiffness(i)*now%u(i), &
-        scene%stiffness(i)*(scene%drive_rate(i) - now%w(i)), scene%velocity(i))
+        scene%drive_rate(i) - now%w(i), scene%velocity(i))
     end associate
   end function moment_of
 
@@ -288,7 +288,7 @@ contains
       u = value_of(self%u, place)
       w = value_of(self%w, place)
       moment = moment_t(time, position_of(self%batch, i, time, u), rate_along(self%batch, i, w), [w, scene%across(i)], &
-        scene%stiffness(i)*u, scene%stiffness(i)*(scene%drive_rate(i) - w), scene%velocity(i))
+        scene%stiffness(i)*u, scene%drive_rate(i) - w, scene%velocity(i))
     end associate
   end function at
 
