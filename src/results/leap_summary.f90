@@ -13,19 +13,19 @@ module dst_leap_summary
   use dst_piece_view, only: piece_view_t, moment_of, friction_of
   use dst_recording, only: recording_t
   use dst_state, only: state_t
-  use dst_stretch, only: moment_t, stretch_t
+  use dst_stretch, only: moment_t, stretch_t, tiny_rate
   use dst_summary, only: summary_t, passage_t
   implicit none
   private
 
   public :: leap_summary_t, observe_cycles
 
-  !> The observations of a cycle: the time neither in creep nor at rest [s], the largest |X'| [m/s], highest and lowest load with time and X,
+  !> The observations of a cycle: the largest |X'| [m/s], highest and lowest load with time and X,
   !> where they are in the cycle, and whether slip begins in it.
-  integer, parameter :: fast_time = 1, largest_rate = 2, highest = 3, lowest = 6, highest_place = 9, lowest_place = 10, &
-    begins_to_slip = 11, values = 11
+  integer, parameter :: largest_rate = 1, highest = 2, lowest = 5, highest_place = 8, lowest_place = 9, begins_to_slip = 10, &
+    values = 10
   real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
-  !> If a cycle at a point comes this close to the largest |X'| so far, the cycles between the points may exceed it.
+  !> If a cycle at a point comes this close to the largest |X'| so far, or to that of creep, the cycles between the points may exceed it.
   real(wp), parameter :: near_largest = 0.95_wp
   !> Permitted error of an interpolated time in creep, relative to a cycle. Convention; a tenth: no change of Fig. 3.
   real(wp), parameter :: smooth = 1.0e-8_wp
@@ -55,6 +55,8 @@ module dst_leap_summary
   type, extends(stretch_t) :: leap_view_t
     class(cycle_map_t), pointer :: map => null()
     type(leap_t), pointer :: leap => null()
+    !> Bernstein coefficients of the load [N], and an upper bound of the slip speed [m/s].
+    real(wp) :: coefficient(0:max_degree) = 0.0_wp, highest_speed = 0.0_wp
   contains
     procedure :: at
     procedure :: moment => moment_in
@@ -86,7 +88,6 @@ contains
     end associate
     call summarise(steps, cycle, summary)
     passage = summary%passage()
-    value(fast_time) = passage%duration - passage%creep_time
     value(largest_rate) = passage%largest_rate
     value(highest:highest + 2) = [passage%highest%load, passage%highest%time, passage%highest%position]
     value(lowest:lowest + 2) = [passage%lowest%load, passage%lowest%time, passage%lowest%position]
@@ -177,7 +178,6 @@ contains
     type(leap_t), intent(in), target :: leap
     real(wp), intent(in) :: largest_so_far
     type(passage_t), intent(out) :: passage
-    type(passage_t) :: ends(2)
     real(wp) :: polynomial(map%survey%table(leap%table)%points)
     integer :: i
 
@@ -186,13 +186,9 @@ contains
       passage%sticks = n
       passage%sticking_time = leap%duration - sum(leap%slip)
       passage%exchanged = leap%exchanged
-      ! Where neither the cycles at the points nor those at the ends are fast, no other one is.
-      call summarise_cycle(map, leap, 1, ends(1))
-      call summarise_cycle(map, leap, n, ends(2))
       passage%creep_time = leap%duration
-      if (max(maxval(table%observed(:, fast_time)), maxval(ends%duration - ends%creep_time)) > smooth*leap%duration/real(n, wp)) &
-        passage%creep_time = creep_of(map, leap, 1, n)
-      passage%creep_time = min(leap%duration, max(passage%sticking_time, passage%creep_time))
+      if (maxval(table%observed(:, largest_rate)) > near_largest*tiny_rate*abs(leap%velocity)) &
+        passage%creep_time = min(leap%duration, max(passage%sticking_time, creep_of(map, leap, 1, n)))
       if (maxval(table%observed(:, largest_rate)) > near_largest*largest_so_far) then
         do i = 1, n
           call chebyshev_polynomials(table%points, table%place(leap%angle(i)), polynomial)
@@ -215,12 +211,12 @@ contains
 
     associate (length => last - first)
       if (length < 2*max_degree) then
-        creep = sum([(creep_in(i), i=first, last)])
+        creep = sum([(creep_in(map, leap, i), i=first, last)])
         return
       end if
       node = first + nint(map%steps%closed_form%grid%node*real(length, wp))
       grid = new_grid(real(node - first, wp))
-      value = [(creep_in(node(k)), k=0, max_degree)]
+      value = [(creep_in(map, leap, node(k)), k=0, max_degree)]
       creep = 0.0_wp
       do i = first, last
         call grid%lagrange(real(i - first, wp), basis)
@@ -232,23 +228,28 @@ contains
         i = (node(k) + node(k + 1))/2
         call grid%lagrange(real(i - first, wp), basis)
         middle = dot_product(basis, value)
-        error = max(error, abs(middle - creep_in(i)))
+        error = max(error, abs(middle - creep_in(map, leap, i)))
       end do
       if (error <= smooth*leap%duration/real(leap%cycles, wp)) return
       i = first + length/2
       creep = creep_of(map, leap, first, i) + creep_of(map, leap, i + 1, last)
     end associate
-
-  contains
-
-    real(wp) function creep_in(number)
-      integer, intent(in) :: number
-      type(passage_t) :: cycle
-
-      call summarise_cycle(map, leap, number, cycle)
-      creep_in = cycle%creep_time
-    end function creep_in
   end function creep_of
+
+  !> That of one cycle.
+  real(wp) function creep_in(map, leap, number) result(creep)
+    class(cycle_map_t), intent(in), target :: map
+    type(leap_t), intent(in), target :: leap
+    integer, intent(in) :: number
+    type(leap_view_t) :: view
+
+    creep = 0.0_wp
+    call first_part(map, leap, number, view)
+    do while (view%first%time < leap%start(number + 1))
+      creep = creep + view%creep_time(map%steps%closed_form%grid, 0.0_wp, 1.0_wp)
+      call next_part(view)
+    end do
+  end function creep_in
 
   !> Points at which the load turns back in the cycles of a leap: in each of them if it falls far enough, else at the ends.
   subroutine find_turns(map, leap, turns)
@@ -376,12 +377,24 @@ contains
   subroutine next_part(view)
     type(leap_view_t), intent(inout) :: view
     type(state_t) :: state
-    integer :: contact
+    real(wp) :: load(0:max_degree), speed(0:max_degree)
+    integer :: contact, i
 
     view%first = view%last
     view%last = view%moment(view%map%next_in_leap(view%leap, view%first%time))
     call view%map%state_in_leap(view%leap, 0.5_wp*(view%first%time + view%last%time), state, contact)
     view%sticking = contact /= slips
+    ! The load and the slip speed are polynomials in each panel of a table, and at rest.
+    associate (grid => view%map%steps%closed_form%grid)
+      do i = 0, max_degree
+        call view%map%state_in_leap(view%leap, view%first%time + grid%node(i)*view%duration(), state, contact)
+        load(i) = view%map%slider%stiffness(1)*state%u(1)
+        speed(i) = merge(0.0_wp, state%y(1), view%sticking)
+      end do
+      call grid%bernstein_coefficients(load, view%coefficient)
+      call grid%bernstein_coefficients(speed, load)
+    end associate
+    view%highest_speed = maxval(abs(load))
   end subroutine next_part
 
   function at(self, place) result(moment)
@@ -404,33 +417,22 @@ contains
     moment = moment_of(self%map, self%map%piece, state)
   end function moment_in
 
-  !> The load is a polynomial in each panel of a table and at rest.
   subroutine load(self, degree, coefficient)
     class(leap_view_t), intent(in) :: self
     integer, intent(out) :: degree
     real(wp), intent(out) :: coefficient(0:max_degree)
-    real(wp) :: value(0:max_degree)
-    type(moment_t) :: moment
-    integer :: i
 
     degree = max_degree
-    associate (grid => self%map%steps%closed_form%grid)
-      do i = 0, max_degree
-        moment = self%at(grid%node(i))
-        value(i) = moment%force
-      end do
-      call grid%bernstein_coefficients(value, coefficient)
-    end associate
+    coefficient = self%coefficient
   end subroutine load
 
-  !> No bound is known.
   real(wp) function fastest(self, enough)
     class(leap_view_t), intent(in) :: self
     real(wp), intent(in) :: enough
 
     associate (unused => enough)
     end associate
-    fastest = merge(0.0_wp, huge(fastest), self%sticking)
+    fastest = self%highest_speed
   end function fastest
 
   pure real(wp) function least_friction(self)
