@@ -756,8 +756,8 @@ contains
     end select
   end subroutine make_text
 
-  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', what the samples will not show:
-  !> 'sampling_note', and why the method is slow: 'stiffness_note'.
+  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', and in two lines what the samples will not show
+  !> and why the method is slow: 'notes'.
   subroutine make_run_text(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -769,10 +769,8 @@ contains
       self%text = trim(self%simulation%scene%method_name())
     case ('model_choice')
       self%text = self%model_choice
-    case ('sampling_note')
-      self%text = sampling_note(self%simulation%scene)
-    case ('stiffness_note')
-      self%text = stiffness_note(self%simulation%scene, 1.0_wp)
+    case ('notes')
+      self%text = sampling_note(self%simulation%scene)//new_line('a')//stiffness_note(self%simulation%scene, 1.0_wp)
     case default
       call self%session_t%make_text(which)
     end select

@@ -274,10 +274,8 @@ class Run(Session):
         self.method = _named_text(handle, "method")
         self.model_choice = _named_text(handle, "model_choice")
         """Why 'auto' chose the model; empty if the deck names another model."""
-        self.sampling_note = _named_text(handle, "sampling_note")
-        """Note on what the samples will not show; empty if they show everything."""
-        self.stiffness_note = _named_text(handle, "stiffness_note")
-        """Why the method is slow on this scene; empty if it is not."""
+        self.sampling_note, self.stiffness_note = _named_text(handle, "notes").split("\n")
+        """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""

@@ -25,7 +25,8 @@ module dst_leap_summary
   integer, parameter :: largest_rate = 1, highest = 2, lowest = 5, highest_place = 8, lowest_place = 9, begins_to_slip = 10, &
     values = 10
   real(wp), parameter :: at_begin = -1.0_wp, inside = 0.0_wp, at_end = 1.0_wp
-  !> If a cycle at a point comes this close to the largest |X'| so far, or to that of creep, the cycles between the points may exceed it.
+  !> If a cycle at a point comes this close to the largest |X'| so far, or to that of creep, the cycles between the points may
+  !> exceed it.
   real(wp), parameter :: near_largest = 0.95_wp
   !> Permitted error of an interpolated time in creep, relative to a cycle. Convention; a tenth: no change of Fig. 3.
   real(wp), parameter :: smooth = 1.0e-8_wp
