@@ -31,7 +31,7 @@ module dst_checkpoint
 
   character(*), parameter :: signature = 'dynstiction checkpoint, format '
   !> Version of this format and of the fields that the types of a run put into an archive.
-  character(*), parameter :: format_version = '10'
+  character(*), parameter :: format_version = '11'
   character, parameter :: n = achar(10)
   integer, parameter :: word_bytes = 8, most_bytes = 2**27, digest_length = 64
 
