@@ -27,6 +27,7 @@ import secrets
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import dynstiction as ds
 import numpy as np
@@ -85,6 +86,8 @@ class Verdict:
     fault: str = ""
     """What else is wrong."""
     excused: bool = False
+    gave_up: bool = False
+    """Excused after `MOST_STEPS`."""
 
     @property
     def good(self) -> bool:
@@ -92,7 +95,7 @@ class Verdict:
 
 
 def deck(scene: Scene, method: str, rtol: float, cycle_map: str) -> ds.Scene:
-    bound = {} if method.startswith("radau") else {"max_steps": MOST_STEPS}
+    bound: dict[str, Any] = {} if method.startswith("radau") else {"max_steps": MOST_STEPS}
     return ds.Scene(**scene.groups(method=method, rtol=rtol, cycle_map=cycle_map, **bound))
 
 
@@ -105,8 +108,8 @@ def compare(case: Case, method: str, rtol: float) -> Verdict:
     try:
         result = run(case.scene, method, rtol, case.cycle_map)
     except (ds.SolverError, ds.DeckError) as error:
-        verdict.excused = error.code == STEPS_USED_UP
-        verdict.fault = "" if verdict.excused else str(error)
+        verdict.gave_up = isinstance(error, ds.SolverError) and error.code == STEPS_USED_UP
+        verdict.excused, verdict.fault = verdict.gave_up, "" if verdict.gave_up else str(error)
         return verdict
     if result.time.size != case.truth.time.size or np.abs(result.time - case.truth.time).max() > 4e-16 * case.scene.t_end:
         verdict.fault = f"samples at other times ({result.time.size} for {case.truth.time.size})"
@@ -206,14 +209,19 @@ class Outcome:
 
     def table(self) -> str:
         text = [
-            "| method | rtol | runs | within 30 rtol (1 + C) | excused | wrong | median error/rtol | 95 % | largest |",
-            "| " + "--- | " * 9,
+            "| method | rtol | runs | within 30 rtol (1 + C) | excused | gave up | wrong | median error/rtol | 95 % | largest |",
+            "| " + "--- | " * 10,
         ]
         for method, rtol in dict.fromkeys((v.method, v.rtol) for v in self.verdicts):
             rows = [v for v in self.verdicts if (v.method, v.rtol) == (method, rtol)]
             median, most, largest = np.quantile([v.error for v in rows], [0.5, 0.95, 1])
-            counts = [len(rows), sum(v.good and not v.excused for v in rows), sum(v.good and v.excused for v in rows)]
-            numbers = " | ".join(map(str, [*counts, sum(not v.good for v in rows)]))
+            counts = [
+                len(rows),
+                sum(v.good and not v.excused for v in rows),
+                sum(v.excused and v.good and not v.gave_up for v in rows),
+            ]
+            counts += [sum(v.gave_up for v in rows), sum(not v.good for v in rows)]
+            numbers = " | ".join(map(str, counts))
             text.append(f"| {method} | {rtol:.0e} | {numbers} | {median:.2g} | {most:.2g} | {largest:.3g} |")
         return "\n".join(text)
 

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scenes import Scene
@@ -137,7 +138,9 @@ class Reference:
         def scaled(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
             return tuple(v * (1 + change) for v in value) if isinstance(value, tuple) else value * (1 + change)
 
-        changed = [{name: scaled(getattr(scene, name)) for name in names if getattr(scene, name)} for names in PERTURBED]
+        changed: list[dict[str, Any]] = [
+            {name: scaled(getattr(scene, name)) for name in names if getattr(scene, name)} for names in PERTURBED
+        ]
         return [self.run(replace(scene, **values)) for values in [*changed, unsteady(scene, change)] if values]
 
 
@@ -161,7 +164,10 @@ def shortest_time(scene: Scene, time: np.ndarray) -> np.ndarray:
     c, s = scene.along
     with np.errstate(divide="ignore"):
         loading = np.abs(np.interp(time, scene.time, scene.velocity)) * math.hypot(scene.stiffness_x * c, scene.stiffness_y * s)
-        return np.minimum(math.sqrt(scene.mass / max(scene.stiffness_x, scene.stiffness_y)), scene.static_limit / loading)
+        shortest: np.ndarray = np.minimum(
+            math.sqrt(scene.mass / max(scene.stiffness_x, scene.stiffness_y)), scene.static_limit / loading
+        )
+    return shortest
 
 
 def long_rests(scene: Scene, kind: np.ndarray, time: np.ndarray, share: float) -> int:
@@ -275,7 +281,7 @@ def conditioning(scene: Scene, truth: Truth, perturbed: list[Truth]) -> dict[str
 def widest(values: np.ndarray) -> np.ndarray:
     """At each sample the largest of it and its neighbours."""
     wide = np.concatenate([values[:1], values, values[-1:]])
-    return np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    return np.asarray(np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:]))
 
 
 JUMPING = ("friction", "theta", "psi", "zeta")
