@@ -38,12 +38,12 @@ module dst_cycle_map
   !> They begin no nearer than this share of rtol, and have to end within this many times the duration of the one that is measured.
   !> Conventions.
   real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
-  !> An excursion that is reused lies in time by the drift of fast cycles: each lasts no longer than this many periods of the stiffer
-  !> spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller is a slow
+  !> An excursion that is reused lies in time by the drift of fast cycles: each lasts no longer than this many periods of the
+  !> stiffer spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller is a slow
   !> cycle, or noise. Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: longest_fast = 10.0_wp, least_turn = 10.0_wp, alike = 2.0_wp
-  !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the balance of
-  !> steps is open by 190 at most.
+  !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the balance
+  !> of steps is open by 190 at most.
   real(wp), parameter :: unbalanced = 1000.0_wp
   !> Largest numbers of leaps that are kept, of excursions that can be reused, and of pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000

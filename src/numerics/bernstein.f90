@@ -75,8 +75,8 @@ contains
     call collect(degree, coefficient, 0.0_wp, 1.0_wp, 0, position, count)
   end subroutine sign_changes
 
-  !> Append those of the interval from `begin` on, on which these are the coefficients. The coefficients change their sign at least as
-  !> often as the polynomial.
+  !> Append those of the interval from `begin` on, on which these are the coefficients. The coefficients change their sign at least
+  !> as often as the polynomial.
   pure recursive subroutine collect(degree, coefficient, begin, length, depth, position, count)
     integer, intent(in) :: degree, depth
     real(wp), intent(in) :: coefficient(0:degree), begin, length

@@ -48,7 +48,8 @@ contains
     end do
   end function new_grid
 
-  !> The grid of the highest degree, on the extrema of Chebyshev's polynomial: a polynomial through values there is accurate everywhere.
+  !> The grid of the highest degree, on the extrema of Chebyshev's polynomial: a polynomial through values there is accurate
+  !> everywhere.
   pure function chebyshev_grid() result(grid)
     type(grid_t) :: grid
     integer :: i
@@ -155,8 +156,8 @@ contains
     end do
   end subroutine set_bernstein
 
-  !> Bernstein coefficients of the polynomial with the given values at the nodes; 0 beyond its degree. All loops have the full length,
-  !> as in `values_at`.
+  !> Bernstein coefficients of the polynomial with the given values at the nodes; 0 beyond its degree. All loops have the full
+  !> length, as in `values_at`.
   pure subroutine bernstein_coefficients(self, values, coefficient)
     class(grid_t), intent(in) :: self
     real(wp), intent(in) :: values(0:max_degree)

@@ -2,8 +2,8 @@
 !>
 !> The load is the spring force k_x u_x, positive in the direction in which the drive pulls the soft spring, that of V cos(phi). A
 !> cycle goes from a peak of the load over a valley to the next peak. An extremum counts if the load leaves it by more than
-!> `threshold` of the kinetic limit F_0 = mu_0 W: the 1 kHz ripple of dynamic stiction stays far below this. If the drive stops or reverses, the
-!> present cycle is discarded; a long steady slide also ends it.
+!> `threshold` of the kinetic limit F_0 = mu_0 W: the 1 kHz ripple of dynamic stiction stays far below this.
+!> If the drive stops or reverses, the present cycle is discarded; a long steady slide also ends it.
 !>
 !> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, and at most over
 !> the last `kept`. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long

@@ -201,8 +201,8 @@ contains
     call find_turns(map, leap, passage%turns)
   end subroutine know_cycles
 
-  !> Time in creep [s] of the cycles of a leap from one to another, if it is not a smooth function of the angle in its whole table: it
-  !> is interpolated in ranges of cycles, which are halved until the interpolation is accurate.
+  !> Time in creep [s] of the cycles of a leap from one to another, if it is not a smooth function of the angle in its whole table:
+  !> it is interpolated in ranges of cycles, which are halved until the interpolation is accurate.
   recursive real(wp) function creep_of(map, leap, first, last) result(creep)
     class(cycle_map_t), intent(in), target :: map
     type(leap_t), intent(in), target :: leap

@@ -3,8 +3,8 @@
 !>
 !> These are properties of the motion inside the stretch, not of its ends: all zeros and extremes of polynomials in Bernstein's form
 !> are found (dst_bernstein). The load k_x u_x is a polynomial as it is. Its rate k_x (V e_x - w_x), which is more accurate than the
-!> derivative of the polynomial, X' and F(v) are functions of polynomials; they are interpolated at Chebyshev points, in parts of the
-!> stretch that are halved until the interpolation is accurate. A stretch is not searched if a bound shows that there is nothing to
+!> derivative of the polynomial, X' and F(v) are functions of polynomials; they are interpolated at Chebyshev points, in parts of
+!> the stretch that are halved until the interpolation is accurate. A stretch is not searched if a bound shows that there is nothing to
 !> find.
 module dst_stretch
   use dst_bernstein, only: sign_changes, first_zero, bernstein_value
@@ -19,8 +19,8 @@ module dst_stretch
   real(wp), parameter :: tiny_rate = 0.1_wp
   !> A place that does not exist.
   real(wp), parameter :: nowhere = 2.0_wp
-  !> Permitted error of an interpolation, relative to the terms of the quantity, and the length of a part that is not halved any more.
-  !> Conventions: far below the digits of a summary; most stretches are one part.
+  !> Permitted error of an interpolation, relative to the terms of the quantity, and the length of a part that is not halved any
+  !> more. Conventions: far below the digits of a summary; most stretches are one part.
   real(wp), parameter :: accurate = 1.0e-9_wp, shortest = 1.0_wp/128.0_wp
   !> The quantities that are interpolated: X' [m/s], |k_x u_x| - F(v) [N], and the rate of the load [N/s].
   integer, parameter :: rate = 1, excess = 2, load_rate = 3
