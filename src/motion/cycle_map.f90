@@ -39,8 +39,8 @@ module dst_cycle_map
   !> Conventions.
   real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
   !> An excursion that is reused lies in time by the drift of fast cycles: each lasts no longer than this many periods of the
-  !> stiffer spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller is a slow
-  !> cycle, or noise. Conventions; twice: no change on Fig. 3.
+  !> stiffer spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller
+  !> is a slow cycle, or noise. Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: longest_fast = 10.0_wp, least_turn = 10.0_wp, alike = 2.0_wp
   !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the balance
   !> of steps is open by 190 at most.

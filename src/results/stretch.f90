@@ -4,8 +4,8 @@
 !> These are properties of the motion inside the stretch, not of its ends: all zeros and extremes of polynomials in Bernstein's form
 !> are found (dst_bernstein). The load k_x u_x is a polynomial as it is. Its rate k_x (V e_x - w_x), which is more accurate than the
 !> derivative of the polynomial, X' and F(v) are functions of polynomials; they are interpolated at Chebyshev points, in parts of
-!> the stretch that are halved until the interpolation is accurate. A stretch is not searched if a bound shows that there is nothing to
-!> find.
+!> the stretch that are halved until the interpolation is accurate. A stretch is not searched if a bound shows that there is nothing
+!> to find.
 module dst_stretch
   use dst_bernstein, only: sign_changes, first_zero, bernstein_value
   use dst_interpolation, only: grid_t, max_degree
