@@ -59,7 +59,7 @@ GROUPS = {
     "parameters": "Every key with a number, as used. In SI units; angles are in degrees if the name says so.",
     "time_series": "The columns that `output.fields` names, one value for each sample.",
     "events": "Every stick and slip, whether or not a sample is near.",
-    "summary": "Summary values of the run. They are computed from every step, whatever `output.interval` is.",
+    "summary": "Summary values of the run. They are those of the motion between the steps, too, whatever `output.interval` is. A value that does not exist is left out.",
     "statistics": "Counts of the work.",
 }
 

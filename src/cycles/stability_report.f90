@@ -245,7 +245,7 @@ contains
       text = 'no value: the slow motion does not hold there, as '//trim(end%validity%obstacle)// &
         '; a sweep of the full model shows it: dynstiction sweep DECK --vary '//key//'=FIRST:LAST:COUNT'
     else if (end%kind == ends_nowhere) then
-      text = 'not found: no cycle has an amplitude of 5 % of mu_0 W'
+      text = 'not found: no cycle has a swing of 5 % of mu_0 W'
     else
       text = long_text(scale*end%at)//' '//unit//how(end)//'; full model: within '// &
         number_text(100.0_wp*end%validity%error, 2)//' % (estimated)'
@@ -257,7 +257,7 @@ contains
     type(slow_end_t), intent(in) :: end
     character(:), allocatable :: text
 
-    text = ', where its amplitude is 5 % of mu_0 W'
+    text = ', where its swing is 5 % of mu_0 W'
     if (end%kind == ends_at_fold) text = ', in a fold of cycles'
   end function how
 

@@ -4,7 +4,7 @@
 !> The mirror images of a scene, V -> -V and phi -> -phi, 180 deg - phi, 180 deg + phi, have the same summary: loads count in the
 !> direction in which the drive pulls, lengths in that of the drive, velocities and angles by their size.
 !>
-!> The settled motion is described by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the amplitude (peak to
+!> The settled motion is described by its second half, from t_end/2 on: `swing` is 0 in steady sliding and the range (peak to
 !> peak) of lasting stick-slip, `creep_share` the share of it in which the object seems to rest. If a run ends because it has
 !> settled, all this, and the means, are those of the last cycle, from peak to peak. The values are properties of the motion
 !> (dst_stretch) and do not depend on where steps end; a settled run ends in the next valley of the load for the same reason.
@@ -47,7 +47,7 @@ module dst_summary
     quantity_t('friction_work', 'J', 'work done against friction'), &
     quantity_t('damper_work', 'J', 'work done on the dampers parallel to the springs; only with dampers'), &
     quantity_t('energy_residual', '1', 'error of the energy balance, relative to the total energy exchanged'), &
-    quantity_t('swing', 'N', 'peak-to-peak amplitude of k_x u_x in the second half of the run'), &
+    quantity_t('swing', 'N', 'peak-to-peak value of k_x u_x in the second half of the run'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
     quantity_t('fast_decay', '1', 'D: the fast oscillation decays by exp(-D) before slip, in theory; full model, steady drive'), &

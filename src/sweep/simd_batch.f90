@@ -375,8 +375,8 @@ contains
     value_of = p(0) + tau*(p(1) + tau*(p(2) + tau*(p(3) + tau*(p(4) + tau*p(5)))))
   end function value_of
 
-  !> The result of a lane that is done, and is free then: the summary's values, NaN if they do not exist, u_x, u_y, X and X' at the end,
-  !> and the number of steps; or why it did not reach the end.
+  !> The result of a lane that is done, and is free then: the summary's values, NaN if they do not exist, u_x, u_y, X and X' at
+  !> the end, and the number of steps; or why it did not reach the end.
   subroutine values(self, lane, summary, final, steps, error)
     class(simd_batch_t), intent(inout) :: self
     integer, intent(in) :: lane

@@ -211,7 +211,8 @@ def test_a_result_without_parameters_is_refused_where_they_are_needed(fig4_resul
 
 def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Result) -> None:
     still = [
-        (info, np.full_like(values, 1e-5) if info.name in ("u_x_rate", "u_y_rate") else values) for info, values in fig4_result.columns.info()
+        (info, np.full_like(values, 1e-5) if info.name in ("u_x_rate", "u_y_rate") else values)
+        for info, values in fig4_result.columns.info()
     ]
     figure = plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram")
     figure.draw_without_rendering()
