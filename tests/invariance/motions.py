@@ -122,7 +122,8 @@ def limit_of(groups: Groups) -> float:
 def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
     """The scale in which a summary value is judged.
 
-    Forces: F_s. Durations: the period, else t_end; other times: t_end. Works: what was exchanged. slip_length: at least the length that
+    Forces: F_s. Durations: the period, else t_end; other times: t_end, the time at rest by an explicit method t_end for each stick, as
+    it leaves each event an error of its own. Works: what was exchanged. slip_length: at least the length that
     loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean.
     """
     limit, t_end = limit_of(groups), float(groups["scene"]["t_end"])
@@ -131,12 +132,17 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
     found = {
         **dict.fromkeys(("first_peak_force", "peak_force", "valley_force", "swing"), limit),
         **dict.fromkeys(("period", "slip_duration", "stick_duration"), period if period > 0 else t_end),
-        **dict.fromkeys(("sticking_time", "settled_at", "undecided_from"), t_end),
+        **dict.fromkeys(("settled_at", "undecided_from"), t_end),
+        "sticking_time": t_end * (max(1.0, value_of(result, "sticks")) if is_explicit(groups) else 1.0),
         **dict.fromkeys(works, sum(abs(float(result.summary.get(key, 0.0))) for key in works)),
         "max_X_rate": value_of(result, "max_X_rate"),
         "slip_length": max(abs(value_of(result, "slip_length")), limit / float(groups["system"]["stiffness_x"])),
     }
     return {key: max(found.get(key.removesuffix("_scatter"), 1.0), 1e-300) for key in result.summary}
+
+
+def is_explicit(groups: Groups) -> bool:
+    return groups["integrator"].get("method") in {"dopri5", "dop853"}
 
 
 def column_scales(groups: Groups, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
