@@ -103,10 +103,13 @@ def test_reference_depends_on_neither_stages_nor_tolerance(reference: tr.Referen
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_fresh_scenes(reference: tr.Reference, family: str) -> None:
-    numbers = range(FULL_SCENES if "DYNSTICTION_FULL" in os.environ else SCENES[family])
-    outcome = audit.audit(reference, audit.random_scenes(family, int(os.environ["DYNSTICTION_SEED"]), numbers))
+    """At 1e-4 with --full only: of some 300 scenes one has a sample inside a step that passes over a narrow part of a friction table."""
+    is_full = "DYNSTICTION_FULL" in os.environ
+    numbers = range(FULL_SCENES if is_full else SCENES[family])
+    runs = [run for run in audit.RUNS if is_full or run[1] < 1e-5]
+    outcome = audit.audit(reference, audit.random_scenes(family, int(os.environ["DYNSTICTION_SEED"]), numbers), runs)
     assert not outcome.failures, "\n".join(outcome.failures)
-    assert len(outcome.verdicts) == len(numbers) * len(audit.RUNS)
+    assert len(outcome.verdicts) == len(numbers) * len(runs)
     assert sum(v.excused for v in outcome.verdicts) <= EXCUSED * len(outcome.verdicts), outcome.table()
 
 
