@@ -146,6 +146,7 @@ contains
         if (floor(angle(1)/pi) == floor(angle(2)/pi)) fastest = fastest*maxval(abs(cos(angle)))
       else
         state = self%piece%from
+        rate = 0.0_wp
         do i = 0, s
           state%y = path%nodal(i, column_y:column_y + max_unknowns - 1)
           if (self%piece%held > 0) state%y(max_components) = self%piece%from%y(max_components)

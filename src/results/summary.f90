@@ -89,7 +89,7 @@ module dst_summary
     real(wp) :: fast_decay = -1.0_wp
     !> Time after which disturbances too small to be visible would have ended steady sliding [s]; negative if there is none.
     real(wp) :: undecided_from = -1.0_wp
-    type(grid_t), private :: grid
+    type(grid_t), private :: grid = grid_t()
   contains
     procedure :: begin
     procedure :: take_in
