@@ -40,8 +40,8 @@ module dst_sweep_runner
 
   !> Keys that say how a sweep is run, not what its cases are. The points themselves belong to the cases, the name of their file
   !> does not.
-  character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
-    'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
+  character(26), parameter :: changeable(5) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
+    'output.checkpoint_interval', 'output.wall_limit']
 
 contains
 
@@ -374,7 +374,6 @@ contains
       call scene_from_deck(sweep%deck, scene)
       if (sweep%keeps_series) scene%interval = sweep%interval
       call describe_run(sweep%deck, scene, '', metadata)
-      metadata%processes = processes%count
       metadata%threads = thread_count(processes, sweep%cases)
       call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
       if (allocated(error)) return

@@ -5,7 +5,7 @@
 module dst_sweep_file
   use dst_disk, only: path_t, place_of, utc_at, with_remedy
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_excl, h5t_ieee_f64le, h5t_std_i32le
+  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_trunc, h5t_ieee_f64le, h5t_std_i32le
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
     create_dataset, append, append_texts, make_scale, attach_scale
   use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
@@ -15,7 +15,6 @@ module dst_sweep_file
   use dst_schema, only: schema
   use dst_signals, only: is_told_to_end, stopped_by
   use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, table_quantities
-  use dst_seal, only: has_sound_seal
   use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
     read_record, shards_of
   use dst_text, only: integer_text
@@ -77,7 +76,6 @@ contains
     if (state%identity /= head%identity) return
     if (state%complete == 1) then
       if (is_shared .or. size(files) == 0) return
-      if (.not. has_sound_seal(place_of(result_file))) return
       index%is_in_result = .true.
       index%state = without_concern
       index%done = state%done
@@ -99,19 +97,17 @@ contains
     type(result_file_t) :: file
     type(output_t) :: output
     type(hdf5_t) :: h5
-    character(:), allocatable :: checksum
     integer :: status
 
     call file%claim(result_file, .true., error)
     if (allocated(error)) return
     if (.not. overwrite) call check_replaceable(result_file, head, index, error)
     if (allocated(error)) then
-      call file%release()
+      call file%discard()
       return
     end if
     call start_hdf5(h5)
-    call open_file(file%path(), h5f_acc_excl, output%file, h5)
-    call file%adopt()
+    call open_file(file%path(), h5f_acc_trunc, output%file, h5)
     call write_metadata(output%file, metadata, h5)
     call create_columns(output, sweep, h5)
     call copy_cases(output, sweep, files, index, h5, error)
@@ -120,13 +116,8 @@ contains
     status = 0
     if (output%file >= 0) status = h5fclose(output%file)
     if (status < 0) call raise_cannot_write(result_file, error)
-    if (.not. allocated(error)) call file%seal(checksum, error)
     if (.not. allocated(error)) call file%put_in_place(error)
-    if (allocated(error)) then
-      call file%abandon()
-    else
-      call file%release()
-    end if
+    call file%discard()
   end subroutine merge_shards
 
   !> Only a partial result of the same sweep may be replaced, and none that has more cases. No other process writes it meanwhile.
