@@ -103,7 +103,7 @@ def test_what_the_user_has_set_comes_first(page: str, fig3: ds.Scene) -> None:
     section = page[page.index("What was set") : page.index("<h2>Summary")]
     keys = re.findall(r"<tr><td[^>]*>([a-z]+\.\w+)</td>", section)
     assert keys == [f"{group}.{key}" for group, values in fig3.groups().items() for key in values]
-    assert "flush_seconds" not in section
+    assert "checkpoint_interval" not in section
     assert re.search(r"stiffness_y</td><td[^>]*>1e\+07</td><td[^>]*>N/m</td>", section)
 
 
@@ -121,7 +121,7 @@ def test_what_was_set_beside_the_deck_is_listed(fig3: ds.Scene) -> None:
     section = page[page.index("What was set") : page.index("<h2>Summary")]
     for key, value in (("scene.t_end", "0.05"), ("system.mass", "0.5"), ("integrator.max_steps", "12345")):
         assert re.search(rf"{key}</td><td[^>]*>{value}</td>", section), key
-    assert "flush_seconds" not in section
+    assert "checkpoint_interval" not in section
 
 
 def test_no_value_is_broken_into_lines(page: str) -> None:

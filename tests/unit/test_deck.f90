@@ -228,7 +228,7 @@ contains
     call check('default', same_bits(deck%real_of('integrator', 'rtol'), 1.0e-8_wp))
     call check_text('default choice', deck%text_of('integrator', 'method'), 'radau13')
     call check_text('default file', deck%text_of('output', 'file'), '')
-    call check('flush', same_bits(deck%real_of('output', 'flush_seconds'), 5.0_wp))
+    call check('interval of files', same_bits(deck%real_of('output', 'checkpoint_interval'), 600.0_wp))
     call check_mass('any order', drive_group//friction_group//system_group//scene_group)
     call check_mass('&end', '&system mass=0.25 '//others(:len(others) - 1)//'&end'//tail)
     call check_mass('&END', '&system mass=0.25 '//others(:len(others) - 1)//'&END'//tail)

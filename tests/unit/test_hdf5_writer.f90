@@ -8,9 +8,8 @@ program test_hdf5_writer
   use dst_hdf5_library, only: hid_t, h5fopen, h5fclose, h5dopen, h5dread, h5idec_ref, h5dget_space, h5sget_simple_extent_npoints, &
     h5f_acc_rdonly, h5t_native_double, h5s_all, h5p_default
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute, get_text
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, bookmark_t, create_hdf5, rebuild_hdf5, reopen_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_parameters, only: parameter_t
-  use dst_process, only: guard_t
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5'
@@ -20,7 +19,6 @@ program test_hdf5_writer
   call start_hdf5(h5)
   call check('HDF5 starts', h5%status >= 0)
   call test_written_is_read()
-  call test_reads_before_the_end()
   call test_refusals()
   call test_resume()
   call remove(file_name)
@@ -44,7 +42,6 @@ contains
       call check('samples written', .not. allocated(error))
       call writer%write_events([real(i, wp)], [2 - modulo(i, 2)], error)
       call check('events written', .not. allocated(error))
-      if (i == 3) call writer%flush(error)
       first = first + blocks(i)
     end do
     call writer%finish(outcome(result_done), error)
@@ -64,125 +61,63 @@ contains
     call check('UTF-8', root_text('compiler') == 'gfortran µ')
   end subroutine test_written_is_read
 
-  !> Flushed data can be read by another opening of the file while the run continues, and the file is marked as unfinished.
-  subroutine test_reads_before_the_end()
-    type(hdf5_writer_t) :: writer
-    type(error_t), allocatable :: error
-    character(*), parameter :: copy_name = 'test_hdf5_writer_copy.h5'
-
-    call remove(file_name)
-    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
-    call check('created again', .not. allocated(error))
-    call writer%write_samples(ramp(0, 10), error)
-    call writer%flush(error)
-    call check('flushed', .not. allocated(error))
-    call copy(file_name, copy_name)
-    call check('rows before the end', size(read_column('time_series/time', copy_name)) == 10)
-    call check('not complete', root_integer('complete', copy_name) == 0)
-    call check('no result yet', root_integer('result_code', copy_name) == -1)
-    call remove(copy_name)
-    call writer%finish(outcome(stopped_early), error)
-    call check('stopped early is not complete', root_integer('complete') == 0)
-  end subroutine test_reads_before_the_end
-
   subroutine test_refusals()
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
-    integer :: bytes_before, bytes_after
 
-    inquire (file=file_name, size=bytes_before)
-    call create_hdf5(writer, file_name, 'shown', metadata(), columns(), error)
-    call check_refusal('an existing file', error, 'shown: cannot create')
-    inquire (file=file_name, size=bytes_after)
-    call check('the existing file is untouched', bytes_before == bytes_after)
-    call check('the existing file is as it was', root_integer('complete') == 0)
     call create_hdf5(writer, 'no/such/folder/x.h5', 'shown', metadata(), columns(), error)
     call check_refusal('a folder that is not there', error, 'removed or renamed')
   end subroutine test_refusals
 
-  !> A run continues after its bookmark; later data of the file are dropped. A file without the data that it had at the bookmark is
-  !> not written again; one with them is, with the same numbers.
+  !> A file that begins with the rows of a former one has them all, whatever their number in the last chunk.
   subroutine test_resume()
     type(hdf5_writer_t) :: writer
-    type(guard_t) :: no_guard
-    character(*), parameter :: new_name = 'test_hdf5_writer_new.h5'
-    type(bookmark_t) :: bookmark, other
+    character(*), parameter :: former = 'test_hdf5_writer_former.h5', other = 'test_hdf5_writer_other.h5'
     type(error_t), allocatable :: error
     integer :: i
 
-    call remove(file_name)
-    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
+    call create_hdf5(writer, former, former, metadata(), columns(), error)
     call writer%write_samples(ramp(0, 2000), error)
     call writer%write_events([1.0_wp, 2.0_wp], [1, 2], error)
-    call writer%set_bookmark(.true., bookmark, error)
-    call check('bookmark', .not. allocated(error) .and. all(bookmark%rows == [2000, 2]))
-    call writer%write_samples(ramp(2000, 1000), error)
-    call writer%write_events([3.0_wp], [1], error)
     call writer%finish(outcome(stopped_early), error)
-
-    other = bookmark
-    other%rows(1) = 3001
-    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
-    call remove(new_name)
-    call check_refusal('a file that is too short', error, 'time_series/time has fewer rows')
-    other = bookmark
-    other%checksums(2) = bookmark%checksums(3)
-    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
-    call remove(new_name)
-    call check_refusal('a column that changed', error, 'time_series/u_x is not as it was')
-    other = bookmark
-    other%checksums(5) = bookmark%checksums(3)
-    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
-    call remove(new_name)
-    call check_refusal('events that changed', error, 'events/kind is not as it was')
-    call rebuild_hdf5('none.h5', new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
+    call check('stopped early', .not. allocated(error))
+    call check('stopped early is not complete', root_integer('complete', former) == 0)
+    call create_hdf5(writer, other, 'shown', metadata(), columns(), error)
+    call writer%copy_rows('none.h5', error)
     call check_refusal('a file that is not there', error, 'removed or renamed')
-    call rebuild_hdf5(file_name, 'no/such/folder.h5', 'shown', bookmark, metadata(), columns(), no_guard, error)
-    call check_refusal('no place for the new file', error, 'removed or renamed')
-    call rebuild_hdf5(file_name, new_name, 'shown', bookmark, metadata(), columns(), no_guard, error)
-    call check('written again', .not. allocated(error))
-    call check('rows up to the bookmark', all(same(read_column('time_series/u_x', new_name), [(2.0_wp*i, i=0, 1999)])))
-    call check('events up to the bookmark', all(same(read_column('events/time', new_name), [1.0_wp, 2.0_wp])))
-    call check('the new file is unfinished', root_integer('result_code', new_name) == -1)
-    call remove(new_name)
-    call check('refusals leave the rows', size(read_column('time_series/time')) == 3000)
+    call remove(other)
 
-    call reopen_hdf5(writer, file_name, file_name, bookmark, columns(), error)
-    call check('reopened', .not. allocated(error))
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
+    call writer%copy_rows(former, error)
+    call check('copied', .not. allocated(error))
     call writer%write_samples(ramp(2000, 2500), error)
     call writer%write_events([4.0_wp], [2], error)
-    call writer%set_bookmark(.false., other, error)
     call writer%finish(outcome(result_done), error)
     call check('finished after resuming', .not. allocated(error))
     call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
     call check('events over the resumption', all(same(read_column('events/time'), [1.0_wp, 2.0_wp, 4.0_wp])))
     call check('complete after resuming', root_integer('complete') == 1)
-    call rebuild_hdf5(file_name, new_name, 'shown', other, metadata(), columns(), no_guard, error)
-    call check('checksums over the resumption', .not. allocated(error))
-    call remove(new_name)
-    if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders()
+    if (digits(1.0_wp) > digits(1.0_real64)) call test_remainders(former)
+    call remove(former)
   end subroutine test_resume
 
   !> In a build with more digits a column and its remainder have all of them, also after the resumption.
-  subroutine test_remainders()
+  subroutine test_remainders(former)
+    character(*), intent(in) :: former
     type(hdf5_writer_t) :: writer
     type(error_t), allocatable :: error
-    type(bookmark_t) :: bookmark
     real(wp) :: samples(3, 100), time(100)
     integer :: i
 
     time = [(real(i, wp)/3.0_wp, i=1, 100)]
     samples = spread(time, 1, 3)
     samples(3, :) = 0.0_wp
-    call remove(file_name)
-    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
+    call create_hdf5(writer, former, former, metadata(), columns(), error)
     call writer%write_samples(samples(:, :50), error)
     call writer%write_events(time(:2), [1, 2], error)
-    call writer%set_bookmark(.false., bookmark, error)
-    call writer%write_samples(samples(:, 51:70), error)
-    call writer%write_events(time(3:3), [1], error)
     call writer%finish(outcome(stopped_early), error)
-    call reopen_hdf5(writer, file_name, file_name, bookmark, columns(), error)
+    call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
+    call writer%copy_rows(former, error)
     call writer%write_samples(samples(:, 51:), error)
     call writer%write_events(time(3:4), [1, 2], error)
     call writer%finish(outcome(result_done), error)
@@ -210,7 +145,6 @@ contains
     metadata%build_flags = '-O3'
     metadata%host = 'here'
     metadata%job = ''
-    metadata%mpi = ''
     metadata%created = '2026-01-31T23:59:59Z'
     metadata%model = 'full'
     metadata%method = 'radau9'
@@ -342,21 +276,6 @@ contains
     call check(what//': code', error%code == file_error)
     call check(what//': "'//error%text//'"', index(error%text, words) > 0)
   end subroutine check_refusal
-
-  subroutine copy(from, to)
-    character(*), intent(in) :: from, to
-    character(:), allocatable :: bytes
-    integer :: unit, length
-
-    inquire (file=from, size=length)
-    allocate (character(length) :: bytes)
-    open (newunit=unit, file=from, access='stream', form='unformatted', status='old', action='read')
-    read (unit) bytes
-    close (unit)
-    open (newunit=unit, file=to, access='stream', form='unformatted', status='replace', action='write')
-    write (unit) bytes
-    close (unit)
-  end subroutine copy
 
   subroutine remove(name)
     character(*), intent(in) :: name

@@ -1,66 +1,30 @@
-!> The stages of a result file: which process has its name, what is refused and left unchanged, what a killed process leaves.
+!> The life of a result file: which process has its name, what is refused and left unchanged, what stands behind HDF5's end.
 program test_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
-  use dst_checkpoint, only: checkpoint_t, read_checkpoint
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, move_file, &
-    path_t, matching_files, write_bytes
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, &
+    lock_new_file, matching_files, path_t, write_bytes
+  use dst_ending, only: check_ending, read_state
   use dst_errors, only: error_t
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
-  use dst_kinds, only: int64
-  use dst_lock, only: lock_t
-  use dst_result_file, only: result_file_t
-  use dst_writer, only: quantity_t
+  use dst_kinds, only: wp, int64
+  use dst_result_file, only: result_file_t, interim_t
+  use dst_writer, only: quantity_t, outcome_t
   implicit none
 
-  character(*), parameter :: name = 'test_result_file.h5', n = achar(10)
+  character(*), parameter :: name = 'test_result_file.h5', part = name//'.part'
 
   call remove_all()
-  call test_lock()
   call test_claim()
+  call test_part()
   call test_life()
   call test_other_file()
+  call test_damage()
+  call test_interim()
   call remove_all()
   call finish()
 
 contains
-
-  !> One process at a time; a lock that no process has is taken over with the unfinished files of its process.
-  subroutine test_lock()
-    type(lock_t) :: first, second
-    character(:), allocatable :: reason
-    character(10), parameter :: tag = 'abcdefghij'
-
-    call first%take(name, reason)
-    call check('taken', file_exists(name//'.lock') .and. .not. allocated(reason))
-    call second%take(name, reason)
-    call check('held', holds(reason, 'another process is writing this file (process '))
-    call first%release()
-    call check('gone', .not. file_exists(name//'.lock'))
-    call second%release()
-
-    call write_file(name//'.lock', 'dynstiction lock'//n//'process 4194305'//n//'host nowhere'//n//'tag '//tag//n)
-    call write_file(name//'.'//tag//'.part', 'unfinished')
-    call write_file(name//'.checkpoint.'//tag//'.part', 'unfinished')
-    call write_file(name//'.other.part', 'of another')
-    call first%take(name, reason)
-    call check('taken over', .not. allocated(reason))
-    call check('the unfinished result is gone', .not. file_exists(name//'.'//tag//'.part'))
-    call check('the unfinished checkpoint is gone', .not. file_exists(name//'.checkpoint.'//tag//'.part'))
-    call check('what is of others stays', file_exists(name//'.other.part'))
-    call check('a name of its own', first%scratch_name(name) /= second%scratch_name(name))
-    call first%release()
-    call first%release()
-
-    call write_file(name//'.lock', 'precious')
-    call first%take(name, reason)
-    call check('what is no lock is refused', holds(reason, 'no lock of this program: move it away'))
-    call first%release()
-    call check('and stays', file_exists(name//'.lock'))
-    call remove_all()
-    call first%take('no/such/folder/x.h5', reason)
-    call check('no folder', holds(reason, 'the folder no/such/folder does not exist: create it first'))
-  end subroutine test_lock
 
   subroutine test_claim()
     type(result_file_t) :: file
@@ -70,113 +34,177 @@ contains
     call check('a folder', refused(error, 'it is a folder: give a file name'))
     call file%claim(' ', .true., error)
     call check('no name', refused(error, 'the file has no name'))
+    call file%claim('no/such/folder/x.h5', .true., error)
+    call check('no folder', refused(error, 'the folder no/such/folder does not exist: create it first'))
     call write_file(name, '&scene /')
     call file%claim(name, .false., error)
     call check('an existing file', refused(error, 'the file exists: use --overwrite'))
     call file%claim(name, .true., error)
     call check('what is not HDF5', refused(error, 'not an HDF5 file'))
     call delete_file(name)
-    call write_result('elsewhere')
+    call write_result(name, 'elsewhere')
     call file%claim(name, .true., error)
     call check('a result of another program', refused(error, 'no result of this program'))
     call check('stays', file_exists(name))
-    call delete_file(name)
-    call write_file(name//'.checkpoint', 'precious')
-    call file%claim(name, .true., error)
-    call check('what is no checkpoint', refused(error, 'does not belong to this program: move it away'))
-    call check('refusals leave no lock', .not. file_exists(name//'.lock'))
+    call check('refusals leave nothing', .not. file_exists(part))
     call remove_all()
   end subroutine test_claim
 
-  !> From the claim to the seal.
+  !> One process at a time; what a killed process has left is used again, what is of others is refused.
+  subroutine test_part()
+    type(result_file_t) :: first, second
+    type(error_t), allocatable :: error
+    type(identity_t) :: file
+    character(:), allocatable :: reason
+    integer(c_int) :: lock
+    logical :: is_held
+
+    call first%claim(name, .false., error)
+    call check('claimed', file_exists(part) .and. .not. allocated(error))
+    call second%claim(name, .false., error)
+    call check('claimed once', refused(error, 'another process is writing this file'))
+    call first%discard()
+    call check('gone', .not. file_exists(part))
+    call write_result(part, 'dynstiction')
+    call first%claim(name, .false., error)
+    file = identity_of(part)
+    call check('left by a killed process', .not. allocated(error) .and. file%bytes == 0)
+    call first%discard()
+    call write_file(part, 'precious')
+    call first%claim(name, .false., error)
+    call check('what is not HDF5 is refused', refused(error, 'does not belong to this program: move it away'))
+    call check('and stays', file_exists(part))
+    call delete_file(part)
+    ! A process that has just given its file the name, and goes on.
+    call write_result(name, 'dynstiction')
+    call lock_new_file(name, lock, is_held, reason)
+    call first%claim(name, .true., error)
+    call check('between two parts', refused(error, 'another process is writing this file'))
+    call check('lets go', .not. file_exists(part))
+    call close_descriptor(lock)
+    call remove_all()
+  end subroutine test_part
+
+  !> A file is replaced, goes on with a state, and ends without one.
   subroutine test_life()
     type(result_file_t) :: file, second
-    type(checkpoint_t) :: checkpoint
-    type(error_t), allocatable :: error, missing
+    type(error_t), allocatable :: error
     type(identity_t) :: before
-    character(:), allocatable :: checksum
+    integer(int64), allocatable :: state(:)
+    character(:), allocatable :: reason
 
-    call write_result('dynstiction')
+    call write_result(name, 'dynstiction')
     before = identity_of(name)
     call file%claim(name, .true., error)
-    call check('claimed', .not. allocated(error))
-    call second%claim(name, .true., error)
-    call check('claimed once', refused(error, 'another process is writing'))
-    call write_file(file%path(), 'new')
-    call file%adopt()
-    call file%save_checkpoint(some_checkpoint(), .false., error)
-    call check('a checkpoint', file_exists(name//'.checkpoint') .and. .not. allocated(error))
     call check('the old file is still there', identity_of(name) == before)
+    call replace_contents('new')
+    call file%put_in_place(error, [3_int64, 4_int64])
+    call check('in the place of the old one', .not. (allocated(error) .or. identity_of(name) == before .or. file_exists(part)))
+    call read_state(name, state, reason)
+    call check('the state', .not. allocated(reason) .and. size(state) == 2)
+    if (size(state) == 2) call check('the words of the state', all(state == [3_int64, 4_int64]))
+    call second%claim(name, .false., error)
+    call check('can be resumed', refused(error, 'continue it with dynstiction resume'))
+    call file%begin_next(error)
+    call check('goes on', file_exists(part) .and. .not. allocated(error))
+    call second%claim_again(name, error)
+    call check('not by two', refused(error, 'another process is writing this file'))
+    call replace_contents('newer')
     call file%put_in_place(error)
-    call check('in place', .not. allocated(error))
-    call check('in the place of the old one', .not. identity_of(name) == before)
-    call file%seal(checksum, error)
-    call check('sealed', .not. allocated(error) .and. checksum /= '-')
     call file%release()
-
-    call second%claim_unfinished(name, checkpoint, missing, error)
-    call check('something to resume', .not. allocated(error) .and. .not. allocated(missing))
-    call check('the same checkpoint', checkpoint%deck_text == 'a deck' .and. all(checkpoint%words == [1_int64, 2_int64]))
-    call check('as it was left', second%is_as_it_was_left(checksum))
-    call second%unseal()
-    before = identity_of(name)
-    call check('without its seal', before%bytes == len('new'))
-    call check('not as it was left', .not. second%is_as_it_was_left(checksum))
-    call second%delete_checkpoint()
-    call second%release()
-    call second%claim_unfinished(name, checkpoint, missing, error)
-    call check('without a checkpoint', allocated(missing))
-    call second%release()
+    call read_state(name, state, reason)
+    call check('at its end there is no state', .not. allocated(reason) .and. size(state) == 0)
     call remove_all()
-    call second%claim_unfinished(name, checkpoint, missing, error)
+    call second%claim_again(name, error)
     call check('nothing to resume', refused(error, 'there is no such file'))
-    call check('no lock is left', .not. file_exists(name//'.lock'))
+    call check('no part is left', .not. file_exists(part))
   end subroutine test_life
 
-  !> A file that has taken a name meanwhile is not changed.
+  !> A file that has taken a name meanwhile is not changed, and what was computed is kept.
   subroutine test_other_file()
     type(result_file_t) :: file
     type(error_t), allocatable :: error
     type(identity_t) :: other
-    character(:), allocatable :: checksum
-    logical :: moved
 
     call file%claim(name, .false., error)
-    call write_file(file%path(), 'new')
-    call file%adopt()
+    call replace_contents('new')
     call write_file(name, 'of another')
     call file%put_in_place(error)
     call check('another file has the name', refused(error, 'another file has taken the name'))
-    call file%abandon()
     other = identity_of(name)
     call check('it stays', other%bytes == len('of another'))
-    call delete_file(name)
-
+    call check('the result is kept', file_exists(name//'.kept') .and. .not. file_exists(part))
+    call remove_all()
     call file%claim(name, .false., error)
-    call write_file(file%path(), 'new')
-    call file%adopt()
-    call file%save_checkpoint(some_checkpoint(), .true., error)
+    call replace_contents('new')
+    call delete_file(part)
+    call write_file(part, 'of another')
     call file%put_in_place(error)
-    call move_file(name, name//'.moved', moved)
-    call write_file(name, 'of another')
-    call delete_file(name//'.checkpoint')
-    call write_file(name//'.checkpoint', 'of another')
-    call file%seal(checksum, error)
-    call check('no seal for another file', refused(error, 'removed, renamed or replaced'))
-    call file%delete_checkpoint()
-    call file%release()
-    other = identity_of(name)
-    call check('it stays as it is', other%bytes == len('of another'))
-    call check('so does what is called like the checkpoint', file_exists(name//'.checkpoint'))
+    call check('another file has the name of the part', refused(error, 'removed, renamed or replaced'))
+    other = identity_of(part)
+    call check('it stays, too', other%bytes == len('of another'))
     call remove_all()
   end subroutine test_other_file
 
+  !> Damage of any byte is found; a file without an ending is not judged.
+  subroutine test_damage()
+    type(result_file_t) :: file
+    type(error_t), allocatable :: error
+    integer(int64), allocatable :: state(:)
+    character(:), allocatable :: reason
+    logical :: has_ending
+    integer :: unit
+
+    call write_result(name, 'dynstiction')
+    call check_ending(name, has_ending, reason)
+    call check('without an ending', .not. (has_ending .or. allocated(reason)))
+    call read_state(name, state, reason)
+    call check('has no state', allocated(reason))
+    call file%claim(name, .true., error)
+    call replace_contents('something longer')
+    call file%put_in_place(error, [1_int64])
+    call file%release()
+    call check_ending(name, has_ending, reason)
+    call check('with an ending', has_ending .and. .not. allocated(reason))
+    open (newunit=unit, file=name, access='stream', form='unformatted', status='old', action='readwrite')
+    write (unit, pos=5) 'X'
+    close (unit)
+    call check_ending(name, has_ending, reason)
+    call check('a damaged byte', has_ending .and. allocated(reason))
+    call remove_all()
+  end subroutine test_damage
+
+  !> After the interval, or a third of the time so far.
+  subroutine test_interim()
+    type(interim_t) :: interim
+
+    interim = interim_t(10.0_wp, begun=100.0_wp, made=100.0_wp)
+    call check('too early', .not. interim%is_due(109.0_wp))
+    call check('after the interval', interim%is_due(110.0_wp))
+    interim%made = 200.0_wp
+    call check('less than a third', .not. interim%is_due(249.0_wp))
+    call check('a third', interim%is_due(250.0_wp))
+    interim%interval = 0.0_wp
+    call check('never', .not. interim%is_due(1.0e9_wp))
+  end subroutine test_interim
+
+  !> As HDF5 does: the file keeps its identity.
+  subroutine replace_contents(text)
+    character(*), intent(in) :: text
+    integer :: unit
+
+    open (newunit=unit, file=part, access='stream', form='unformatted', status='old', action='readwrite')
+    write (unit) text
+    close (unit)
+  end subroutine replace_contents
+
   !> An HDF5 file that names the program that wrote it.
-  subroutine write_result(program)
-    character(*), intent(in) :: program
+  subroutine write_result(file_name, program)
+    character(*), intent(in) :: file_name, program
     type(hdf5_writer_t) :: writer
     type(run_metadata_t) :: metadata
     type(quantity_t) :: no_columns(0)
+    type(outcome_t) :: nothing
     type(error_t), allocatable :: error
 
     metadata%program = program
@@ -186,28 +214,16 @@ contains
     metadata%build_flags = ''
     metadata%host = ''
     metadata%job = ''
-    metadata%mpi = ''
     metadata%created = '0'
     metadata%model = 'full'
     metadata%method = 'radau9'
     metadata%deck_text = ''
     metadata%deck_resolved = ''
     metadata%deck_sha256 = ''
-    call create_hdf5(writer, name, name, metadata, no_columns, error)
-    call writer%discard()
+    nothing%result_text = ''
+    call create_hdf5(writer, file_name, file_name, metadata, no_columns, error)
+    call writer%finish(nothing, error)
   end subroutine write_result
-
-  type(checkpoint_t) function some_checkpoint() result(checkpoint)
-    checkpoint%version = '0'
-    checkpoint%git_revision = '0'
-    checkpoint%compiler = '0'
-    checkpoint%deck_sha256 = '0'
-    checkpoint%created = '0'
-    checkpoint%result_checksum = '-'
-    checkpoint%deck_text = 'a deck'
-    checkpoint%deck_resolved = 'a deck'
-    allocate (checkpoint%words, source=[1_int64, 2_int64])
-  end function some_checkpoint
 
   subroutine write_file(file_name, text)
     character(*), intent(in) :: file_name, text
@@ -227,14 +243,6 @@ contains
     refused = allocated(error)
     if (refused) refused = index(error%text, words) > 0
   end function refused
-
-  logical function holds(reason, words)
-    character(:), allocatable, intent(in) :: reason
-    character(*), intent(in) :: words
-
-    holds = allocated(reason)
-    if (holds) holds = index(reason, words) > 0
-  end function holds
 
   subroutine remove_all()
     type(path_t), allocatable :: files(:)

@@ -92,7 +92,7 @@ VISIBLE = 0.01
 
 NEVER_SHOWN = frozenset(
     {
-        "title", "file", "flush_seconds", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps",
+        "title", "file", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps",
         "t_end",
         "threads", "accuracy", "quantities", "stop_at_steady", "overwrite",
     }
