@@ -34,10 +34,8 @@ module dst_run
 
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
-  !> The first word of a state: the version of what follows.
-  integer(int64), parameter :: state_format = 12
-  character(*), parameter :: other_state = &
-    'it holds another state than this program has: resume with the program that began the run, or run the deck again'
+  !> The first number of a state: the version of what follows.
+  integer, parameter :: state_format = 12
 
   !> A run in progress.
   type :: run_t
@@ -134,6 +132,7 @@ contains
     integer(int64), allocatable :: state(:)
     character(:), allocatable :: reason
     character(1) :: no_settings(0)
+    integer :: format
 
     call read_state(run%file%former_path(), state, reason)
     if (.not. allocated(reason)) then
@@ -148,8 +147,6 @@ contains
       else if (origin%version /= version) then
         reason = 'it is of version '//origin%version//', this program is version '//version//': resume with the former, or '// &
           'run the deck again'
-      else if (state(1) /= state_format) then
-        reason = other_state
       end if
     else
       reason = reason//run_again
@@ -163,9 +160,12 @@ contains
       run%metadata%deck_text = origin%deck_text
       run%metadata%deck_sha256 = sha256(origin%deck_text)
       run%metadata%deck_resolved = origin%deck_resolved
-      call archive_of(state(2:), archive)
-      call run%simulation%serialise(archive)
-      if (.not. archive%given_back()) reason = other_state
+      call archive_of(state, archive)
+      format = 0
+      call archive%serialise(format)
+      if (format == state_format) call run%simulation%serialise(archive)
+      if (.not. archive%given_back()) reason = 'it holds another state than this program has: resume with the program that '// &
+        'began the run, or run the deck again'
     end if
     if (allocated(reason)) call raise(error, file_error, run%file%name//': cannot resume: '//reason)
   end subroutine restore
@@ -200,12 +200,18 @@ contains
     logical, intent(in) :: with_state
     type(error_t), allocatable, intent(out) :: error
     type(archive_t) :: archive
+    ! Allocated: it may need more room than a stack has.
+    integer(int64), allocatable :: state(:)
+    integer :: format
 
     call run%writer%finish(outcome, error)
     if (allocated(error)) return
     if (with_state) then
+      format = state_format
+      call archive%serialise(format)
       call run%simulation%serialise(archive)
-      call run%file%put_in_place(error, [state_format, archive%words()])
+      state = archive%words()
+      call run%file%put_in_place(error, state)
     else
       call run%file%put_in_place(error)
     end if

@@ -1,17 +1,19 @@
-"""A run that is stopped or killed resumes from its checkpoint, and ends with the same bits; damaged files are not resumed."""
+"""A result is never changed, only replaced: whatever happens to a run, under its name is nothing, the former file, or a whole one; and
+from a whole one the run goes on to the same bits."""
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
+import io
 import os
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
-import sys
 import time
+import zlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,13 +22,9 @@ import h5py
 import numpy as np
 import programs
 import pytest
-from damage import changed, flipped, killed, replaced, signed, without_seal
+from damage import CHECKSUM_LENGTH, changed, flipped, sealed, without_checksum
 from programs import FILE_ERROR, INPUTS, STOPPED, limited, small_disk
 from programs import wait_until as wait_for
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "faults"))
-
-from program import compiled_shim
 
 pytestmark = pytest.mark.deck
 
@@ -57,6 +55,7 @@ SCENES: dict[str, tuple[str, ...]] = {
     "creep": ("fig3_constant", "scene.model=creep", *ABSENT, "output.interval=1e-6", "output.fields=u_x,X_rate", "scene.t_end=1.0"),
     "creep_asymptotic": ("fig3_constant", "scene.model=creep_asymptotic", *ABSENT, "system.stiffness_y=",
                          "output.interval=1e-6", "output.fields=X,X_rate", "scene.t_end=1.0"),
+    "several seconds": ("fig3", "integrator.method=radau5", STEPS, "scene.t_end=12.0"),
     "auto": ("fig3", "scene.model=auto", "scene.t_end=4.0"),
     "every step": ("fig3", "output.interval=0.0", STEPS, "scene.t_end=2.2"),
     "knots": ("slide_hold_slide", STEPS, "scene.t_end=8.6"),
@@ -77,7 +76,7 @@ SCENES: dict[str, tuple[str, ...]] = {
 
 
 class Program:
-    """The executable, with runs that write checkpoints all the time."""
+    """The executable."""
 
     def __init__(self, executable: Path) -> None:
         self.executable = str(executable)
@@ -105,8 +104,8 @@ def finished(command: list[str], timeout: float = 300.0, **options) -> subproces
     return programs.Program(tuple(command))(timeout=timeout, **options)
 
 
-def checkpoint_of(file: Path) -> Path:
-    return file.with_name(file.name + ".checkpoint")
+def part_of(file: Path) -> Path:
+    return file.with_name(file.name + ".part")
 
 
 def content(file: Path) -> dict[str, object]:
@@ -128,8 +127,10 @@ def assert_same(file: Path, expected: dict[str, object]) -> None:
     assert [name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)] == []
 
 
-def assert_readable(file: Path) -> int:
-    """A plain reader opens it: an unfinished file, whole columns of equal length. Returns their length."""
+def assert_whole(file: Path) -> int:
+    """An unfinished run with its checksum, and whole columns of equal length. Returns their length."""
+    data_ = file.read_bytes()
+    assert data_[-9:-1] == b"%08X" % zlib.crc32(data_[:-CHECKSUM_LENGTH])
     with h5py.File(file) as data:
         assert data.attrs["complete"] == 0
         rows = {len(column[:]) for column in data["time_series"].values()}
@@ -184,7 +185,7 @@ def test_resumed_again_and_again_it_ends_with_the_same_bits(program, references,
         stops += 1
         assert "stopped at output.wall_limit at t = " in done.stderr
         assert f"dynstiction resume {file}" in done.stderr
-        assert_readable(file)
+        assert_whole(file)
         inside += stopped_inside_a_leap(file)
         done = program.resume(file)
     assert done.returncode == 0, done.stderr
@@ -195,15 +196,16 @@ def test_resumed_again_and_again_it_ends_with_the_same_bits(program, references,
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT, signal.SIGUSR1])
-def test_a_signal_stops_with_a_checkpoint(program, references, tmp_path, number):
+def test_a_signal_stops_with_a_whole_file(program, references, tmp_path, number):
     file = tmp_path / "x.h5"
     process = program.start(SCENES["radau5"], file)
-    wait_for(file.exists, str(file))
+    wait_for(part_of(file).exists, part_of(file))
     process.send_signal(number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == STOPPED
     assert f"stopped by {number.name} at t = " in errors
     assert "dynstiction help errors" in errors
+    assert list(tmp_path.iterdir()) == [file]
     with h5py.File(file) as data:
         assert (data.attrs["result_code"], data.attrs["complete"]) == (STOPPED, 0)
         assert number.name in data.attrs["result_text"]
@@ -217,8 +219,7 @@ def test_a_result_behind_a_link_is_resumed_by_each_of_its_names(program, referen
     file, link = tmp_path / "folder" / "x.h5", tmp_path / "link.h5"
     assert program.run(SCENES["radau9"], file, "scene.t_end=0.01").returncode == 0
     link.symlink_to(file)
-    command = program.command(SCENES["radau9"], link, "output.wall_limit=0.01")
-    done = finished([*command, "--overwrite"])
+    done = finished([*program.command(SCENES["radau9"], link, "output.wall_limit=0.01"), "--overwrite"])
     names = [link, file]
     while done.returncode == STOPPED:
         done = program.resume(names[0])
@@ -232,7 +233,7 @@ def test_a_signal_stops_a_command_with_several_decks(program, tmp_path):
     decks = [str(INPUTS / "fig3.nml"), str(INPUTS / "reversal.nml")]
     command = [program.executable, "run", *decks, "--quiet", "--set", "scene.t_end=1e5", "--set", "output.interval=0.1"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    wait_for((tmp_path / "fig3.h5").exists, "fig3.h5")
+    wait_for((tmp_path / "fig3.h5.part").exists, "fig3.h5.part")
     process.terminate()
     process.communicate(timeout=60)
     assert process.returncode == STOPPED
@@ -244,13 +245,13 @@ def test_a_second_ctrl_c_ends_the_program_at_once(program, tmp_path):
     for i in range(10):
         file = tmp_path / f"{i}.h5"
         process = program.start(SCENES["radau9"], file, *ENDLESS)
-        wait_for(file.exists, str(file))
+        wait_for(part_of(file).exists, part_of(file))
         process.send_signal(signal.SIGINT)
         time.sleep(0.002)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=60)
         codes.add(process.returncode)
-        assert_readable(file)
+        assert not file.exists() or assert_whole(file) > 0
     assert -signal.SIGINT in codes
     assert codes <= {-signal.SIGINT, STOPPED}
 
@@ -259,7 +260,7 @@ def test_an_ignored_ctrl_c_stays_ignored(program, tmp_path):
     file = tmp_path / "x.h5"
     ignore = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
     process = program.start(SCENES["radau9"], file, *ENDLESS, preexec_fn=ignore)
-    wait_for(file.exists, str(file))
+    wait_for(part_of(file).exists, part_of(file))
     process.send_signal(signal.SIGINT)
     time.sleep(0.2)
     assert process.poll() is None
@@ -273,432 +274,267 @@ def test_a_signal_stops_within_one_long_advance(program, tmp_path):
     file = tmp_path / "x.h5"
     rest = ("drive.velocity=0", "initial.velocity_ratio=0", "output.fields=u_x", "output.interval=1e-3")
     process = program.start(("fig3", *ENDLESS, *rest), file)
-    wait_for(file.exists, str(file))
+    wait_for(part_of(file).exists, part_of(file))
     process.terminate()
     process.communicate(timeout=60)
     assert process.returncode == STOPPED
-    assert assert_readable(file) < 1e8
+    assert assert_whole(file) < 1e8
 
 
-def test_a_checkpoint_is_written_every_interval(program, references, tmp_path):
-    """Each is newer than the last; none holds less than what the file holds after a kill."""
+# Files that are made whole while the run goes on.
+
+
+def test_a_file_is_made_whole_from_time_to_time(program, tmp_path):
+    """Each holds more than the last; the last one is there after a kill, and the run goes on from it."""
     file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0.05")
-    seen = set()
-    wait_for(file.exists, str(file))
-
-    def three() -> bool:
-        seen.add(checkpoint_of(file).read_bytes())
-        return len(seen) >= 3
-
-    wait_for(three, "three checkpoints")
+    process = program.start(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0.02")
+    rows: list[int] = []
+    for _ in range(3):
+        before = file.stat().st_ino if file.exists() else None
+        wait_for(lambda before=before: file.exists() and file.stat().st_ino != before, "a new file")
+        rows.append(assert_whole(file))
     process.kill()
     process.communicate(timeout=60)
-    assert assert_readable(file) > 0
+    assert rows == sorted(rows) and rows[0] < rows[-1]
+    with h5py.File(file) as data:
+        assert data.attrs["result_text"].startswith("not finished: this is the run at t = ")
+    assert part_of(file).exists()
+    process = subprocess.Popen([program.executable, "resume", str(file), "--quiet"])
+    time.sleep(0.2)
+    process.terminate()
+    assert process.wait(60) == STOPPED
+    assert assert_whole(file) > rows[-1]
+    assert list(tmp_path.iterdir()) == [file]
 
 
-def test_without_an_interval_only_a_stop_writes_a_checkpoint(program, tmp_path):
+def test_without_an_interval_only_a_stop_makes_a_file(program, tmp_path):
     file = tmp_path / "x.h5"
     process = program.start(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0")
-    wait_for(file.exists, str(file))
-    first = checkpoint_of(file).read_bytes()
+    wait_for(part_of(file).exists, part_of(file))
     time.sleep(0.3)
-    assert checkpoint_of(file).read_bytes() == first
+    assert not file.exists()
     process.terminate()
     process.communicate(timeout=60)
-    assert checkpoint_of(file).read_bytes() != first
+    assert assert_whole(file) > 0
 
 
-def kill_and_resume(program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]) -> int:
-    """Start, kill after each delay, resume, until the run ends. Returns the number of kills of an unfinished run."""
-    often = ("output.checkpoint_interval=0.05", "output.flush_seconds=0.02")
-    command = program.command(SCENES[name], file, *often)
+def kill_and_go_on(program: Program, name: str, file: Path, expected: dict[str, object], delays: list[float]) -> int:
+    """Start, kill after each delay, go on from what is there, until the run ends. Returns the number of kills."""
+    start = program.command(SCENES[name], file, "output.checkpoint_interval=0.01")
     kills = 0
-    for delay in delays:
+    for delay in [*delays, 300.0]:
+        if not file.exists():
+            command = start
+        elif is_complete(file):
+            break
+        else:
+            assert_whole(file)
+            command = [program.executable, "resume", str(file), "--quiet"]
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         try:
             _, errors = process.communicate(timeout=delay)
         except subprocess.TimeoutExpired:
             process.kill()
             _, errors = process.communicate()
+            kills += 1
+        assert process.returncode in (0, -signal.SIGKILL), errors
         if process.returncode == 0:
             break
-        assert process.returncode == -signal.SIGKILL, errors
-        if not file.exists():
-            continue
-        with h5py.File(file) as data:
-            if data.attrs["complete"] == 1:
-                break
-        assert_readable(file)
-        kills += 1
-        command = [program.executable, "resume", str(file), "--quiet"]
-    else:
-        done = finished(command)
-        assert done.returncode == 0, done.stderr
     assert_same(file, expected)
     return kills
 
 
-def test_killed_at_random_moments_it_goes_on(program, references, tmp_path):
-    assert random_kills(program, references, tmp_path, least=20, seed=1) >= 20
+def is_complete(file: Path) -> bool:
+    with h5py.File(file) as data:
+        return bool(data.attrs["complete"] == 1)
 
 
-@pytest.mark.full
-def test_200_kills_at_random_moments(program, references, tmp_path):
-    assert random_kills(program, references, tmp_path, least=200, seed=2) >= 200
-
-
-def random_kills(program: Program, references, folder: Path, least: int, seed: int) -> int:
-    """Kill runs of every scene until that many were killed unfinished; print nothing unless one fails."""
-    chance = random.Random(seed)
+@pytest.mark.parametrize("least", [20, pytest.param(200, marks=pytest.mark.full)])
+def test_killed_at_random_moments_it_goes_on(program, references, tmp_path, least):
+    chance = random.Random(least)
     kills = 0
     names = list(SCENES)
     for i in range(3 * least):
         if kills >= least:
             break
-        name = names[i % len(names)]
-        file = folder / f"{i}.h5"
-        kills += kill_and_resume(program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)])
-        for left in folder.glob(f"{i}.h5*"):
+        name, file = names[i % len(names)], tmp_path / f"{i}.h5"
+        kills += kill_and_go_on(program, name, file, references(name), [chance.uniform(0.0, 0.3) for _ in range(3)])
+        for left in tmp_path.glob(f"{i}.h5*"):
             left.unlink()
-    return kills
+    assert kills >= least
 
 
-@pytest.fixture(scope="module")
-def shim(tmp_path_factory) -> Path:
-    """A library that kills at a call of the system: see tests/faults/shim.c."""
-    return compiled_shim(tmp_path_factory.mktemp("shim"))
-
-
-def run_with_shim(program: Program, shim: Path, file: Path, fault: str = "") -> subprocess.CompletedProcess[str]:
-    """A run that flushes as often as it can."""
-    environment = {
-        "LD_PRELOAD": str(shim),
-        "ASAN_OPTIONS": os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0",
-        "FAULT_DIR": str(file.parent),
-        "FAULT": fault,
-        "FAULT_LOG": str(log_of(file)),
-    }
-    return finished(program.command(SCENES["radau9"], file, "output.flush_seconds=0.0"), env=environment)
-
-
-def log_of(file: Path) -> Path:
-    return file.parent.with_suffix(".log")
-
-
-@pytest.fixture(scope="module")
-def writes(program, shim, tmp_path_factory) -> dict[str, int]:
-    """How often a run writes to its file itself, and how often its children do."""
-    file = tmp_path_factory.mktemp("writes") / "x.h5"
-    done = run_with_shim(program, shim, file)
-    assert done.returncode == 0, done.stderr
-    calls = [line.split() for line in log_of(file).read_text().splitlines()]
-    count = {who: sum(call[0] == who and call[3] == "pwrite" for call in calls) for who in ("parent", "child")}
-    assert min(count.values()) > 100
-    return count
-
-
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-def test_killed_in_the_middle_of_a_write(program, shim, writes, references, tmp_path, share):
-    """A write to the file is the last thing that the process does."""
+def test_what_a_killed_process_has_left_is_used_again(program, references, tmp_path):
     file = tmp_path / "x.h5"
-    write = round(share * writes["parent"])
-    done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{write}")
-    # A machine that is slower than a moment ago writes less often: then an earlier write.
-    while done.returncode == 0 and write > 0.3 * writes["parent"]:
-        file.unlink()
-        write = round(0.8 * write)
-        done = run_with_shim(program, shim, file, f"kill:parent:pwrite@{write}")
-    assert done.returncode == -signal.SIGKILL, done.stderr
-    # The first writes are to a file that has not got its name; how many there are in all depends on the machine's pace.
-    if share <= 0.01 or share >= 0.3:
-        assert file.exists() == (share >= 0.3)
-    if file.exists():
-        assert_readable(file)
-        assert program.resume(file).returncode == 0
-        assert_same(file, references("radau9"))
-
-
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.8])
-def test_a_child_killed_in_the_middle_of_a_write_does_no_harm(program, shim, writes, references, tmp_path, share):
-    """The process writes again what its child writes to be safe from a kill."""
-    file = tmp_path / "x.h5"
-    done = run_with_shim(program, shim, file, f"kill:child:pwrite@{round(share * writes['child'])}")
-    assert (done.returncode, done.stderr) == (0, "")
+    process = program.start(SCENES["radau9"], file, *ENDLESS)
+    wait_for(lambda: part_of(file).exists() and part_of(file).stat().st_size > 0, part_of(file))
+    process.kill()
+    process.communicate(timeout=60)
+    assert not file.exists() and part_of(file).exists()
+    assert program.run(SCENES["radau9"], file).returncode == 0
     assert_same(file, references("radau9"))
+    assert list(tmp_path.iterdir()) == [file]
 
 
-# Files that must not be resumed.
+# Several processes, and files of others.
+
+
+def test_of_several_processes_one_has_the_name(program, references, tmp_path):
+    file = tmp_path / "x.h5"
+    for command in (program.command(SCENES["radau9"], file), [*program.command(SCENES["radau9"], file), "--overwrite"]):
+        processes = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(8)]
+        for process in processes:
+            errors = process.communicate(timeout=120)[1]
+            assert process.returncode in (0, FILE_ERROR), errors
+            if process.returncode:
+                assert "another process is writing this file" in errors or "the file exists" in errors
+        assert 0 in {process.returncode for process in processes}
+        assert_same(file, references("radau9"))
+        assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_run_under_way_is_neither_resumed_nor_replaced(program, tmp_path):
+    file = tmp_path / "x.h5"
+    process = program.start(SCENES["radau9"], file, *ENDLESS, "output.checkpoint_interval=0.05")
+    try:
+        wait_for(file.exists, file)
+        for _ in range(10):
+            assert_refused(program.resume(file), "another process is writing this file")
+            done = finished([*program.command(SCENES["radau9"], file), "--overwrite"])
+            assert_refused(done, "another process is writing this file")
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.communicate(timeout=60)
+
+
+def test_a_file_that_takes_the_name_meanwhile_stays(program, references, tmp_path):
+    file = tmp_path / "x.h5"
+    process = program.start(SCENES["radau5"], file)
+    wait_for(part_of(file).exists, part_of(file))
+    file.write_text("precious")
+    _, errors = process.communicate(timeout=60)
+    kept = tmp_path / "x.h5.kept"
+    assert process.returncode == FILE_ERROR
+    assert f"another file has taken the name: the result is in {kept}" in errors
+    assert file.read_text() == "precious"
+    assert_same(kept, references("radau5"))
+
+
+def test_a_part_of_others_is_refused(program, tmp_path):
+    file = tmp_path / "x.h5"
+    part_of(file).write_text("precious")
+    assert_refused(program.run(SCENES["radau9"], file), "does not belong to this program: move it away")
+    assert part_of(file).read_text() == "precious" and not file.exists()
+    part_of(file).unlink()
+    part_of(file).mkdir()
+    assert_refused(program.run(SCENES["radau9"], file), "x.h5")
+    part_of(file).rmdir()
+    (tmp_path / "other").write_text("precious")
+    part_of(file).symlink_to(tmp_path / "other")
+    assert_refused(program.run(SCENES["radau9"], file), "symbolic link")
+    assert (tmp_path / "other").read_text() == "precious"
+
+
+def test_a_reader_sees_the_former_file_until_the_new_one_is_whole(program, tmp_path):
+    file = tmp_path / "x.h5"
+    assert program.run(SCENES["radau9"], file, "scene.t_end=0.01").returncode == 0
+    file.chmod(0o640)
+    before = content(file)
+    process = subprocess.Popen([*program.command(SCENES["radau9"], file), "--overwrite"], stderr=subprocess.PIPE)
+    while process.poll() is None and part_of(file).exists() is False:
+        pass
+    assert_same(file, before)
+    assert process.wait(60) == 0
+    assert content(file) != before
+    assert file.stat().st_mode & 0o777 == 0o640
+
+
+# Damage, and what cannot be resumed.
 
 
 @pytest.fixture(scope="module")
 def stopped(program, tmp_path_factory) -> Path:
-    """A run that was stopped at its wall limit."""
+    """A run that was stopped."""
     file = tmp_path_factory.mktemp("stopped") / "x.h5"
-    done = program.run(SCENES["radau9"], file, "output.wall_limit=0.05")
-    assert done.returncode == STOPPED, done.stderr
+    assert program.run(SCENES["radau9"], file, "output.wall_limit=0.01").returncode == STOPPED
     return file
 
 
-@pytest.fixture(params=["stopped", "killed"])
-def copied(stopped, tmp_path, request) -> Path:
-    """A copy with its checkpoint; that of a killed run does not know the whole file."""
-    for path in (stopped, checkpoint_of(stopped)):
-        shutil.copy(path, tmp_path)
-    file = tmp_path / stopped.name
-    if request.param == "killed":
-        changed(file, without_seal)
-        changed(checkpoint_of(file), killed)
-    return file
+@pytest.fixture
+def copied(stopped, tmp_path) -> Path:
+    return Path(shutil.copy(stopped, tmp_path))
 
 
 def assert_refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
     assert done.returncode == FILE_ERROR, done
-    assert done.stderr.startswith("dynstiction: ")
-    assert done.stderr.count("\n") == 1
+    assert len(done.stderr.splitlines()) <= 2, done.stderr
     for word in words:
         assert word in done.stderr
 
 
-def after(data: bytes, name: bytes) -> int:
-    """Where the value of a line of the checkpoint begins."""
-    return data.index(b"\n" + name + b" ") + len(name) + 2
-
-
-def state(data: bytes) -> int:
-    return data.index(b"\n", after(data, b"state")) + 1
-
-
-DAMAGED_CHECKPOINTS: dict[str, Callable[[bytes], bytes]] = {
-    "empty": lambda data: b"",
-    "first byte missing": lambda data: data[1:],
-    "last byte missing": lambda data: data[:-1],
-    "half": lambda data: data[: len(data) // 2],
-    "text only": lambda data: data[: state(data)],
-    "one byte more": lambda data: data + b"\n",
-    "zeros": lambda data: bytes(len(data)),
-    "zeros at the end": lambda data: data[:-1000] + bytes(1000),
-    "a word missing": lambda data: data[: state(data)] + data[state(data) + 8 :],
-    "line ends of Windows": lambda data: data.replace(b"\n", b"\r\n"),
-    "bit in the signature": lambda data: flipped(data, 3),
-    "bit in the format": lambda data: flipped(data, data.index(b"\n") - 1),
-    "bit in the version": lambda data: flipped(data, after(data, b"version")),
-    "bit in the deck's hash": lambda data: flipped(data, after(data, b"deck_sha256")),
-    "bit in the run's date": lambda data: flipped(data, after(data, b"created") + 18),
-    "bit in the length of the state": lambda data: flipped(data, after(data, b"state")),
-    "bit in the first word": lambda data: flipped(data, state(data), 7),
-    "bit in the middle": lambda data: flipped(data, len(data) // 2, 3),
-    "bit in the last word": lambda data: flipped(data, -80),
-    "bit in the digest": lambda data: flipped(data, -2),
-    "another format": replaced(rb"format \d+", b"format 1"),
-    "another version": replaced(rb"version \S+", b"version 9.9"),
-    "another run": replaced(rb"created ....", b"created 1999"),
-    "another deck": replaced(rb"\ndeck_sha256 ....", b"\ndeck_sha256 0000"),
-    "another deck as used": replaced(rb"(?s)(deck_resolved .*?mass += )0", rb"\g<1>1"),
-    "another state": lambda data: signed(data[: state(data)] + flipped(data[state(data) :], 4)),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGED_CHECKPOINTS)
-def test_a_damaged_checkpoint_is_refused(program, copied, damage):
-    changed(checkpoint_of(copied), DAMAGED_CHECKPOINTS[damage])
-    before = copied.read_bytes()
-    assert_refused(program.resume(copied), str(copied))
-    assert copied.read_bytes() == before
-
-
-def test_a_checkpoint_of_another_format_version_deck_or_run_says_both(program, copied):
-    original = checkpoint_of(copied).read_bytes()
-    for damage, words in {
-        "another format": ("format 1", original.splitlines()[0].decode().partition(", ")[2]),
-        "another version": ("version 9.9", "this program is version"),
-        "another run": ("run begun at 1999", "that begun at 20"),
-        "another deck": ("another deck", "SHA-256 0000", original[after(original, b"deck_sha256") :][:64].decode()),
-    }.items():
-        checkpoint_of(copied).write_bytes(DAMAGED_CHECKPOINTS[damage](original))
-        assert_refused(program.resume(copied), *words)
-
-
-def first_chunk(file: Path, column: str) -> int:
-    with h5py.File(file) as data:
-        return data[column].id.get_chunk_info(0).byte_offset
-
-
-def edit(file: Path, change: Callable[[h5py.File], None]) -> None:
-    with h5py.File(file, "r+") as data:
-        change(data)
-
-
-def shorten(data: h5py.File) -> None:
-    data["time_series/u_y"].resize((1,))
-
-
-def exchange(data: h5py.File) -> None:
-    data.move("time_series/u_x", "time_series/old")
-    data.move("time_series/u_y", "time_series/u_x")
-    data.move("time_series/old", "time_series/u_y")
-
-
-def exchange_rows(data: h5py.File) -> None:
-    column = data["time_series/u_x"]
-    column[3], column[67] = column[67], column[3]
-
-
-def make_matrix(data: h5py.File) -> None:
-    del data["time_series/psi"]
-    data["time_series/psi"] = np.zeros((10, 10))
-
-
-def make_number(data: h5py.File) -> None:
-    data.attrs["deck_sha256"] = 1.0
-
-
-def forget_hash(data: h5py.File) -> None:
-    del data.attrs["deck_sha256"]
-
-
-def forget_deck(data: h5py.File) -> None:
-    del data["deck/resolved"]
-
-
-def forget_column(data: h5py.File) -> None:
-    del data["time_series/w_x"]
-
-
-def forget_events(data: h5py.File) -> None:
-    del data["events"]
-
-
-def claim_complete(data: h5py.File) -> None:
-    data.attrs["complete"] = 1
-
-
-def claim_failure(data: h5py.File) -> None:
-    data.attrs["result_code"] = 44
-
-
-DAMAGED_RESULTS: dict[str, Callable[[Path], None]] = {
-    "empty": lambda file: file.write_bytes(b"") and None,
-    "text": lambda file: file.write_text("no HDF5 file") and None,
-    "half": lambda file: os.truncate(file, file.stat().st_size // 2),
-    "last byte missing": lambda file: os.truncate(file, file.stat().st_size - 1),
-    "signature": lambda file: changed(file, lambda data: flipped(data, 1)),
-    "length in the superblock": lambda file: changed(file, lambda data: flipped(data, 43)),
-    "root group": lambda file: changed(file, lambda data: flipped(data, 65, 5)),
-    "first block of zeros": lambda file: changed(file, lambda data: bytes(4096) + data[4096:]),
-    "bit in the deck": lambda file: changed(file, lambda data: flipped(data, data.index(b"&scene") + 3)),
-    "bit in a column": lambda file: changed(file, lambda data: flipped(data, first_chunk(file, "time_series/w_y") + 800)),
-    "a column's first rows zero": lambda file: changed(file, partial(zeroed, place=first_chunk(file, "time_series/X"))),
-    "bit in the events": lambda file: changed(file, lambda data: flipped(data, first_chunk(file, "events/kind") + 5)),
-    "column shortened": lambda file: edit(file, shorten),
-    "columns exchanged": lambda file: edit(file, exchange),
-    "rows exchanged": lambda file: edit(file, exchange_rows),
-    "column of two dimensions": lambda file: edit(file, make_matrix),
-    "column missing": lambda file: edit(file, forget_column),
-    "events missing": lambda file: edit(file, forget_events),
-    "deck missing": lambda file: edit(file, forget_deck),
-    "hash missing": lambda file: edit(file, forget_hash),
-    "hash a number": lambda file: edit(file, make_number),
-    "complete": lambda file: edit(file, claim_complete),
-    "solver gave up": lambda file: edit(file, claim_failure),
-}
-
-
-def zeroed(data: bytes, place: int) -> bytes:
-    return data[:place] + bytes(2000) + data[place + 2000 :]
-
-
-def test_any_bit_of_a_stopped_run_counts(program, stopped, tmp_path):
+@pytest.mark.parametrize("count", [60, pytest.param(400, marks=pytest.mark.full)])
+def test_any_bit_of_a_stopped_run_counts(program, stopped, copied, count):
+    """But for the last line: where that is none any more, nothing says what the bytes should be, and the file is not resumed either."""
     chance = random.Random(3)
-    for path in (stopped, checkpoint_of(stopped)):
-        shutil.copy(path, tmp_path)
-    file = tmp_path / stopped.name
-    whole = file.read_bytes()
-    for _ in range(50):
-        file.write_bytes(flipped(whole, chance.randrange(len(whole)), chance.randrange(8)))
-        assert_refused(program.resume(file), "changed or damaged")
-    file.write_bytes(whole)
-    assert program.resume(file).returncode in (0, STOPPED)
+    whole = stopped.read_bytes()
+    for _ in range(count):
+        copied.write_bytes(flipped(whole, chance.randrange(len(whole)), chance.randrange(8)))
+        assert_refused(program.resume(copied), "cannot resume: the file ", "run the deck again")
+    copied.write_bytes(whole)
+    assert program.resume(copied).returncode in (0, STOPPED)
 
 
-def bends(whole: bytes, structure: list[int], chance: random.Random) -> bytes:
-    """The file with damage in what describes its data: one of the kinds that disks and careless programs make."""
-    bent = bytearray(whole)
-    place, length = chance.choice(structure), chance.choice((1, 8, 64, 512, 4096))
-    kind = chance.choice(("flip", "flip", "flips", "zeros", "noise", "another address", "another place", "cut"))
-    if kind == "flip":
-        bent[place] ^= 1 << chance.randrange(8)
-    elif kind == "flips":
-        for _ in range(chance.choice((3, 30))):
-            bent[chance.choice(structure)] ^= 1 << chance.randrange(8)
-    elif kind == "zeros":
-        bent[place : place + length] = bytes(length)
-    elif kind == "noise":
-        bent[place : place + length] = chance.randbytes(length)
-    elif kind == "another address":
-        bent[place // 8 * 8 :][:8] = chance.choice(structure).to_bytes(8, "little")
-    elif kind == "another place":
-        source = chance.choice(structure)
-        bent[place : place + length] = whole[source : source + length]
-    else:
-        del bent[place:]
-    return bytes(bent[: len(whole)])
+DAMAGED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "empty": (lambda data: b"", "empty"),
+    "text": (lambda data: b"no HDF5 file", "no checksum"),
+    "half": (lambda data: data[: len(data) // 2], "no checksum"),
+    "last byte missing": (lambda data: data[:-1], "no checksum"),
+    "without its last line": (without_checksum, "no checksum"),
+    "the state cut off": (lambda data: sealed(data[: data.rindex(b"dynstiction state ")]), "no state"),
+    "another length of the state": (lambda data: sealed(re.sub(rb"(dynstiction state  +)\d+", rb"\g<1>8", without_checksum(data))), ""),
+    "another format": (lambda data: sealed(with_first_number(without_checksum(data))), "another state"),
+    "another version": (lambda data: sealed(with_version(without_checksum(data))), "of version 9.9"),
+}  # fmt: skip
 
 
-def bytes_of_structure(file: Path) -> list[int]:
-    """Where a file describes its data, not where the data are; without long stretches of zeros."""
-    whole = file.read_bytes()
-    data: set[int] = set()
-    with h5py.File(file) as content_:
-        for group in ("time_series", "events"):
-            for column in content_[group].values():
-                for i in range(column.id.get_num_chunks()):
-                    chunk = column.id.get_chunk_info(i)
-                    data.update(range(chunk.byte_offset // 64, (chunk.byte_offset + chunk.size) // 64))
-    blocks = (64 * i for i in range(len(whole) // 64) if i not in data)
-    return [place for block in blocks if any(whole[block : block + 64]) for place in range(block, block + 64)]
+def with_first_number(data: bytes) -> bytes:
+    line = data.rindex(b"dynstiction state ")
+    first = line - int(data[line:].split()[2])
+    return data[: first + 8] + (99).to_bytes(8, "little") + data[first + 16 :]
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.full)])
-def test_damage_of_a_killed_run_is_refused_or_does_no_harm(program, references, stopped, tmp_path, count):
-    """HDF5 itself crashes, hangs or reads other numbers on some of these files; the last part of the result is written again."""
-    file = tmp_path / "x.h5"
-    whole, checkpoint = without_seal(stopped.read_bytes()), checkpoint_of(stopped).read_bytes()
-    structure = bytes_of_structure(stopped)
-    tally = {0: 0, FILE_ERROR: 0}
-    for seed in range(count):
-        file.write_bytes(bends(whole, structure, random.Random(seed)))
-        checkpoint_of(file).write_bytes(killed(checkpoint))
-        done = program.resume(file, timeout=20)
-        # On a busy machine the limit of the run is met again.
-        while done.returncode == STOPPED:
-            done = program.resume(file, timeout=20)
-        assert done.returncode in tally, (seed, done)
-        tally[done.returncode] += 1
-        if done.returncode == 0:
-            assert_same(file, references("radau9"))
-            assert file.read_bytes().endswith(b"\n")
-        else:
-            assert_refused(done, str(file), "run the deck again")
-        assert {path.name for path in tmp_path.iterdir()} <= {file.name, checkpoint_of(file).name}
-    assert min(tally.values()) > count / 20
+def with_version(data: bytes) -> bytes:
+    """The text of the attribute `version` stands in a heap."""
+    with h5py.File(io.BytesIO(data)) as file:
+        version = file.attrs["version"].encode()
+    new = b"9.9".ljust(len(version), b" ")
+    assert data.count(version + b"\0") == 1
+    return data.replace(version + b"\0", new + b"\0")
 
 
-@pytest.mark.parametrize("damage", DAMAGED_RESULTS)
-def test_a_damaged_result_file_is_refused(program, copied, damage):
-    DAMAGED_RESULTS[damage](copied)
-    before = copied.read_bytes(), checkpoint_of(copied).read_bytes()
-    assert_refused(program.resume(copied), str(copied))
-    assert (copied.read_bytes(), checkpoint_of(copied).read_bytes()) == before
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_file_is_refused(program, copied, damage):
+    change, words = DAMAGED[damage]
+    changed(copied, change)
+    before = copied.read_bytes()
+    assert_refused(program.resume(copied), str(copied), words)
+    assert copied.read_bytes() == before
+    assert list(copied.parent.iterdir()) == [copied]
 
 
-def test_what_is_not_there_is_refused(program, copied, tmp_path):
+def test_what_was_changed_with_h5py_is_read_but_not_resumed(program, copied):
+    with h5py.File(copied, "r+") as data:
+        data.attrs["remark"] = "mine"
+    assert_refused(program.resume(copied), "was changed since it was written")
+    assert finished([program.executable, "show", str(copied)]).returncode == 0
+
+
+def test_what_is_not_there_is_refused(program, tmp_path):
     assert_refused(program.resume(tmp_path / "no.h5"), "no such file")
     assert_refused(program.resume(tmp_path), "folder")
-    checkpoint_of(copied).unlink()
-    assert_refused(program.resume(copied), str(checkpoint_of(copied)), "no such file")
-    checkpoint_of(copied).mkdir()
-    assert_refused(program.resume(copied), "folder")
+    deck = Path(shutil.copy(INPUTS / "fig3.nml", tmp_path))
+    assert_refused(program.resume(deck), "it is a deck")
 
 
 def test_a_complete_run_is_refused(program, tmp_path):
@@ -711,90 +547,48 @@ def test_a_solver_that_gave_up_is_refused(program, tmp_path):
     file = tmp_path / "x.h5"
     done = program.run(SCENES["radau9"], file, "integrator.max_steps=100")
     assert done.returncode == 4
-    assert not checkpoint_of(file).exists()
+    assert assert_whole(file) > 0
     assert_refused(program.resume(file), "gave up", "max_steps = 100")
 
 
-@pytest.mark.skipif(os.environ.get("HDF5_USE_FILE_LOCKING", "TRUE") != "TRUE", reason="HDF5 does not lock files")
-def test_a_locked_file_is_refused(program, copied):
-    before = copied.read_bytes()
-    with copied.open("rb") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        assert_refused(program.resume(copied), "locked", "close the other program")
-    assert copied.read_bytes() == before
+def test_overwriting_begins_again(program, copied):
+    done = program.run(SCENES["radau13"], copied, "scene.t_end=0.1")
+    assert_refused(done, "--overwrite", "dynstiction resume")
+    command = program.command(SCENES["radau13"], copied, "scene.t_end=0.1")
+    assert finished([*command, "--overwrite"]).returncode == 0
+    assert list(copied.parent.iterdir()) == [copied]
 
 
-def test_a_run_under_way_is_not_resumed(program, tmp_path):
-    file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau9"], file, *ENDLESS)
-    try:
-        wait_for(file.exists, str(file))
-        assert_refused(program.resume(file), "locked")
-        assert process.poll() is None
-    finally:
-        process.kill()
-        process.communicate(timeout=60)
-
-
-# Checkpoints that cannot be written.
-
-
-def test_a_checkpoint_that_fails_keeps_the_one_before(program, references, tmp_path):
-    file = tmp_path / "x.h5"
-    process = program.start(SCENES["radau5"], file, "output.checkpoint_interval=0.05")
-    wait_for(lambda: file.exists() and file.stat().st_size > 10_000, str(file))
-    kept = tmp_path / "kept"
-    while not checkpoint_of(file).is_dir():
-        # The next checkpoint may come in between.
-        with contextlib.suppress(FileNotFoundError):
-            checkpoint_of(file).rename(kept)
-        with contextlib.suppress(FileExistsError):
-            (checkpoint_of(file) / "something").mkdir(parents=True)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == FILE_ERROR, errors
-    assert "cannot write the checkpoint" in errors
-    with h5py.File(file) as data:
-        assert (data.attrs["complete"], data.attrs["result_code"]) == (0, FILE_ERROR)
-    shutil.rmtree(checkpoint_of(file))
-    assert {path.name for path in tmp_path.iterdir()} == {file.name, kept.name}
-    kept.rename(checkpoint_of(file))
-    assert program.resume(file).returncode == 0
-    assert_same(file, references("radau5"))
-
-
-def test_a_run_that_cannot_write_its_first_checkpoint_leaves_nothing(program, tmp_path):
-    file = tmp_path / "x.h5"
-    checkpoint_of(file).mkdir()
-    done = program.run(SCENES["radau9"], file)
-    assert_refused(done, "cannot write the checkpoint")
-    assert list(tmp_path.iterdir()) == [checkpoint_of(file)]
+# Disks.
 
 
 def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
-    """The file-size limit ends the run; with a higher limit it continues."""
+    """The file-size limit ends the run; the last whole file stays, and with a higher limit the run continues from it."""
     file = tmp_path / "x.h5"
-    limit = limited(resource.RLIMIT_FSIZE, 1_500_000)
-    process = program.start(SCENES["every step"], file, "output.checkpoint_interval=0.02", preexec_fn=limit)
+    limit = limited(resource.RLIMIT_FSIZE, 5_000_000)
+    process = program.start(SCENES["several seconds"], file, "output.checkpoint_interval=0.01", preexec_fn=limit)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == FILE_ERROR, errors
     assert "file-size limit" in errors
-    assert_readable(file)
+    assert_whole(file)
     assert_refused(program.resume(file, preexec_fn=limit), "file-size limit")
-    assert_readable(file)
+    assert_whole(file)
     assert program.resume(file).returncode == 0
-    assert_same(file, references("every step"))
+    assert_same(file, references("several seconds"))
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_disk_that_was_full(program, references, tmp_path):
-    with small_disk(tmp_path / "disk", "1m") as grow:
+    with small_disk(tmp_path / "disk", "8m") as grow:
         file = tmp_path / "disk" / "x.h5"
-        done = program.run(SCENES["every step"], file, "output.checkpoint_interval=0.02")
+        done = program.run(SCENES["several seconds"], file, "output.checkpoint_interval=0.01")
         assert done.returncode == FILE_ERROR
         assert "disk is full" in done.stderr
-        assert_readable(file)
-        grow("40m")
+        assert_whole(file)
+        assert not part_of(file).exists()
+        grow("80m")
         assert program.resume(file).returncode == 0
-        assert_same(file, references("every step"))
+        assert_same(file, references("several seconds"))
 
 
 def test_a_folder_that_vanishes(program, tmp_path):
@@ -802,16 +596,14 @@ def test_a_folder_that_vanishes(program, tmp_path):
     folder.mkdir()
     process = program.start(SCENES["radau9"], folder / "x.h5", *ENDLESS, "output.checkpoint_interval=0.1")
     wait_for((folder / "x.h5").exists, "x.h5")
-    shutil.rmtree(folder)
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == FILE_ERROR
-    assert "removed or renamed" in errors
+    assert "removed" in errors
 
 
-def test_overwriting_drops_the_checkpoint_of_the_run_before(program, copied):
-    done = program.run(SCENES["radau13"], copied, "scene.t_end=0.1")
-    assert_refused(done, "--overwrite")
-    assert checkpoint_of(copied).exists()
-    command = program.command(SCENES["radau13"], copied, "scene.t_end=0.1")
-    assert finished([*command, "--overwrite"]).returncode == 0
-    assert not checkpoint_of(copied).exists()
+def test_a_reader_with_a_lock_is_no_obstacle(program, copied):
+    with copied.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_SH)
+        assert program.resume(copied).returncode in (0, STOPPED)
