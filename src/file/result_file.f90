@@ -6,7 +6,7 @@
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, delete_own_file, file_exists, folder_of, is_folder, &
-    is_in_use, keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
+    keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
     system_reason, wait_seconds
   use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
@@ -23,8 +23,7 @@ module dst_result_file
     character(:), allocatable :: name                !! as given by the user
     character(:), allocatable, private :: place      !! the file that links lead to
     type(identity_t), private :: former              !! the file that will be replaced
-    integer(c_int), private :: descriptor = -1       !! of NAME.part, then of NAME; the lock
-    logical, private :: has_name = .false.           !! it is no longer NAME.part
+    integer(c_int), private :: descriptor = -1       !! of NAME.part: the lock; -1 when the file has its name
   contains
     procedure :: claim
     procedure :: claim_again
@@ -33,7 +32,6 @@ module dst_result_file
     procedure :: put_in_place
     procedure :: begin_next
     procedure :: discard
-    procedure :: release
   end type result_file_t
 
   !> When a file is made whole while the work goes on: after the given interval, or a third of the time so far if that is longer.
@@ -141,7 +139,7 @@ contains
     if (allocated(reason)) call raise(error, file_error, name//': cannot resume: '//reason)
   end subroutine claim_again
 
-  !> Make NAME.part and lock it. A process that has just given its file the name, and goes on, has that file locked.
+  !> Make NAME.part and lock it.
   subroutine take_part(self, name, reason)
     class(result_file_t), intent(inout) :: self
     character(*), intent(in) :: name
@@ -150,13 +148,7 @@ contains
     self%name = name
     self%place = place_of(name)
     call open_part(self%path(), self%descriptor, reason)
-    if (allocated(reason)) return
-    if (is_in_use(self%place)) then
-      reason = is_written
-      call self%discard()
-      return
-    end if
-    self%former = identity_of(self%place)
+    if (.not. allocated(reason)) self%former = identity_of(self%place)
   end subroutine take_part
 
   !> Create a file that is locked and empty; one that a killed process has left is used again.
@@ -233,8 +225,9 @@ contains
       if (placed) call move_file(self%path(), self%place, placed)
     end if
     if (placed) then
-      self%has_name = .true.
       self%former = identity_of(self%descriptor)
+      ! At once: a reader that uses locks finds the file locked until then.
+      call close_descriptor(self%descriptor)
       call make_name_durable(folder_of(self%place))
       return
     end if
@@ -248,46 +241,36 @@ contains
       if (i > 1) kept = kept//integer_text(i)
       call place_file(self%path(), kept, placed)
       if (.not. placed) cycle
-      self%has_name = .true.
+      call close_descriptor(self%descriptor)
       reason = reason//': the result is in '//kept
       return
     end do
   end subroutine take_name
 
-  !> The file has its name, and the work goes on in a new one. No other process can get the name in between.
+  !> The file has its name, and the work goes on in a new one: NAME.part again.
   subroutine begin_next(self, error)
     class(result_file_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
     integer, parameter :: most_tries = 200
     character(:), allocatable :: reason
-    integer(c_int) :: next
     integer :: i
 
-    ! Another process may look at the name in this moment, finds it locked, and lets go.
+    ! A process that may not have the name has looked at it, and lets go.
     do i = 1, most_tries
-      call open_part(self%path(), next, reason)
-      if (.not. allocated(reason)) exit
+      call open_part(self%path(), self%descriptor, reason)
+      if (.not. allocated(reason)) return
       if (reason /= is_written) exit
       call wait_seconds(0.005_wp)
     end do
-    call close_descriptor(self%descriptor)
-    self%descriptor = next
-    self%has_name = .false.
-    if (allocated(reason)) call raise(error, file_error, self%name//': cannot go on: '//reason)
+    call raise(error, file_error, self%name//': cannot go on: '//reason//'; everything so far is in the file')
   end subroutine begin_next
 
   !> There will be no new file: remove NAME.part, and release the name.
   subroutine discard(self)
     class(result_file_t), intent(inout) :: self
 
-    if (self%descriptor >= 0 .and. .not. self%has_name) call delete_own_file(self%path(), identity_of(self%descriptor))
-    call self%release()
-  end subroutine discard
-
-  !> Release the name for other processes.
-  subroutine release(self)
-    class(result_file_t), intent(inout) :: self
-
+    if (self%descriptor < 0) return
+    call delete_own_file(self%path(), identity_of(self%descriptor))
     call close_descriptor(self%descriptor)
-  end subroutine release
+  end subroutine discard
 end module dst_result_file

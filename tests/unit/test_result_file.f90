@@ -3,7 +3,7 @@ program test_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, &
-    lock_new_file, matching_files, path_t, write_bytes
+    matching_files, path_t, write_bytes
   use dst_ending, only: check_ending, read_state
   use dst_errors, only: error_t
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
@@ -55,9 +55,6 @@ contains
     type(result_file_t) :: first, second
     type(error_t), allocatable :: error
     type(identity_t) :: file
-    character(:), allocatable :: reason
-    integer(c_int) :: lock
-    logical :: is_held
 
     call first%claim(name, .false., error)
     call check('claimed', file_exists(part) .and. .not. allocated(error))
@@ -75,13 +72,6 @@ contains
     call check('what is not HDF5 is refused', refused(error, 'does not belong to this program: move it away'))
     call check('and stays', file_exists(part))
     call delete_file(part)
-    ! A process that has just given its file the name, and goes on.
-    call write_result(name, 'dynstiction')
-    call lock_new_file(name, lock, is_held, reason)
-    call first%claim(name, .true., error)
-    call check('between two parts', refused(error, 'another process is writing this file'))
-    call check('lets go', .not. file_exists(part))
-    call close_descriptor(lock)
     call remove_all()
   end subroutine test_part
 
@@ -111,7 +101,6 @@ contains
     call check('not by two', refused(error, 'another process is writing this file'))
     call replace_contents('newer')
     call file%put_in_place(error)
-    call file%release()
     call read_state(name, state, reason)
     call check('at its end there is no state', .not. allocated(reason) .and. size(state) == 0)
     call remove_all()
@@ -163,7 +152,6 @@ contains
     call file%claim(name, .true., error)
     call replace_contents('something longer')
     call file%put_in_place(error, [1_int64])
-    call file%release()
     call check_ending(name, has_ending, reason)
     call check('with an ending', has_ending .and. .not. allocated(reason))
     open (newunit=unit, file=name, access='stream', form='unformatted', status='old', action='readwrite')
