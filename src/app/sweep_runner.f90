@@ -57,7 +57,8 @@ contains
     integer :: plan
 
     call check_target(result_file, .true., error)
-    if (allocated(error) .or. .not. file_exists(result_file)) return
+    if (allocated(error)) return
+    if (.not. file_exists(result_file)) return
     call sweep_of_deck(deck, sweep, error)
     if (.not. allocated(error)) call look_at(result_file, head_of(sweep, options%share), options, plan, found, error)
   end subroutine check_sweep_target
@@ -69,7 +70,7 @@ contains
     type(sweep_options_t), intent(in) :: options
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
-    type(sweep_t) :: sweep
+    type(sweep_t), target :: sweep
     type(sweep_work_t) :: work
     type(sweep_head_t) :: found
     type(error_t), allocatable :: stopped
@@ -93,13 +94,13 @@ contains
       if (.not. allocated(error)) call conclude(result_file, options%share, work%file%rows, work%file%failed, work%file%done, error)
       found%done = work%file%done
     end if
-    if (.not. allocated(error)) report = report_on(result_file, found%done, begun)
+    if (.not. allocated(error)) report = report_on(result_file, options%share, found%done, begun)
   end subroutine run_sweep
 
   !> Open the file of a share for new rows.
   subroutine open_file(file, sweep, result_file, options, plan, error)
     type(sweep_file_t), intent(inout) :: file
-    type(sweep_t), intent(in) :: sweep
+    type(sweep_t), intent(in), target :: sweep
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
     integer, intent(in) :: plan
@@ -154,14 +155,17 @@ contains
     end if
   end subroutine conclude
 
-  function report_on(result_file, cases, begun) result(report)
+  function report_on(result_file, share, cases, begun) result(report)
     character(*), intent(in) :: result_file
+    type(share_t), intent(in) :: share
     integer, intent(in) :: cases
     real(wp), intent(in) :: begun      !! wall time [s]
     character(:), allocatable :: report
 
-    report = printable(result_file)//': '//integer_text(cases)//' cases, 0 failed ('//duration_text(wall_clock() - begun)// &
-      '); see dynstiction plot '//printable(result_file)//new_line('a')
+    report = '; see dynstiction plot '//printable(result_file)
+    if (share%count > 1) report = '; dynstiction merge joins the shares'
+    report = printable(result_file)//': '//integer_text(cases)//' cases, 0 failed ('//duration_text(wall_clock() - begun)//')'// &
+      report//new_line('a')
   end function report_on
 
   !> Join the files of all shares, and an incomplete one that has the result's name.
@@ -171,7 +175,7 @@ contains
     type(sweep_options_t), intent(in) :: options
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
-    type(sweep_t) :: sweep
+    type(sweep_t), target :: sweep
     type(sweep_file_t) :: file
     type(sweep_head_t) :: found
     type(share_t), allocatable :: shares(:)
@@ -193,7 +197,7 @@ contains
     call finish(file, stopped, error)
     if (allocated(error)) return
     call conclude(result_file, share_t(), file%rows, file%failed, file%done, error)
-    if (.not. allocated(error)) report = report_on(result_file, file%done, begun)
+    if (.not. allocated(error)) report = report_on(result_file, share_t(), file%done, begun)
   end subroutine merge_sweep
 
   !> The files of the shares: all of this sweep and build, and of one division.
@@ -262,7 +266,8 @@ contains
 
     plan = to_begin
     call check_target(name, .true., error)
-    if (allocated(error) .or. .not. file_exists(name)) return
+    if (allocated(error)) return
+    if (.not. file_exists(name)) return
     call read_head(place_of(name), found, reason)
     if (found%identity == head%identity .and. found%share == head%share .and. found%build == head%build) then
       if (.not. found%complete .or. (options%retry .and. found%failed > 0)) then
@@ -289,9 +294,12 @@ contains
     type(sweep_t), intent(in) :: sweep
     type(share_t), intent(in) :: share
     type(sweep_head_t) :: head
+    character(64) :: digest
 
-    head%identity = identity_of_sweep(sweep)
-    head%build = sha256(version//git_revision//arithmetic_fingerprint())
+    digest = identity_of_sweep(sweep)
+    head%identity = digest(:len(head%identity))
+    digest = sha256(version//git_revision//arithmetic_fingerprint())
+    head%build = digest(:len(head%build))
     head%share = share%text()
   end function head_of
 

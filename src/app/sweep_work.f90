@@ -7,7 +7,7 @@ module dst_sweep_work
   use dst_errors, only: error_t, raise, stopped_early
   use dst_kinds, only: wp
   use dst_progress, only: progress_t, new_progress
-  use dst_result_file, only: interval_t
+  use dst_result_file, only: interim_t
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_stopwatch, only: wall_clock
   use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker
@@ -29,7 +29,7 @@ module dst_sweep_work
     integer, private :: stop = 0                 !! why cases are given up: a signal, or one of those below; 0 = they continue
     integer, private :: at_work = 0              !! number of threads with a case
     real(wp), private :: begun = 0.0_wp, looked = 0.0_wp, limit = 0.0_wp   !! s
-    type(interval_t), private :: interval
+    type(interim_t), private :: interim
     type(sweep_t), pointer, private :: sweep => null()
     type(worker_t), private :: first_worker      !! each thread gets a copy
     type(progress_t), private :: progress
@@ -77,7 +77,7 @@ contains
     self%to_do = count([(self%is_pending(i), i=1, self%file%rows)])
     self%limit = sweep%deck%real_of('output', 'wall_limit')
     self%begun = wall_clock()
-    self%interval = interval_t(sweep%deck%real_of('output', 'checkpoint_interval'))
+    self%interim = interim_t(sweep%deck%real_of('output', 'checkpoint_interval'), self%begun, self%begun)
     self%progress = new_progress(sweep%deck%name, quiet)
     call new_worker(sweep, self%first_worker)
     call run_in_threads(self, thread_count(self%to_do))
@@ -210,7 +210,7 @@ contains
     if (stop /= 0) then
       !$omp atomic write
       self%stop = stop
-    else if (self%interval%is_due(passed) .and. finished < self%to_do) then
+    else if (self%interim%is_due(self%begun + passed) .and. finished < self%to_do) then
       call make_whole(self)
     end if
     call self%progress%show_cases(self%file%done - finished, finished, self%to_do, failed, passed)
@@ -219,14 +219,12 @@ contains
   !> Make the file whole, and go on in a new one. Other threads wait if they have finished a case.
   subroutine make_whole(self)
     type(sweep_work_t), intent(inout) :: self
-    real(wp) :: begun
 
     !$omp critical (keeping)
     if (self%file%is_changed .and. .not. allocated(self%error)) then
-      begun = wall_clock() - self%begun
       call self%file%make_whole(self%error)
       if (.not. allocated(self%error)) call self%file%go_on(self%error)
-      call self%interval%made(begun, wall_clock() - self%begun)
+      self%interim%made = wall_clock()
       call note_error(self)
     end if
     !$omp end critical (keeping)

@@ -1,9 +1,9 @@
 !> The file of a sweep, or of a share of it: one row for each case, in the order of the cases.
 !>
 !> Rows wait in memory, in blocks that are whole chunks of the file, and a block is written when its memory is needed for another:
-!> the memory does not grow with the number of cases. A case that has not been run has the datasets' fill values: NaN, and
-!> result_code -1. The file gets its name when it is made whole (dst_result_file); the sweep then goes on in a new file, to which the
-!> rows of the former are copied. A sweep that is started again goes on in the same way, and so does a merge with the rows of shares.
+!> the memory hardly grows with the number of cases. A case that has not been run has the datasets' fill values: NaN, and
+!> result_code -1. The file gets its name when it is made whole (dst_result_file); the sweep then goes on in a new file, to which
+!> the rows of the former are copied. A sweep that is started again goes on in the same way, and so does a merge with rows of shares.
 module dst_sweep_file
   use, intrinsic :: iso_fortran_env, only: int8
   use dst_disk, only: path_t
@@ -28,7 +28,7 @@ module dst_sweep_file
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
   !> Rows of a block; numbers in a chunk of samples or cycles; bytes of all blocks of a table.
-  integer, parameter :: usual_block = 2048, usual_chunk = 16384, most_bytes = 16*1024**2
+  integer, parameter :: most_rows = 2048, usual_chunk = 16384, most_bytes = 16*1024**2
   integer, parameter :: identity_length = 24, build_length = 16
 
   !> What the attributes of a file say about its sweep.
@@ -45,7 +45,7 @@ module dst_sweep_file
   type :: column_t
     type(quantity_t) :: quantity
     character(24) :: group = ''                   !! in which it is, like sweep/summary
-    integer(hid_t) :: stored_as = 0
+    logical :: is_integer = .false.
     real(real64) :: fill = 0.0_real64
     type(dataset_t) :: dataset = dataset_t()
   end type column_t
@@ -138,7 +138,7 @@ contains
 
   !> Begin the file of a share; `goes_on`: with the rows of the file that has its name.
   subroutine open_sweep_file(self, name, sweep, share, head, metadata, goes_on, overwrite, error)
-    class(sweep_file_t), intent(out) :: self
+    class(sweep_file_t), intent(inout) :: self
     character(*), intent(in) :: name
     type(sweep_t), intent(in), target :: sweep
     type(share_t), intent(in) :: share
@@ -181,12 +181,12 @@ contains
 
     nan = absent()
     values = value_quantities()
-    allocate (self%tables(1)%columns, source=[(column_t(values(i), 'sweep/summary', h5t_ieee_f64le, nan), i=1, value_count), &
+    allocate (self%tables(1)%columns, source=[(column_t(values(i), 'sweep/summary', .false., nan), i=1, value_count), &
       column_t(quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see dynstiction help errors'), 'sweep', &
-      h5t_std_i32le, real(not_run, real64))])
+      .true., real(not_run, real64))])
     self%tables(1)%columns(wall_time_value)%group = 'sweep'
     self%tables%rows = self%rows
-    self%tables(1)%block_rows = min(self%rows, usual_block)
+    self%tables(1)%block_rows = (self%rows - 1)/((self%rows - 1)/most_rows + 1) + 1
     allocate (self%tables(2)%columns(0))
     rows = self%sweep%table_rows()
     if (rows > 0) then
@@ -194,13 +194,13 @@ contains
       if (self%sweep%keeps_cycles) then
         group = 'sweep/cycles'
         self%tables(1)%columns = [self%tables(1)%columns, column_t(quantity_t('count', '1', 'cycles that are kept of the case'), &
-          group, h5t_std_i32le, 0.0_real64)]
+          group, .true., 0.0_real64)]
       end if
       allocate (quantities, source=table_quantities(self%sweep))
       deallocate (self%tables(2)%columns)
       allocate (self%tables(2)%columns(size(quantities)))
       do i = 1, size(quantities)
-        self%tables(2)%columns(i) = column_t(quantities(i), group, h5t_ieee_f64le, nan)
+        self%tables(2)%columns(i) = column_t(quantities(i), group, .false., nan)
       end do
       self%tables(2)%row_length = rows
       self%tables(2)%is_inner = .true.
@@ -232,7 +232,7 @@ contains
     character(:), allocatable :: reason
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: i, block, ignored
+    integer :: i, block, last, ignored
 
     call read_head(self%file%former_path(), head, reason)
     if (.not. allocated(reason)) then
@@ -256,7 +256,8 @@ contains
     do i = 1, size(self%tables)
       associate (table => self%tables(i))
         do block = 1, size(table%is_in_file)
-          table%is_in_file(block) = any(self%code((block - 1)*table%block_rows + 1:min(block*table%block_rows, self%rows)) /= not_run)
+          last = min(block*table%block_rows, self%rows)
+          table%is_in_file(block) = any(self%code((block - 1)*table%block_rows + 1:last) /= not_run)
         end do
       end associate
     end do
@@ -272,7 +273,7 @@ contains
     real(real64), allocatable :: values(:)
 
     allocate (values(size(codes)), source=real(not_run, real64))
-    call open_dataset(file, 'sweep/result_code', usual_block, dataset, h5)
+    call open_dataset(file, 'sweep/result_code', most_rows, dataset, h5)
     call read_rows(dataset, first - 1_hsize_t, values, h5)
     call release([dataset%id], h5)
     if (h5%status >= 0) codes = nint(values, int8)
@@ -289,8 +290,8 @@ contains
     real(real64), allocatable :: number(:)
     integer :: i, row
 
-    call open_dataset(file, 'sweep/failures/case', usual_block, cases, h5)
-    call open_dataset(file, 'sweep/failures/result_text', usual_block, texts, h5)
+    call open_dataset(file, 'sweep/failures/case', most_rows, cases, h5)
+    call open_dataset(file, 'sweep/failures/result_text', most_rows, texts, h5)
     if (h5%status < 0) return
     allocate (number(cases%rows))
     call read_rows(cases, 0_hsize_t, number, h5)
@@ -378,7 +379,8 @@ contains
 
       associate (table => self%tables(k))
         call create_dataset(parent, table%columns(i)%quantity, table%block_rows, table%columns(i)%dataset, h5, &
-          table%columns(i)%stored_as, merge(table%row_length, 0, table%is_inner), .true., self%rows, table%columns(i)%fill)
+          merge(h5t_std_i32le, h5t_ieee_f64le, table%columns(i)%is_integer), &
+          merge(table%row_length, 0, table%is_inner), .true., self%rows, table%columns(i)%fill)
       end associate
     end subroutine create_column
   end subroutine create_columns
@@ -390,7 +392,7 @@ contains
     type(dataset_t), intent(out) :: case
     type(hdf5_t), intent(inout) :: h5
     type(dataset_t) :: parameters(size(self%sweep%axes))
-    real(real64) :: values(min(self%rows, usual_block), size(self%sweep%axes))
+    real(real64) :: values(min(self%rows, most_rows), size(self%sweep%axes))
     integer :: first, i, rows
 
     call create_dataset(group, quantity_t('case', '1', 'number of the case'), size(values, 1), case, h5, h5t_std_i32le, &
@@ -583,7 +585,8 @@ contains
       if (block%number == 0) return
       first = (block%number - 1)*self%block_rows
       do i = 1, size(self%columns)
-        call write_rows(self%columns(i)%dataset, int(first, hsize_t), min(self%block_rows, self%rows - first), block%values(:, i), h5)
+        call write_rows(self%columns(i)%dataset, int(first, hsize_t), min(self%block_rows, self%rows - first), &
+          block%values(:, i), h5)
       end do
       self%is_in_file(block%number) = .true.
     end associate
@@ -595,7 +598,7 @@ contains
     integer(hid_t), intent(in) :: former
     type(hdf5_t), intent(inout) :: h5
     type(dataset_t) :: datasets(size(self%columns))
-    integer :: i, number, slot
+    integer :: number, slot
 
     call open_columns(self, former, datasets, h5)
     do number = 1, size(self%is_in_file)

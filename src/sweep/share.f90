@@ -1,5 +1,5 @@
-!> A share I/N of a sweep: the cases I, I+N, I+2N, ... Shares are run by processes that know nothing of each other, each into its own
-!> file; neighbours, which mostly cost the same, are in different shares.
+!> A share I/N of a sweep: the cases I, I+N, I+2N, ... Shares are run by processes that know nothing of each other, each into its
+!> own file; neighbours, which mostly cost the same, are in different shares.
 !>
 !> `--share auto` takes I and N from what a launcher or a job array has put into the environment of this process.
 module dst_share
