@@ -254,6 +254,11 @@ module dst_hdf5_library
       integer(c_int), value :: rank
       integer(hsize_t), intent(in) :: sides(*)
     end function h5pset_chunk
+    integer(c_int) function h5pset_fill_value(creation, memory_type, value) bind(c, name='H5Pset_fill_value')
+      import :: c_int, c_ptr, hid_t
+      integer(hid_t), value :: creation, memory_type
+      type(c_ptr), value :: value
+    end function h5pset_fill_value
     integer(c_int) function h5pset_chunk_cache(access, slots, bytes, preemption) bind(c, name='H5Pset_chunk_cache')
       import :: c_int, c_size_t, c_double, hid_t
       integer(hid_t), value :: access

@@ -195,7 +195,7 @@ contains
   subroutine put_in_place(self, error, state)
     class(result_file_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
-    integer(int64), intent(in), optional :: state(:)   !! from which the run can be resumed
+    integer(int64), intent(in), contiguous, optional :: state(:)   !! from which the run can be resumed
     character(:), allocatable :: reason
 
     call append_ending(self%descriptor, reason, state)
