@@ -771,7 +771,6 @@ contains
   subroutine close_sweep_file(self)
     class(sweep_file_t), intent(inout) :: self
 
-    call self%file%release()
   end subroutine close_sweep_file
 
   !> The file under the name, if there is one, stays as it is.
