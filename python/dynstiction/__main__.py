@@ -6,9 +6,12 @@ The executable hands these commands over to this module: ``dynstiction plot FILE
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import shutil
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
@@ -20,9 +23,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ._hdf5 import PROGRAM
 from ._native import catalogue
 from ._open import groups_in
+from ._output import check_outputs, make_folder, put
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import Error, FileError, FitWarning, IncompleteWarning, UsageError, printable
+from .errors import DeckError, Error, FileError, FitWarning, IncompleteWarning, SolverError, UsageError, printable
 from .result import Result, open
 from .scene import Scene
 
@@ -39,6 +43,12 @@ READER_GONE = 141
 
 class _ReaderGoneError(Exception):
     pass
+
+
+class _EndedError(BaseException):
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
 
 
 class _Parser(argparse.ArgumentParser):
@@ -125,18 +135,53 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         Name by which the user called the program.
     """
     try:
-        options = _parser(program).parse_all(arguments)
-        command: Callable[[argparse.Namespace], int | None] = options.command
-        return command(options) or 0
+        with _signals_raised():
+            options = _parser(program).parse_all(arguments)
+            command: Callable[[argparse.Namespace], int | None] = options.command
+            return command(options) or 0
     except _ReaderGoneError:
         return READER_GONE
     except Error as error:
-        print(f"dynstiction: {error}", file=sys.stderr)
-        return error.exit_status
+        status, words = error.exit_status, str(error)
     except ModuleNotFoundError as error:
         remedy = f"install it, {sys.executable} -m pip install {error.name}"
-        print(f"dynstiction: the Python package {error.name} is missing: {remedy}", file=sys.stderr)
-        return FileError.exit_status
+        status, words = FileError.exit_status, f"the Python package {error.name} is missing: {remedy}"
+    except MemoryError as error:
+        status, words = SolverError.exit_status, f"no memory: {error or 'ask for less'}"
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        status, words = FileError.exit_status, f"{where}{error.strerror or error}"
+    except _EndedError as error:
+        status, words = error.number, f"stopped by {signal.Signals(error.number).name}"
+        print(f"dynstiction: {words}", file=sys.stderr)
+        # So that the shell that called sees how the command ended.
+        signal.signal(error.number, signal.SIG_DFL)
+        os.kill(os.getpid(), error.number)
+    print(f"dynstiction: {printable(words) if status != DeckError.exit_status else words}", file=sys.stderr)
+    return status
+
+
+@contextmanager
+def _signals_raised() -> Iterator[None]:
+    """SIGINT and SIGTERM end what is in progress; files that are being written are removed."""
+
+    def end(number: int, _: object) -> NoReturn:
+        raise _EndedError(number)
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number in numbers:
+        # What the caller ignores stays ignored.
+        if before[number] != signal.SIG_IGN:
+            signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, before[number])
 
 
 def _parser(program: str) -> _Parser:
@@ -184,20 +229,23 @@ def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
-    from .plot.style import write  # noqa: PLC0415
+    from .plot.style import format_of, write  # noqa: PLC0415
 
     part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
     if options.columns is not None:
         part["columns"] = [name.strip() for name in options.columns.split(",") if name.strip()]
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
-    if len(options.files) == 1:
+    one = len(options.files) == 1
+    output = options.output or (options.files[0].with_suffix(".png") if one else Path("comparison.png"))
+    format_of(output)
+    check_outputs([output], options.files, overwrite=options.overwrite)
+    if one:
         (file,) = options.files
         if options.overlay:
             raise UsageError("--overlay is for several files: give the others too")
-        output = options.output or file.with_suffix(".png")
         drawable = _open_any(file)
-        plot.save(drawable, output, options.kind, options.quantity, **part)
+        plot.save(drawable, output, options.kind, options.quantity, overwrite=options.overwrite, **part)
         drawn = {file.stem: drawable} if isinstance(drawable, Result) else {}
     else:
         if options.kind is not None or options.quantity is not None:
@@ -207,8 +255,7 @@ def _plot(options: argparse.Namespace) -> None:
         names = _short_names(options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
         figure = (plot.overlay if options.overlay else plot.compare)(drawn, **part)
-        output = options.output or Path("comparison.png")
-        write(figure, output)
+        write(figure, output, overwrite=options.overwrite)
     _warn_of_samples(drawn)
     _say(printable(str(output)))
 
@@ -256,26 +303,27 @@ def _trace(options: argparse.Namespace) -> Trace:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from .plot.style import write  # noqa: PLC0415
+    from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_comparison import compare  # noqa: PLC0415
 
+    output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
+    format_of(output)
+    check_outputs([output], [options.deck, options.trace], overwrite=options.overwrite)
     comparison = compare(Scene.of_command(options.deck, options.set), _trace(options))
     _say(comparison.report())
-    output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
-    write(comparison.plot(), output)
+    write(comparison.plot(), output, overwrite=options.overwrite)
     _say(printable(str(output)))
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from .plot.style import write  # noqa: PLC0415
+    from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_fit import fit  # noqa: PLC0415
 
     stem = Path(options.trace).stem
     deck = options.fitted or Path(f"{stem}_fitted.nml")
-    if deck.exists() and not options.overwrite:
-        raise FileError(
-            f"{printable(str(deck))}: is there already: name another with --fitted, or add --overwrite"
-        )
+    output = options.output or Path(f"{stem}_fitted.png")
+    format_of(output)
+    check_outputs([deck, output], [options.deck, options.trace], overwrite=options.overwrite)
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
@@ -287,9 +335,8 @@ def _fit(options: argparse.Namespace) -> None:
             seed=options.seed,
         )
     _say(found)
-    deck.write_text(found.scene.to_deck(), encoding="utf-8")
-    output = options.output or Path(f"{stem}_fitted.png")
-    write(found.plot(), output)
+    put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
+    write(found.plot(), output, overwrite=options.overwrite)
     _say(printable(str(deck)))
     _say(printable(str(output)))
 
@@ -303,6 +350,7 @@ def _report(options: argparse.Namespace) -> None:
     from .report import write_report  # noqa: PLC0415
 
     output = options.output or options.file.with_suffix(".html")
+    check_outputs([output], [options.file], overwrite=options.overwrite)
     result = _open(options.file)
     write_report(result, output, options.file.name, overwrite=options.overwrite)
     _warn_of_samples({options.file.stem: result})
@@ -350,7 +398,7 @@ def _paper(options: argparse.Namespace) -> None:
     def progress(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
-    for file in draw_paper(options.output, options.format, progress=progress):
+    for file in draw_paper(options.output, options.format, progress=progress, overwrite=options.overwrite):
         _say(file)
 
 
@@ -360,6 +408,8 @@ def _animate(options: argparse.Namespace) -> None:
     start = vars(options)["from"]
     if start is not None and options.to is not None and not start < options.to:
         raise UsageError(f"--from {start:g} is not before --to {options.to:g}: exchange them")
+    if options.output.suffix:
+        check_outputs([options.output], [options.file], overwrite=options.overwrite)
     animate(
         _open(options.file),
         options.output,
@@ -368,6 +418,7 @@ def _animate(options: argparse.Namespace) -> None:
         frames_per_second=options.fps,
         seconds=options.seconds,
         progress=_show_frame if sys.stderr.isatty() else None,
+        overwrite=options.overwrite,
     )
     _say(printable(str(options.output)))
 
@@ -381,17 +432,16 @@ def _validate_creep(options: argparse.Namespace) -> int:
     from .plot.creep_validation import draw_creep_validation  # noqa: PLC0415
     from .plot.style import new_figure, write  # noqa: PLC0415
 
+    table, picture = (options.output / f"creep_validation.{suffix}" for suffix in ("csv", "png"))
+    make_folder(options.output)
+    check_outputs([table, picture], overwrite=options.overwrite)
     validation = validate.validate_creep()
     _say(validation.report())
-    table = options.output / "creep_validation.csv"
-    try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        with table.open("w", encoding="utf-8", newline="") as file:
-            validation.write_csv(file)
-    except OSError as error:
-        raise FileError(f"{table}: cannot be written: {error}") from error
+    text = io.StringIO(newline="")
+    validation.write_csv(text)
+    put(table, text.getvalue().encode(), overwrite=options.overwrite)
     figure = new_figure(lambda empty: draw_creep_validation(validation, empty))
-    write(figure, options.output / "creep_validation.png")
+    write(figure, picture, overwrite=options.overwrite)
     return 0 if validation.holds else 1
 
 

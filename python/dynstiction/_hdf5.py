@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._open import info_of, open_file
+from ._open import dataset_in, info_of, open_file, own_datasets
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 
 __all__ = ["PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
-COUNTS = ("complete", "result_code", "processes", "threads")
+COUNTS = ("complete", "result_code", "threads")
 """Attributes that are Python integers, as in a run in memory; every other one is what h5py reads, also what others have added."""
 
 T = TypeVar("T")
@@ -48,8 +48,8 @@ def _read_contents(file: h5py.File, name: str) -> Record:
         raise FileError(f"{name}: holds a sweep, not one run: use dynstiction.open_sweep")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
-    columns = _read_columns(file["time_series"])
-    events_by_name = {info.name: values for info, values in _read_columns(file["events"]).items()}
+    columns = _read_columns(file, "time_series")
+    events_by_name = {info.name: values for info, values in _read_columns(file, "events").items()}
     events = np.empty(events_by_name["time"].size, dtype=EVENT_DTYPE)
     for column in EVENTS:
         events[column] = events_by_name[column]
@@ -77,14 +77,21 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     )
 
 
-def _read_columns(group: h5py.Group) -> dict[Info, NDArray[np.float64]]:
-    """All columns of a group, cut to the length of the shortest: a killed run may have flushed them unevenly."""
-    rows = min(dataset.shape[0] for dataset in group.values())
-    return {info_of(name, dataset): dataset.astype(np.float64)[:rows] for name, dataset in group.items()}
+def _read_columns(file: h5py.File, path: str) -> dict[Info, NDArray[np.float64]]:
+    """All columns of a group: those that are as long as its times."""
+    group, time = file[path], dataset_in(file, f"{path}/time")
+    columns = own_datasets(group, 1)
+    return {
+        info_of(name, dataset): dataset.astype(np.float64)[:]
+        for name, dataset in columns
+        if time is not None and dataset.shape == time.shape and dataset.dtype.kind in "iuf"
+    }
 
 
-def _read_scalars(file: h5py.File, group: str) -> Iterable[tuple[Info, Any]]:
-    for name, dataset in file.get(group, {}).items():
+def _read_scalars(file: h5py.File, path: str) -> Iterable[tuple[Info, Any]]:
+    if path not in file:
+        return
+    for name, dataset in own_datasets(file[path], 0):
         value = dataset[()]
         yield info_of(name, dataset), value.decode() if isinstance(value, bytes) else value.tolist()
 
@@ -101,7 +108,5 @@ def _in_order(
 
 
 def _read_text(file: h5py.File, name: str) -> str:
-    if name not in file:
-        return ""
-    data: bytes = file[name][()]
-    return data.decode("utf-8", "surrogateescape")
+    dataset = dataset_in(file, name)
+    return "" if dataset is None else dataset[()].decode("utf-8", "surrogateescape")

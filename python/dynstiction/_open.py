@@ -1,8 +1,4 @@
-"""Opening files that may be damaged or forged: every possible check comes before HDF5 reads a byte of data.
-
-A file that has the checksum in its seal is opened; every other one is read by a child process, which returns a copy
-(`sound_copy`).
-"""
+"""Opening files with h5py, which reads what h5py reads: a checksum is compared, and nothing leads out of the file."""
 
 from __future__ import annotations
 
@@ -10,30 +6,28 @@ import os
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ._guard import sound_copy
-from .errors import FileError
+from .errors import Error, FileError
 from .record import Info, si_units
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["groups_in", "has_seal", "info_of", "open_file"]
-
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-FORMAT = b"\x02\x08\x08"
-"""Version of the superblock in files of the format of HDF5 1.8, the only one that is written: older versions have no checksums.
-It is followed by the numbers of bytes of an address and of a length."""
+__all__ = ["SEAL", "check_seal", "dataset_in", "groups_in", "info_of", "open_file", "own_datasets"]
 
 SEAL = b"dynstiction CRC-32 %08X\n"
+"""The last line of a whole file: CRC-32 of all bytes before it. Who changes a file with HDF5 takes it away."""
 MARK = SEAL[:19]
 SEAL_LENGTH = len(SEAL % 0)
 BEGINNING = 4096
 """Bytes by which a deck is recognised that is given in place of a result."""
-
 BLOCK = 2**20
 """Number of bytes that are read at once."""
+MOST_COMPRESSED = 1100
+"""More bytes than this for one byte in the file no filter of HDF5 gives back: the dataset claims what it does not have."""
+UNREAD = 2**20
+"""Bytes that may be claimed all the same."""
 
 
 @contextmanager
@@ -53,8 +47,7 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     Raises
     ------
     FileError
-        If the file is missing, is not a regular file, has another format, differs from its seal, refers to data outside the
-        file (`judge`), or makes HDF5 crash or never end (`sound_copy`).
+        If the file is missing, is no HDF5 file, or does not have the checksum in its last line.
     """
     name = os.fspath(path)
     # Opening a pipe would wait for its writer without end.
@@ -62,16 +55,13 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
         raise FileError(f"{name}: is not a regular file")
     import h5py  # noqa: PLC0415  (slow to import)
 
-    from ._judge import judge  # noqa: PLC0415
-
     try:
-        _check_format(name)
-        sealed = has_seal(name)
-        with h5py.File(name if sealed else sound_copy(name), "r") as file:
-            if sealed:
-                judge(file, name)
+        check_seal(name)
+        if not h5py.is_hdf5(name):
+            raise FileError(f"{name}: {_what_it_is(name)}")
+        with h5py.File(name, "r") as file:
             yield file
-    except FileError:
+    except Error:
         raise
     except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
@@ -84,14 +74,70 @@ def groups_in(path: str | os.PathLike[str]) -> set[str]:
         return set(file)
 
 
+def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
+    """A dataset whose data are in this file, and are as many as it says; None if there is none.
+
+    Raises
+    ------
+    FileError
+        If the dataset, or a group on the way, is in another file, or it claims more values than the file can hold.
+    """
+    import h5py  # noqa: PLC0415
+
+    item: Any = group
+    for part in path.strip("/").split("/"):
+        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+        if isinstance(link, h5py.ExternalLink):
+            raise FileError(f"{group.file.filename}: {path} leads to another file: copy the data into this one")
+        if not isinstance(link, h5py.HardLink):
+            item = item.get(part) if link is not None and _stays_inside(item, link) else None
+        else:
+            item = item[part]
+    if not isinstance(item, h5py.Dataset):
+        return None
+    if item.external or item.is_virtual:
+        raise FileError(f"{group.file.filename}: {path} has its data in another file: copy them into this one")
+    if item.size and item.size * item.dtype.itemsize > MOST_COMPRESSED * item.id.get_storage_size() + UNREAD:
+        raise FileError(f"{group.file.filename}: is damaged: {path} claims {item.size} values, and has fewer")
+    return item
+
+
+def _stays_inside(group: h5py.Group, link: h5py.SoftLink) -> bool:
+    """Whether a soft link is an ordinary name of something in the file: no further links on its way."""
+    import h5py  # noqa: PLC0415
+
+    item: Any = group.file if link.path.startswith("/") else group
+    for part in link.path.strip("/").split("/"):
+        if not isinstance(item, h5py.Group) or not isinstance(item.get(part, getlink=True), h5py.HardLink):
+            return False
+        item = item[part]
+    return True
+
+
+def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Dataset]]:
+    """The datasets of numbers or texts with so many dimensions in a group. What else somebody has put there is left alone."""
+    import h5py  # noqa: PLC0415
+
+    for name in group:
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue
+        dataset = group[name]
+        if not isinstance(dataset, h5py.Dataset) or dataset.ndim != ndim or dataset.shape is None:
+            continue
+        if dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None:
+            found = dataset_in(group, name)
+            if found is not None:
+                yield name, found
+
+
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
     """Name, unit and meaning of a dataset, from its attributes."""
     units = si_units(str(dataset.attrs.get("units", "1")))
     return Info(name, units, str(dataset.attrs.get("long_name", "")))
 
 
-def has_seal(name: str) -> bool:
-    """Whether the last line of a file is its checksum; files of killed runs, edited files and those of others have no such line.
+def check_seal(name: str) -> None:
+    """Refuse a file whose last line is not the checksum of its bytes. Edited files and those of others have no such line.
 
     Raises
     ------
@@ -103,32 +149,21 @@ def has_seal(name: str) -> bool:
         first = max(0, os.path.getsize(name) - 2 * SEAL_LENGTH)
         stream.seek(first)
         end = stream.read()
-    place = end.find(MARK)
-    if place >= 0 and end[place:] != SEAL % _crc32(name, first + place):
-        raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
-    return place >= 0
-
-
-def _check_format(name: str) -> None:
-    """Refuse a file of another format."""
-    with open(name, "rb") as stream:
-        if stream.read(len(SIGNATURE)) != SIGNATURE:
-            stream.seek(0)
-            start = stream.read(BEGINNING)
-            if b"&" in start and b"\0" not in start:
-                raise FileError(f"{name}: is a deck, not a result: dynstiction run {name} makes one")
-            raise FileError(f"{name}: cannot be read: it is no HDF5 file, or its beginning is damaged")
-        if stream.read(len(FORMAT)) != FORMAT:
-            raise FileError(
-                f"{name}: is no file of dynstiction, or of another format of HDF5: h5repack -j 1 -k 1 makes that readable"
-            )
-
-
-def _crc32(name: str | os.PathLike[str], length: int) -> int:
-    """CRC-32 of the first bytes of a file."""
-    checksum = 0
-    with open(name, "rb") as stream:
-        while length > 0 and (data := stream.read(min(BLOCK, length))):
+        place = end.find(MARK)
+        if place < 0:
+            return
+        stream.seek(0)
+        checksum, left = 0, first + place
+        while left > 0 and (data := stream.read(min(BLOCK, left))):
             checksum = zlib.crc32(data, checksum)
-            length -= len(data)
-    return checksum
+            left -= len(data)
+    if end[place:] != SEAL % checksum:
+        raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
+
+
+def _what_it_is(name: str) -> str:
+    with open(name, "rb") as stream:
+        start = stream.read(BEGINNING)
+    if b"&" in start and b"\0" not in start:
+        return f"is a deck, not a result: dynstiction run {name} makes one"
+    return "cannot be read: it is no HDF5 file, or its beginning is damaged"

@@ -6,11 +6,8 @@ fail again and again, also at the end of the process.
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import io
 import os
-import secrets
 import zlib
 from collections.abc import Iterable
 from typing import Any
@@ -21,6 +18,7 @@ from numpy.typing import NDArray
 
 from ._hdf5 import PROGRAM
 from ._open import SEAL, open_file
+from ._output import check_outputs, put
 from .errors import FileError
 from .record import EVENTS, Described, Info, Record
 
@@ -57,30 +55,13 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
     """
     refuse_to_replace(path, overwrite=overwrite)
     image = _image(result, trade)
-    folder, name = os.path.split(path)
-    temporary = os.path.join(folder, f".{name[:100]}.{secrets.token_hex(8)}.part")
-    try:
-        with open(temporary, "xb") as stream:
-            stream.write(image)
-            stream.write(SEAL % zlib.crc32(image))
-            stream.flush()
-            os.fsync(stream.fileno())
-        _put_in_place(temporary, path, overwrite)
-    except (OSError, ValueError) as error:  # ValueError: not a path
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path}: cannot be written: {reason}: {_remedy(error)}") from None
-    finally:
-        with contextlib.suppress(OSError, ValueError):
-            os.unlink(temporary)
+    put(path, image + SEAL % zlib.crc32(image), overwrite=overwrite)
 
 
 def refuse_to_replace(path: str, *, overwrite: bool) -> None:
     """Raise if a result cannot have this name because of an existing file."""
-    if not os.path.lexists(path):
-        return
-    if not overwrite:
-        raise _exists(path)
-    if os.path.isfile(path) and os.path.getsize(path) == 0:
+    check_outputs([path], overwrite=overwrite)
+    if not os.path.exists(path) or os.path.getsize(path) == 0:
         return
     try:
         with open_file(path) as file:
@@ -94,10 +75,6 @@ def refuse_to_replace(path: str, *, overwrite: bool) -> None:
         )
 
 
-def _exists(path: str) -> FileError:
-    return FileError(f"{path}: the file exists: pass overwrite=True or choose another name")
-
-
 def _image(result: Record, trade: Table | None) -> bytes:
     """The bytes of the file.
 
@@ -107,29 +84,6 @@ def _image(result: Record, trade: Table | None) -> bytes:
         with h5py.File(stream, "w", libver=FORMAT) as file:
             _write_contents(file, result, trade)
         return stream.getvalue()
-
-
-def _put_in_place(temporary: str, path: str, overwrite: bool) -> None:
-    if not overwrite:
-        try:
-            # Unlike renaming, this does not replace a file that was created in the meantime.
-            os.link(temporary, path)
-            return
-        except OSError:  # no links in this file system, or the name is taken
-            if os.path.lexists(path):
-                raise _exists(path) from None
-    os.replace(temporary, path)
-
-
-def _remedy(error: Exception) -> str:
-    match getattr(error, "errno", None):
-        case errno.ENOSPC | errno.EDQUOT:
-            return "free some space, or choose another disk"
-        case errno.EFBIG:
-            return "raise the limit of file sizes (ulimit -f), or save fewer samples"
-        case errno.ENOENT | errno.ENOTDIR:
-            return "make its folder first"
-    return "choose another name or folder"
 
 
 def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> None:

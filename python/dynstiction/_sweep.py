@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import flag, path_name, reals, shown, whole
 from ._interrupt import held_back, interrupted
-from ._open import open_file
+from ._open import open_file, own_datasets
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
@@ -282,16 +282,15 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
             values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
         axes.append((_info(group, name), np.ascontiguousarray(values)))
     summary = group["summary"]
-    columns = [(_info(summary, name), summary[name][:]) for name in summary]
+    codes = group["result_code"][:].astype(np.int32)
+    columns = [(_info(summary, name), data[:]) for name, data in own_datasets(summary, 1) if data.size == codes.size]
     columns.append((_info(group, "wall_time"), group["wall_time"][:]))
     if "cycles" in group:
         cycles = group["cycles"]
         columns.append((CYCLE_COUNT, cycles["count"][:].astype(np.int32)))
-        names = (name for name in cycles if name not in ("cycle", "count"))
-        columns += [(_of_cycle(_info(cycles, name)), cycles[name][:]) for name in names]
+        columns += [(_of_cycle(_info(cycles, name)), data[:]) for name, data in own_datasets(cycles, 2)]
     failures = group["failures"]
     messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
-    codes = group["result_code"][:].astype(np.int32)
     deck = file["deck/resolved"][()].decode("utf-8", "surrogateescape")
     return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Self
 
 __all__ = [
@@ -20,22 +19,12 @@ __all__ = [
     "UsageError",
     "error_for",
     "printable",
-    "require_folder",
 ]
 
 
 def printable(text: str) -> str:
     """Text that is safe to print: control characters and line breaks, which foreign names and files may contain, become ``?``."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
-
-
-def require_folder(path: str | os.PathLike[str]) -> None:
-    """Refuse to write a file into a folder that does not exist."""
-    folder = os.path.dirname(os.fspath(path))
-    if folder and not os.path.isdir(folder):
-        raise FileError(
-            f"{os.fspath(path)}: cannot be written: the folder {folder} does not exist: create it first"
-        )
 
 
 class Error(Exception):

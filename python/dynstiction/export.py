@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ._open import info_of, open_file
+from ._open import info_of, open_file, own_datasets
+from ._output import make_folder, put
 from ._trade import Trade
-from .errors import FileError
 from .record import EVENTS, Info, headed, unit_shown
 from .result import Result
 
@@ -44,6 +45,7 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
     FileError
         If a file exists already or cannot be written.
     """
+    make_folder(folder)
     if isinstance(result, Trade):
         yield _write(folder / f"{name}_trade.csv", *_table(result.columns.info()), overwrite)
         return
@@ -82,6 +84,7 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
         tables = {"sweep": _table(_sweep_columns(group))}
         if "cycles" in group:
             tables["cycles"] = _table(_cycle_columns(group))
+    make_folder(folder)
     for table, (head, rows) in tables.items():
         yield _write(folder / f"{name}_{table}.csv", head, rows, overwrite)
 
@@ -91,9 +94,9 @@ def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
     cases = group["case"].shape
     for table in (group, group["summary"]):
         # Sorted by name, except the number of the case.
-        for name in sorted(table, key=lambda name: name != "case"):
-            if getattr(table[name], "shape", None) == cases:
-                yield info_of(name, table[name]), table[name][...]
+        for name, dataset in sorted(own_datasets(table, 1), key=lambda named: named[0] != "case"):
+            if dataset.shape == cases and dataset.dtype.kind in "iuf":
+                yield info_of(name, dataset), dataset[...]
 
 
 def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
@@ -104,8 +107,8 @@ def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
         yield info_of(name, group[name]), np.repeat(group[name][...], counts)
     there = np.arange(cycles["cycle"].size) < counts[:, np.newaxis]
     yield info_of("cycle", cycles["cycle"]), np.broadcast_to(cycles["cycle"][...], there.shape)[there]
-    for name in sorted(set(cycles) - {"cycle", "count"}):
-        yield info_of(name, cycles[name]), cycles[name][...][there]
+    for name, dataset in own_datasets(cycles, 2):
+        yield info_of(name, dataset), dataset[...][there]
 
 
 def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:
@@ -117,16 +120,11 @@ def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Seq
 
 
 def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], overwrite: bool) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w" if overwrite else "x", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(map(_harmless, head))
-            writer.writerows(map(_harmless, row) for row in rows)
-    except FileExistsError as error:
-        raise FileError(f"{path}: the file exists: use --overwrite or another folder") from error
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(map(_harmless, head))
+    writer.writerows(map(_harmless, row) for row in rows)
+    put(path, text.getvalue().encode(), overwrite=overwrite)
     return path
 
 

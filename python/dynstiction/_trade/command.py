@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
+from .._output import check_outputs
 from ..errors import Error, FileError, UsageError, printable
 from ..scene import Scene
 from . import begin
@@ -41,12 +42,12 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
         from .. import _save  # noqa: PLC0415  (h5py is slow to import)
 
         comparison = begin(Scene.of_command(options.deck, options.set), accuracy, options.budget, quantity)
-        place = os.path.realpath(output) if os.path.islink(output) else output
-        _save.refuse_to_replace(place, overwrite=overwrite)
+        check_outputs([output], [options.deck], overwrite=overwrite)
+        _save.refuse_to_replace(output, overwrite=overwrite)
         fault = _watch(comparison, received, "" if options.quiet else printable(options.deck))
         table = comparison.table() if comparison.has_reference else None
         try:
-            _save.write(comparison.record(fault), place, overwrite=overwrite, trade=table)
+            _save.write(comparison.record(fault), output, overwrite=overwrite, trade=table)
         except FileError as error:
             fault = fault or error
     if fault is not None:

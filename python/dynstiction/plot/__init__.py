@@ -358,6 +358,8 @@ def save(
     path: str | os.PathLike[str],
     kind: str | None = None,
     quantity: str | None = None,
+    *,
+    overwrite: bool = True,
     **how: Any,
 ) -> None:
     """Draw one kind of figure into a file; its suffix names the format (PNG, PDF, SVG); `how` as for `draw`.
@@ -369,4 +371,4 @@ def save(
     FileError
         If the file cannot be written.
     """
-    write(draw(result, kind, quantity, **how), path)
+    write(draw(result, kind, quantity, **how), path, overwrite=overwrite)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -19,7 +21,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
-from ..errors import FileError, UsageError, require_folder
+from .._output import make_folder, put
+from ..errors import FileError, UsageError
 from ..result import Result
 from .notation import label_of
 from .samples import Floats, columns, thin
@@ -43,6 +46,7 @@ MOST_TRAVEL = 6.0
 """Largest distance of the object, over the longest elongation of the spring, for which the floor is at rest in the picture."""
 CYCLES = 3
 """Number of cycles after the first slip that an animation shows by default."""
+MOST_FRAMES = 20000
 MM = 1e3
 """Millimetres in a metre."""
 
@@ -56,6 +60,7 @@ def animate(
     frames_per_second: int = 20,
     seconds: float = 10.0,
     progress: Callable[[int, int], None] | None = None,
+    overwrite: bool = True,
 ) -> None:
     """Write an animation of a run as seen from above.
 
@@ -73,6 +78,8 @@ def animate(
         Length of the animation [s].
     progress : callable
         Function of the number of the frame and the number of all frames.
+    overwrite : bool
+        Whether an existing file may be replaced.
 
     Raises
     ------
@@ -88,15 +95,13 @@ def animate(
         pictures = _pictures(figure, show, times.size, progress)
         try:
             if suffix == ".gif":
-                _write_gif(output, pictures, frames_per_second)
+                put(output, _gif(pictures, frames_per_second), overwrite=overwrite)
             elif suffix == ".mp4":
-                _write_mp4(output, pictures, frames_per_second)
+                put(output, _mp4(pictures, frames_per_second), overwrite=overwrite)
             else:
                 _write_frames(output, pictures, times.size)
         except subprocess.CalledProcessError as error:
             raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
-        except OSError as error:
-            raise FileError(f"{output}: cannot be written: {error.strerror or error}") from error
 
 
 def _pictures(
@@ -122,19 +127,28 @@ def _pictures(
             progress(frame + 1, count)
 
 
-def _write_gif(output: Path, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
+def _gif(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     # One palette for all frames: the others have the colours of the first.
     first = next(pictures)
     palette = first.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
     others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     duration = round(1000 / frames_per_second)
+    film = io.BytesIO()
     palette.save(
-        output, save_all=True, append_images=others, duration=duration, loop=0, disposal=1, optimize=False
+        film, "GIF", save_all=True, append_images=others, duration=duration, loop=0, disposal=1, optimize=False
     )
+    return film.getvalue()
 
 
-def _write_mp4(output: Path, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
+def _mp4(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     first = next(pictures)
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder, "film.mp4")
+        _encode(film, first, pictures, frames_per_second)
+        return film.read_bytes()
+
+
+def _encode(output: Path, first: Image.Image, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
     command = [
         "ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}",
         "-r", str(frames_per_second), "-i", "-", "-pix_fmt", "yuv420p", str(output),
@@ -151,10 +165,12 @@ def _write_mp4(output: Path, pictures: Iterator[Image.Image], frames_per_second:
 
 
 def _write_frames(output: Path, pictures: Iterator[Image.Image], count: int) -> None:
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     digits = max(4, len(str(count)))
     for frame, picture in enumerate(pictures, 1):
-        picture.save(output / f"frame_{frame:0{digits}d}.png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
+        image = io.BytesIO()
+        picture.save(image, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
+        put(output / f"frame_{frame:0{digits}d}.png", image.getvalue(), overwrite=False)
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
@@ -306,6 +322,11 @@ def _frame_times(
     if not (frames_per_second > 0 and 0.0 < seconds < math.inf):
         raise UsageError("frames per second and seconds must be positive")
     count = round(frames_per_second * seconds)
+    if count > MOST_FRAMES:
+        raise UsageError(
+            f"{frames_per_second} frames per second for {seconds:g} s are {count} frames, at most {MOST_FRAMES} are drawn: "
+            "give fewer frames per second, or fewer seconds"
+        )
     if count < 2:
         raise UsageError(
             f"{frames_per_second} frames per second for {seconds:g} s: an animation has at least two frames"
@@ -326,5 +347,4 @@ def _kind_of(output: Path) -> str:
         raise UsageError(
             f"{output}: needs ffmpeg, which is not installed: install it, or write a GIF or a folder of frames"
         )
-    require_folder(output)
     return suffix

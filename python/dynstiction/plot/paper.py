@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
+from .._output import check_outputs, make_folder
 from .._run import run
 from ..errors import FileError
 from ..result import Result
@@ -72,19 +73,23 @@ def draw_paper(
     suffix: str = "png",
     names: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
+    *,
+    overwrite: bool = True,
 ) -> list[Path]:
     """Run the decks and draw the figures into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     folder : Path
-        Folder of the files; figures of an earlier call are replaced.
+        Folder of the files.
     suffix : {'png', 'pdf', 'svg'}
         The format.
     names : sequence of str
         Names of the figures in `FIGURES`; by default all.
     progress : callable
         Function that gets a line of text at the begin of each step.
+    overwrite : bool
+        Whether figures of an earlier call may be replaced.
 
     Returns
     -------
@@ -97,18 +102,16 @@ def draw_paper(
         If a file cannot be written.
     """
     wanted = {name: FIGURES[name] for name in names or FIGURES}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be made: {error.strerror or error}") from error
+    make_folder(folder)
+    files = [folder / f"{name}.{suffix}" for name in wanted]
+    check_outputs(files, overwrite=overwrite)
     needed = list(dict.fromkeys(name for figure in wanted.values() for name in figure.decks))
     results = {}
     for i, name in enumerate(needed, 1):
         progress(f"deck {i}/{len(needed)}: {name}.nml")
         results[name] = run(deck(name))
-    files = []
     for i, (name, figure) in enumerate(wanted.items(), 1):
         progress(f"figure {i}/{len(wanted)}: {name}, {figure.title}")
-        files.append(folder / f"{name}.{suffix}")
-        write(new_figure(partial(figure.draw, [results[name] for name in figure.decks])), files[-1])
+        picture = new_figure(partial(figure.draw, [results[name] for name in figure.decks]))
+        write(picture, files[i - 1], overwrite=overwrite)
     return files

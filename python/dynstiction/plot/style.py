@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,8 @@ from matplotlib.ticker import MultipleLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from ..errors import Error, FileError, UsageError, require_folder
+from .._output import put
+from ..errors import Error, FileError, UsageError
 
 __all__ = [
     "BLACK",
@@ -143,22 +145,24 @@ def rendering() -> Iterator[None]:
         ) from error
 
 
-def write(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure; the suffix names the format. A `FileError` says why it cannot be written."""
-    known = figure.canvas.get_supported_filetypes()
-    suffix = os.path.splitext(path)[1].lstrip(".").lower()
-    if suffix and suffix not in known:
+def write(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """Write a figure; the suffix names the format, without one it is PNG. A `FileError` says why it cannot be written."""
+    suffix = format_of(path)
+    image = io.BytesIO()
+    with rc_context(STYLE), rendering():
+        figure.savefig(image, format=suffix, dpi=DOTS_PER_INCH)
+    put(path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}", image.getvalue(), overwrite=overwrite)
+
+
+def format_of(path: str | os.PathLike[str]) -> str:
+    """The format of a figure that the suffix of its file names; an unknown one is refused."""
+    known = Figure().canvas.get_supported_filetypes()
+    suffix = os.path.splitext(path)[1].lstrip(".").lower() or "png"
+    if suffix not in known:
         raise FileError(
             f"{os.fspath(path)}: cannot be written: no format '{suffix}', only {', '.join(known)}"
         )
-    require_folder(path)
-    try:
-        with rc_context(STYLE), rendering():
-            figure.savefig(path, dpi=DOTS_PER_INCH)
-    except UsageError:
-        raise
-    except OSError as error:
-        raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
+    return suffix
 
 
 def degree_ticks(axis: Axes) -> None:

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 
 from .. import plot
 from .._native import catalogue
-from ..errors import Error, FileError, UsageError, require_folder
+from .._output import put
+from ..errors import Error, UsageError
 from ..html import table
 from ..plot.style import rendering
 from ..plot.view import view_of
@@ -100,16 +101,7 @@ def report(result: Result, name: str) -> str:
 def write_report(result: Result, path: str | os.PathLike[str], name: str, *, overwrite: bool = False) -> None:
     """Write the page of `report`. A `FileError` is raised if the file cannot be written, or exists and may not be overwritten."""
     text = report(result, name)
-    require_folder(path)
-    try:
-        with Path(path).open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise FileError(
-            f"{os.fspath(path)}: the file exists: use --overwrite or choose another name"
-        ) from error
-    except OSError as error:
-        raise FileError(f"{os.fspath(path)}: cannot be written: {error.strerror or error}") from error
+    put(path, text.encode(), overwrite=overwrite)
 
 
 def _heading(result: Result) -> str:

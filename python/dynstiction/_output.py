@@ -1,0 +1,210 @@
+"""Every file that is written in Python, by one rule, that of the executable: it is written as NAME.part, which is also the lock, and
+gets its name when it is whole. Until then, and after every failure, the former file is there, or none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import stat
+from collections.abc import Iterable
+
+from .errors import FileError
+
+__all__ = ["check_outputs", "make_folder", "put"]
+
+Path = str | os.PathLike[str]
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+BEGINNING = 16
+"""Bytes by which a part that a killed process has left is known: those of the file that is written."""
+
+
+def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overwrite: bool) -> None:
+    """Refuse names of files that are to be written, before anything is computed.
+
+    Parameters
+    ----------
+    outputs, inputs : iterable of str or PathLike
+        Files that will be written, and files that are read.
+    overwrite : bool
+        Whether existing files may be replaced.
+
+    Raises
+    ------
+    FileError
+        If a folder is missing, a file exists and may not be replaced, or an output is also an input or another output.
+    """
+    taken = {_place(path): f"the file {os.fspath(path)} is read" for path in inputs}
+    for output in outputs:
+        name, place = os.fspath(output), _place(output)
+        _check_name(name, overwrite=overwrite)
+        if place in taken:
+            raise FileError(f"{name}: cannot be written: {taken[place]}: choose another name")
+        for input_place, what in taken.items():
+            with contextlib.suppress(OSError):
+                if os.path.samefile(input_place, place):
+                    raise FileError(f"{name}: cannot be written: {what}: choose another name")
+        taken[place] = f"{name} is written twice"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for files, with those above it."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{os.fspath(folder)}: cannot be made: {error.strerror or error}: {_remedy(error)}") from None
+
+
+def _place(path: Path) -> str:
+    return os.path.realpath(path)
+
+
+def _check_name(name: str, *, overwrite: bool) -> None:
+    folder = os.path.dirname(name)
+    if not os.path.basename(name):
+        raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
+    if folder and not os.path.isdir(folder):
+        raise FileError(
+            f"{name}: cannot be written: the folder {folder} does not exist: create it first"
+        )
+    if os.path.isdir(name):
+        raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
+    if not os.path.lexists(name):
+        return
+    if not os.path.exists(name):
+        raise FileError(
+            f"{name}: cannot be written: it is a symbolic link to a file that does not exist: remove it"
+        )
+    if not overwrite:
+        raise FileError(f"{name}: the file exists: use --overwrite (overwrite=True) or choose another name")
+    if not os.path.isfile(name):
+        raise FileError(f"{name}: cannot be written: it is not a regular file: choose another name")
+
+
+def put(path: Path, data: bytes, *, overwrite: bool) -> None:
+    """Write a file; it appears under its name when it is whole and on the disk.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The file. An HDF5 file is replaced only by another one.
+    data : bytes
+        All that it will hold.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written, or may not be replaced.
+    """
+    name, place = os.fspath(path), _place(path)
+    check_outputs([name], overwrite=overwrite)
+    part = f"{place}.part"
+    try:
+        former = os.stat(place) if os.path.exists(place) else None
+        if former is not None and not data.startswith(HDF5) and _starts_with(place, HDF5):
+            raise FileError(f"{name}: cannot be written: it is an HDF5 file: choose another name")
+        descriptor = _locked(name, part, data[:BEGINNING])
+        try:
+            with open(descriptor, "wb", closefd=False) as stream:
+                stream.truncate()
+                stream.write(data)
+                if former is not None:
+                    with contextlib.suppress(OSError):
+                        os.fchmod(descriptor, stat.S_IMODE(former.st_mode))
+                stream.flush()
+                os.fsync(descriptor)
+            _name(name, part, place, former)
+        finally:
+            with contextlib.suppress(OSError):
+                if os.path.samestat(os.lstat(part), os.fstat(descriptor)):
+                    os.unlink(part)
+            os.close(descriptor)
+    except (OSError, ValueError) as error:  # ValueError: not a path
+        if isinstance(error, FileError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{name}: cannot be written: {reason}: {_remedy(error)}") from None
+
+
+def _starts_with(name: str, beginning: bytes) -> bool:
+    with open(name, "rb") as stream:
+        return stream.read(len(beginning)) == beginning
+
+
+def _locked(name: str, part: str, beginning: bytes) -> int:
+    """The descriptor of NAME.part, which this process has alone."""
+    while True:
+        descriptor = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+        if not _has_lock(descriptor):
+            os.close(descriptor)
+            raise FileError(f"{name}: another process is writing this file: wait until it ends, or use another name")
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(os.lstat(part), os.fstat(descriptor)):
+                break
+        os.close(descriptor)
+    left = os.pread(descriptor, BEGINNING, 0)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode) or not beginning.startswith(left):
+        os.close(descriptor)
+        raise FileError(f"{name}: a file called {part} is in the way: move it away")
+    return descriptor
+
+
+def _has_lock(descriptor: int) -> bool:
+    """Take the lock; a file system without locks is trusted."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in (errno.EWOULDBLOCK, errno.EAGAIN)
+    return True
+
+
+def _name(name: str, part: str, place: str, former: os.stat_result | None) -> None:
+    """Give the file its name, if no other one has taken it meanwhile."""
+    if former is None:
+        try:
+            # Unlike renaming, this does not replace a file that was created in the meantime.
+            os.link(part, place)
+        except FileExistsError:
+            pass
+        except OSError:  # no links in this file system
+            if not os.path.lexists(place):
+                os.rename(part, place)
+                return
+        else:
+            os.unlink(part)
+            _make_durable(place)
+            return
+    else:
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(os.lstat(place), former):
+                os.rename(part, place)
+                _make_durable(place)
+                return
+    kept = f"{place}.kept"
+    os.link(part, kept)
+    raise FileError(f"{name}: another file has taken the name: what was to be written is in {kept}")
+
+
+def _make_durable(place: str) -> None:
+    with contextlib.suppress(OSError):
+        folder = os.open(os.path.dirname(place), os.O_RDONLY)
+        os.fsync(folder)
+        os.close(folder)
+
+
+def _remedy(error: Exception) -> str:
+    match getattr(error, "errno", None):
+        case errno.ENOSPC | errno.EDQUOT:
+            return "free some space, or choose another disk"
+        case errno.EFBIG:
+            return "raise the limit of file sizes (ulimit -f), or write less"
+        case errno.ENOENT | errno.ENOTDIR:
+            return "make its folder first"
+        case errno.ELOOP:
+            return "remove the symbolic link that ends with .part"
+    return "choose another name or folder"
