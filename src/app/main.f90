@@ -358,7 +358,7 @@ contains
     end do
   end subroutine resume_runs
 
-  !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory; of a share of a sweep, its own.
+  !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)
     type(deck_t), intent(in) :: deck
     character(:), allocatable :: file_name
@@ -368,7 +368,6 @@ contains
     if (file_name == '' .and. command%is_quick_sweep) file_name = name_after(deck, '_sweep.h5')
     if (file_name == '') file_name = deck%text_of('output', 'file')
     if (file_name == '') file_name = name_after(deck, '.h5')
-    if (deck%is_sweep()) file_name = command%share%file_name(file_name)
   end function output_of
 
   !> The deck's name with another extension, in the current directory.

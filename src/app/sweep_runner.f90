@@ -54,19 +54,29 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(sweep_head_t) :: found
-    integer :: plan
+    type(share_t), allocatable :: shares(:)
+    type(path_t), allocatable :: files(:)
+    character(:), allocatable :: name
+    integer :: plan, other
 
-    call check_target(result_file, .true., error)
+    call shares_of(result_file, shares, files)
+    other = findloc(shares%count /= options%share%count, .true., dim=1)
+    name = options%share%file_name(result_file)
+    call check_target(name, .true., error)
     if (allocated(error)) return
-    if (.not. file_exists(result_file)) return
-    call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, options%share), options, plan, found, error)
+    if (options%share%count > 1 .and. other > 0 .and. .not. options%overwrite) then
+      call raise(error, file_error, name//': cannot create: '//files(other)%text//' is of another division: use --share I/'// &
+        integer_text(shares(other)%count)//', or join or move away the files of that division first')
+    else if (file_exists(name)) then
+      call sweep_of_deck(deck, sweep, error)
+      if (.not. allocated(error)) call look_at(name, head_of(sweep, options%share), options, plan, found, error)
+    end if
   end subroutine check_sweep_target
 
   !> Run all cases of the share that its file lacks.
   subroutine run_sweep(deck, result_file, options, report, error)
     type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: result_file      !! that of the share
+    character(*), intent(in) :: result_file      !! of the whole sweep
     type(sweep_options_t), intent(in) :: options
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
@@ -75,26 +85,27 @@ contains
     type(sweep_head_t) :: found
     type(error_t), allocatable :: stopped
     real(wp) :: begun
+    character(:), allocatable :: name
     integer :: plan
 
     begun = wall_clock()
     report = ''
+    name = options%share%file_name(result_file)
     call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, options%share), options, plan, found, error)
+    if (.not. allocated(error)) call look_at(name, head_of(sweep, options%share), options, plan, found, error)
     if (allocated(error)) return
     work%file%rows = options%share%size(sweep%cases)
-    if (plan == nothing_to_do .or. work%file%rows == 0) then
-      call conclude(result_file, options%share, work%file%rows, found%failed, found%done, error)
-    else
+    if (plan /= nothing_to_do .and. work%file%rows > 0) then
       work%retry = options%retry
-      call open_file(work%file, sweep, result_file, options, plan, error)
+      call open_file(work%file, sweep, name, options, plan, error)
       if (allocated(error)) return
       call work%run(sweep, options%quiet, stopped)
       call finish(work%file, stopped, error)
-      if (.not. allocated(error)) call conclude(result_file, options%share, work%file%rows, work%file%failed, work%file%done, error)
-      found%done = work%file%done
+      if (allocated(error)) return
+      found%failed = work%file%failed
     end if
-    if (.not. allocated(error)) report = report_on(result_file, options%share, found%done, begun)
+    call conclude(name, options%share, work%file%rows, found%failed, work%file%rows, error)
+    if (.not. allocated(error)) report = report_on(name, options%share, work%file%rows, begun)
   end subroutine run_sweep
 
   !> Open the file of a share for new rows.

@@ -213,7 +213,7 @@ contains
     else if (self%interim%is_due(self%begun + passed) .and. finished < self%to_do) then
       call make_whole(self)
     end if
-    call self%progress%show_cases(self%file%done - finished, finished, self%to_do, failed, passed)
+    call self%progress%show_cases(self%file%rows - self%to_do, finished, self%to_do, failed, passed)
   end subroutine look_around
 
   !> Make the file whole, and go on in a new one. Other threads wait if they have finished a case.

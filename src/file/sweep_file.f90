@@ -6,7 +6,7 @@
 !> the rows of the former are copied. A sweep that is started again goes on in the same way, and so does a merge with rows of shares.
 module dst_sweep_file
   use, intrinsic :: iso_fortran_env, only: int8
-  use dst_disk, only: path_t
+  use dst_disk, only: path_t, with_remedy
   use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5f_acc_trunc, h5f_acc_rdonly, h5t_ieee_f64le, h5t_std_i32le
@@ -334,7 +334,7 @@ contains
     character(*), intent(in) :: reason
     type(error_t), allocatable, intent(out) :: error
 
-    call raise(error, file_error, self%file%name//': cannot write: '//reason)
+    call raise(error, file_error, self%file%name//': cannot write: '//with_remedy(reason))
     self%id = -1
     call self%file%discard()
   end subroutine give_up

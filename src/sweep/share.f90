@@ -172,12 +172,15 @@ contains
   subroutine read_array(task, tasks, error)
     integer, intent(out) :: task, tasks
     type(error_t), allocatable, intent(out) :: error
-    integer :: numbers(5), i, k
+    integer :: numbers(size(arrays, 1)), i, k
 
     task = 0
     tasks = 0
+    numbers = -1
     do k = 1, size(arrays, 2)
-      numbers = [(number_in(environment(trim(arrays(i, k)))), i=1, size(numbers))]
+      do i = 1, size(numbers)
+        if (arrays(i, k) /= '') numbers(i) = number_in(environment(trim(arrays(i, k))))
+      end do
       associate (number => numbers(1), first => numbers(2), last => numbers(3), step => max(1, numbers(4)))
         ! Grid Engine says 'undefined' outside of an array.
         if (number < 0) cycle

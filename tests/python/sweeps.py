@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
-
 import h5py
 from programs import INPUTS, Program, executable
 
@@ -38,13 +35,10 @@ class Sweep:
         env = {"OMP_NUM_THREADS": str(threads), **(env or {})}
         return self.program(*self.command(output, *arguments, command=command), env=env, timeout=300, **options)
 
-    def start(self, output, *arguments, quiet=True, launcher=(), env=None, **options):
+    def start(self, output, *arguments, quiet=True, env=None, **options):
         """A run in the background, in a separate process group."""
-        program = Program((*launcher, self.exe), env={"OMP_NUM_THREADS": "2", **(env or {})})
+        program = Program((self.exe,), env={"OMP_NUM_THREADS": "2", **(env or {})})
         return program.start(*self.command(output, *arguments, quiet=quiet), start_new_session=True, **options)
-
-    def shards(self, output):
-        return sorted(self.folder.glob(f"{output}.shard-??????"))
 
 
 def values(path):
@@ -67,23 +61,9 @@ def same(a, b):
     )
 
 
-HEADER_BYTES = 12 * 8
-
-
-def checksum(words):
-    """Of the words of a head or a record: CRC-32 as 8 hexadecimal digits, which fill a word."""
-    crc = zlib.crc32(struct.pack(f"<{len(words)}Q", *(word % 2**64 for word in words)))
-    return int.from_bytes(f"{crc:08X}".encode(), "little")
-
-
-def cases_in(shard):
-    """Numbers of the finished cases in a shard, in the order of the file; docs/sweeps.md describes its format."""
-    data = shard.read_bytes() if shard.exists() else b""
-    found, place = [], HEADER_BYTES
-    while place + 16 <= len(data):
-        length = 8 * int.from_bytes(data[place + 8 : place + 12], "little")
-        if length == 0 or place + length > len(data):
-            break
-        found.append(int.from_bytes(data[place : place + 4], "little"))
-        place += length
-    return found
+def cases_in(path):
+    """Numbers of the finished cases in a file, which need not exist."""
+    if not path.exists():
+        return []
+    with h5py.File(path) as file:
+        return file["sweep/case"][:][file["sweep/result_code"][:] >= 0].tolist()

@@ -1,0 +1,402 @@
+"""A sweep by threads, shares, stops and kills gives one table, and nothing that belongs to anybody else is touched."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import shutil
+import signal
+import time
+
+import h5py
+import numpy as np
+import pytest
+from programs import end_group, limited, wait_until
+from sweeps import GRID, SCENE, Sweep, cases_in, same, values
+
+# 12 cases of a moment; each of a second; 60 of some milliseconds.
+SMALL = SCENE.replace("t_end = 10.0", "t_end = 1.0") + GRID.replace("count = 12, 5", "count = 4, 3")
+ENDLESS = ("--set", "scene.t_end=2000000")
+LONGER = ("--set", "scene.t_end=300")
+OFTEN = ("--set", "output.checkpoint_interval=0.02")
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    return Sweep(tmp_path, SMALL)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.glob("*.h5*"))
+
+
+def run_shares(sweep, count, *arguments, output="a.h5", **options):
+    for i in range(1, count + 1):
+        sweep.run(output, "--share", f"{i}/{count}", *arguments, **options)
+
+
+# --- the same bits
+
+
+@pytest.mark.parametrize("keep", ["summary", "series", "cycles"])
+@pytest.mark.parametrize("method", ["radau9", "rodas4p"])
+def test_threads_and_shares_change_nothing(sweep, tmp_path, keep, method):
+    wanted = ("--set", f"sweep.keep={keep}", "--set", f"integrator.method={method}", "--set", "output.interval=auto")
+    if keep == "series":
+        if method == "rodas4p":
+            pytest.skip("its lanes keep no series")
+        wanted = (*wanted[:-1], "output.interval=0.1")
+    for threads in (1, 5):
+        sweep.run(f"{threads}.h5", *wanted, threads=threads, status=0)
+    run_shares(sweep, 5, *wanted, threads=1, status=0)
+    sweep.run("a.h5", *wanted, command="merge", status=0)
+    first = values(tmp_path / "1.h5")
+    assert same(first, values(tmp_path / "5.h5")) and same(first, values(tmp_path / "a.h5"))
+
+
+def test_the_file_of_a_share(sweep, tmp_path):
+    sweep.run("a.h5", status=0)
+    sweep.run("a.h5", "--share", "2/5", status=0)
+    whole, part = values(tmp_path / "a.h5"), values(tmp_path / "a.2-of-5.h5")
+    assert part["case"].tolist() == [2, 7, 12]
+    for name in ("system.misalignment_deg", "summary/period", "result_code"):
+        assert part[name].tobytes() == whole[name][[1, 6, 11]].tobytes()
+    with h5py.File(tmp_path / "a.2-of-5.h5") as file:
+        assert file.attrs["share"] == "2/5" and file.attrs["complete"] == 1
+        assert (file.attrs["cases_done"], file.attrs["cases_failed"]) == (3, 0)
+        assert file["sweep"].attrs["grid"] == "list"
+
+
+def test_many_blocks(tmp_path):
+    """Rows are written in blocks of some thousand; shares of all are joined window by window."""
+    sweep = Sweep(tmp_path, SMALL.replace("count = 4, 3", "count = 90, 70").replace("'radau9'", "'rodas4p'"))
+    short = ("--set", "scene.t_end=0.01", "--set", "integrator.method=rodas4p", "--set", "integrator.rtol=1e-3")
+    sweep.run("whole.h5", *short, status=0)
+    run_shares(sweep, 2, *short, status=0)
+    sweep.run("a.h5", *short, command="merge", status=0)
+    assert same(values(tmp_path / "whole.h5"), values(tmp_path / "a.h5"))
+
+
+def test_more_shares_than_cases_and_than_open_files(sweep, tmp_path):
+    run_shares(sweep, 14, threads=1, status=0)
+    assert len(names(tmp_path)) == 12
+    sweep.run("a.h5", command="merge", preexec_fn=limited(resource.RLIMIT_NOFILE, 10), status=0)
+    sweep.run("b.h5", status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+# --- stops and kills
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGUSR1])
+def test_a_signal_stops_it_and_it_goes_on(tmp_path, number):
+    sweep = Sweep(tmp_path)
+    sweep.run("b.h5", *LONGER, status=0)
+    process = sweep.start("a.h5", *LONGER, "--set", "output.checkpoint_interval=0")
+    try:
+        time.sleep(0.4)
+        process.send_signal(number)
+        assert process.wait(60) == 75
+        assert "start it again to continue" in process.stderr.read()
+    finally:
+        end_group(process)
+    done = cases_in(tmp_path / "a.h5")
+    assert 0 < len(done) < 60 and names(tmp_path) == ["a.h5", "b.h5"]
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file.attrs["complete"] == 0 and file.attrs["result_code"] == 75
+    sweep.run("a.h5", *LONGER, status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+def test_the_wall_limit(sweep, tmp_path):
+    limit = ("--set", "output.wall_limit=1e-3")
+    assert "stopped at output.wall_limit" in sweep.run("a.h5", *ENDLESS, *limit, status=75).stderr
+    assert names(tmp_path) == []
+    # The limit is no part of what a case is.
+    sweep.run("a.h5", "--set", "output.wall_limit=100", "--set", "scene.title=other", "--share", "1/2", status=0)
+    sweep.run("a.h5", "--share", "2/2", status=0)
+    sweep.run("a.h5", command="merge", status=0)
+
+
+@pytest.mark.parametrize("kind", ["threads", "shares"])
+def test_kills_lose_little_and_no_bit(tmp_path, kind, kills=8, seed=7):
+    """A kill loses what is younger than a third of the time so far; under the name there is always a whole file, or nothing."""
+    sweep = Sweep(tmp_path)
+    sweep.run("b.h5", *LONGER, status=0)
+    shares = [[]] if kind == "threads" else [["--share", f"{i}/2"] for i in (1, 2)]
+    files = [tmp_path / name for name in (["a.h5"] if kind == "threads" else ["a.1-of-2.h5", "a.2-of-2.h5"])]
+    chance = random.Random(seed)
+    for _ in range(kills):
+        processes = [sweep.start("a.h5", *LONGER, *OFTEN, *share, env={"OMP_NUM_THREADS": "1"}) for share in shares]
+        time.sleep(chance.uniform(0.05, 0.5))
+        victim = chance.choice(processes)
+        before = [set(cases_in(file)) for file in files]
+        victim.send_signal(signal.SIGKILL)
+        victim.wait()
+        for process in processes:
+            if process is not victim:
+                process.send_signal(signal.SIGTERM)
+                assert process.wait(60) in (0, 75)
+            end_group(process)
+        assert all(set(cases_in(file)) >= cases for file, cases in zip(files, before, strict=True))
+    for share in shares:
+        sweep.run("a.h5", *LONGER, *share, status=0)
+    if kind == "shares":
+        sweep.run("a.h5", *LONGER, command="merge", status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_interims_copy_what_there_is(tmp_path):
+    """Also series and failures come through any number of interim files."""
+    sweep = Sweep(tmp_path)
+    wanted = ("--set", "sweep.keep=series", "--set", "output.interval=0.05", "--set", "integrator.max_steps=600")
+    sweep.run("b.h5", *wanted, status=5)
+    sweep.run("a.h5", *wanted, "--set", "output.checkpoint_interval=1e-9", threads=1, status=5)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+    failed = values(tmp_path / "a.h5")["failures/case"]
+    assert 0 < len(failed) < 60
+
+
+# --- started again
+
+
+def test_a_complete_share_has_nothing_to_do(sweep, tmp_path):
+    for limit, status in (((), 0), (("--set", "integrator.max_steps=25"), 5)):
+        output = f"{status}.h5"
+        sweep.run(output, "--share", "1/2", *limit, status=status)
+        path = tmp_path / f"{status}.1-of-2.h5"
+        before = path.read_bytes()
+        sweep.run(output, "--share", "1/2", *limit, status=status)
+        assert path.read_bytes() == before
+        sweep.run(output, "--share", "1/2", "--overwrite", *limit, status=status)
+        assert path.read_bytes() != before
+
+
+def test_retry_runs_failed_cases_again(sweep, tmp_path):
+    limit = ("--set", "integrator.max_steps=25")
+    sweep.run("b.h5", *limit, status=5)
+    sweep.run("a.h5", *limit, status=5)
+    before = values(tmp_path / "a.h5")
+    failed = before["result_code"] > 0
+    with h5py.File(tmp_path / "a.h5") as file:
+        times = file["sweep/wall_time"][:]
+    assert "--retry" in sweep.run("a.h5", *limit, "--retry", status=5).stderr
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert np.array_equal(file["sweep/wall_time"][:] != times, failed)
+        assert file.attrs["cases_failed"] == failed.sum()
+    assert same(before, values(tmp_path / "a.h5"))
+
+
+def test_retry_of_cases_that_can_be_done(sweep, tmp_path):
+    sweep.run("b.h5", status=0)
+    sweep.run("a.h5", status=0)
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["sweep/result_code"][[2, 9]] = 42
+        file["sweep/failures/case"].resize((2,))
+        file["sweep/failures/case"][:] = [3, 10]
+        file["sweep/failures/result_text"].resize((2,))
+        file["sweep/failures/result_text"][:] = ["one reason", "another"]
+        file.attrs["cases_failed"] = 2
+    sweep.run("a.h5", status=5)
+    sweep.run("a.h5", "--retry", status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+def test_what_may_be_replaced(sweep, tmp_path):
+    other = ("--set", "integrator.rtol=1e-5")
+    sweep.run("a.h5", status=0)
+    before = (tmp_path / "a.h5").read_bytes()
+    assert "the file exists" in sweep.run("a.h5", *other, status=3).stderr
+    assert (tmp_path / "a.h5").read_bytes() == before
+    sweep.run("a.h5", *other, "--overwrite", status=0)
+    (tmp_path / "notes.h5").write_text("mine")
+    sweep.run("notes.h5", "--overwrite", status=3)
+    assert (tmp_path / "notes.h5").read_text() == "mine"
+    # All names are checked before the first deck is run.
+    (tmp_path / "other.nml").write_text(SMALL.replace("low_frequency.h5", "other.h5"))
+    run = ("run", "map.nml", "other.nml", "--quiet")
+    sweep.program(*run, cwd=tmp_path, status=0)
+    (tmp_path / "low_frequency.h5").unlink()
+    done = sweep.program(*run, "--set", "integrator.rtol=1e-5", cwd=tmp_path, status=3)
+    assert done.stderr.count("the file exists") == 1 and not (tmp_path / "low_frequency.h5").exists()
+
+
+def test_another_build(sweep, tmp_path):
+    sweep.run("a.h5", "--share", "1/2", status=0)
+    with h5py.File(tmp_path / "a.1-of-2.h5", "r+") as file:
+        file.attrs["sweep_build"] = "0" * 16
+    for command in (("--share", "1/2"), ()):
+        done = sweep.run("a.h5", *command, command="run" if command else "merge", status=3)
+        assert "is of another build of the program" in done.stderr
+    sweep.run("a.h5", "--share", "1/2", "--overwrite", status=0)
+
+
+def test_two_at_once(sweep, tmp_path):
+    first = sweep.start("a.h5", *ENDLESS, "--share", "1/2")
+    try:
+        wait_until((tmp_path / "a.1-of-2.h5.part").exists)
+        for extra in (ENDLESS, ("--overwrite",)):
+            assert "another process is writing this file" in sweep.run("a.h5", "--share", "1/2", *extra, status=3).stderr
+        assert first.poll() is None and names(tmp_path) == ["a.1-of-2.h5.part"]
+    finally:
+        end_group(first)
+    sweep.run("a.h5", "--share", "1/2", status=0)
+
+
+def test_a_full_disk_keeps_the_last_whole_file(tmp_path):
+    sweep = Sweep(tmp_path)
+    sweep.run("a.h5", "--set", "scene.t_end=1", preexec_fn=limited(resource.RLIMIT_FSIZE, 10000), status=3)
+    assert names(tmp_path) == []
+    process = sweep.start("a.h5", *LONGER)
+    time.sleep(0.4)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(60) == 75
+    end_group(process)
+    before = (tmp_path / "a.h5").read_bytes()
+    done = sweep.run("a.h5", *LONGER, preexec_fn=limited(resource.RLIMIT_FSIZE, 60000), status=3)
+    assert "the file-size limit is reached" in done.stderr
+    assert (tmp_path / "a.h5").read_bytes() == before and names(tmp_path) == ["a.h5"]
+    sweep.run("a.h5", *LONGER, status=0)
+
+
+# --- merge
+
+
+def test_a_merge_of_some_shares(sweep, tmp_path):
+    assert "there is no file of a share" in sweep.run("a.h5", command="merge", status=3).stderr
+    for i in (1, 3):
+        sweep.run("a.h5", "--share", f"{i}/3", status=0)
+    assert "4 of 12 cases have not been run" in sweep.run("a.h5", command="merge", status=75).stderr
+    found = values(tmp_path / "a.h5")
+    assert np.flatnonzero(found["result_code"] == -1).tolist() == [1, 4, 7, 10]
+    assert np.isnan(found["summary/period"][1::3]).all() and found["case"].tolist() == list(range(1, 13))
+    shutil.copy(tmp_path / "a.h5", tmp_path / "c.h5")
+    # What is missing comes from a share, or is run by a process that has no share.
+    sweep.run("a.h5", "--share", "2/3", status=0)
+    sweep.run("a.h5", command="merge", status=0)
+    sweep.run("c.h5", status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "c.h5"))
+    assert len(list(tmp_path.glob("a.*-of-3.h5"))) == 3
+    assert "the file is complete" in sweep.run("a.h5", command="merge", status=3).stderr
+    sweep.run("a.h5", "--overwrite", command="merge", status=0)
+
+
+def test_a_merge_with_failures(sweep, tmp_path):
+    limit = ("--set", "integrator.max_steps=25")
+    sweep.run("b.h5", *limit, status=5)
+    run_shares(sweep, 2, *limit)
+    sweep.run("a.h5", *limit, command="merge", status=5)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+def test_shares_of_the_command_sweep(sweep, tmp_path):
+    vary = ("--vary", "system.misalignment_deg=1:8:7")
+    sweep.deck.write_text(SCENE.replace("t_end = 10.0", "t_end = 1.0"))
+    sweep.run("b.h5", *vary, command="sweep", status=0)
+    run_shares(sweep, 2, *vary, command="sweep", status=0)
+    sweep.run("a.h5", *vary, command="merge", status=0)
+    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
+
+
+def test_foreign_and_damaged_shares_are_refused_and_left(sweep, tmp_path):
+    run_shares(sweep, 2, status=0)
+    share = tmp_path / "a.2-of-2.h5"
+    good = share.read_bytes()
+    flipped = bytearray(good)
+    flipped[len(good) // 2] ^= 4
+    sweep.run("b.h5", "--share", "2/2", "--set", "integrator.rtol=1e-5", status=0)
+    other = (tmp_path / "b.2-of-2.h5").read_bytes()
+    first = (tmp_path / "a.1-of-2.h5").read_bytes()
+    for content, words in (
+        (bytes(flipped), "its checksum is not that of its bytes"),
+        (good[: len(good) // 2], "cannot be read"),
+        (b"my notes", "cannot be read"),
+        (other, "is no share of this sweep"),
+        (first, "is no share of this sweep"),
+    ):
+        share.write_bytes(content)
+        done = sweep.run("a.h5", command="merge", status=3)
+        assert words in done.stderr and str(share) in done.stderr
+        assert share.read_bytes() == content and not (tmp_path / "a.h5").exists()
+    share.write_bytes(good)
+    (tmp_path / "a.1-of-3.h5").write_bytes(first)
+    assert "of different divisions" in sweep.run("a.h5", command="merge", status=3).stderr
+    assert "is of another division: use --share I/" in sweep.run("a.h5", "--share", "2/4", status=3).stderr
+
+
+def test_show_tells_how_far_shares_are(sweep, tmp_path):
+    for i in (1, 4):
+        sweep.run("a.h5", "--share", f"{i}/5", status=0)
+    lines = sweep.program("show", tmp_path / "a.h5", status=0).stdout.splitlines()
+    assert [line.split(": ")[1] for line in lines[:2]] == ["3 of 3 cases done, 0 failed", "2 of 2 cases done, 0 failed"]
+    assert lines[2] == "no file of a share I/5 with I = 2 3 5"
+
+
+# --- the environment
+
+ARRAY = {"SLURM_ARRAY_TASK_ID": "7", "SLURM_ARRAY_TASK_MIN": "3", "SLURM_ARRAY_TASK_MAX": "9", "SLURM_ARRAY_TASK_STEP": "2"}
+STEP = {"SLURM_STEP_NUM_TASKS": "3", "SLURM_PROCID": "1", "SLURM_NTASKS": "3"}
+
+
+@pytest.mark.parametrize(
+    ("environment", "share"),
+    [
+        ({**ARRAY, "SLURM_ARRAY_TASK_COUNT": "4"}, "3-of-4"),
+        (STEP, "2-of-3"),
+        ({**ARRAY, "SLURM_ARRAY_TASK_COUNT": "4", **STEP}, "8-of-12"),
+        ({"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "3", **STEP}, "4-of-4"),
+        ({"PMI_SIZE": "4", "PMI_RANK": "0"}, "1-of-4"),
+        ({"PMI_SIZE": "4", "PMIX_RANK": "2"}, "3-of-4"),
+        ({"SGE_TASK_ID": "2", "SGE_TASK_FIRST": "1", "SGE_TASK_LAST": "6", "SGE_TASK_STEPSIZE": "1"}, "2-of-6"),
+    ],
+)
+def test_auto(sweep, tmp_path, environment, share):
+    sweep.run("a.h5", "--share", "auto", env=environment, status=0)
+    assert names(tmp_path) == [f"a.{share}.h5"]
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {},
+        {"SLURM_NTASKS": "3", "SLURM_PROCID": "0"},
+        {**ARRAY, "SLURM_ARRAY_TASK_COUNT": "3"},
+        {"PBS_ARRAY_INDEX": "3"},
+        {"PMI_SIZE": "4"},
+        {"PMI_SIZE": "4", "PMI_RANK": "4"},
+        {"SGE_TASK_ID": "undefined"},
+        {**ARRAY, "SLURM_ARRAY_TASK_COUNT": "4", "PMI_SIZE": "999999", "PMI_RANK": "0"},
+    ],
+)
+def test_auto_without_numbers(sweep, tmp_path, environment):
+    assert "--share auto: " in sweep.run("a.h5", "--share", "auto", env=environment, status=1).stderr
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("value", ["0/3", "4/3", "1", "1/", "/3", "-1/3", "a/b", "1/0", "1/3/5", "1.5/3", "1/9999999", ""])
+def test_bad_shares(sweep, value):
+    assert "write --share I/N" in sweep.run("a.h5", f"--share={value}", status=1).stderr
+
+
+def test_several_processes_without_shares_are_refused(sweep):
+    done = sweep.run("a.h5", env={"PMI_SIZE": "4", "PMI_RANK": "1"}, status=1)
+    assert "this is one of 4 processes (PMI_SIZE)" in done.stderr and "--share auto" in done.stderr
+    sweep.deck.write_text(SCENE)
+    assert "has no &sweep" in sweep.run("a.h5", "--share", "1/2", status=1).stderr
+    assert "has no &sweep" in sweep.run("a.h5", command="merge", status=1).stderr
+
+
+def test_a_folder_that_vanishes(tmp_path):
+    (tmp_path / "gone").mkdir()
+    process = Sweep(tmp_path).start("gone/a.h5", "--set", "scene.t_end=3000")
+    try:
+        wait_until((tmp_path / "gone" / "a.h5.part").exists)
+        time.sleep(0.5)
+        shutil.rmtree(tmp_path / "gone")
+        os.kill(process.pid, signal.SIGTERM)
+        assert process.wait(120) == 3
+        assert "removed, renamed or replaced during the run" in process.stderr.read()
+    finally:
+        end_group(process)
