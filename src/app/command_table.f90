@@ -171,7 +171,8 @@ module dst_command_table
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
     option_t('--quantity', 'NAME', 'trade', '?', 'quantity with these errors, or all; default: those of final_elongation, '// &
       'period, peak_force and creep_velocity that the scene has', trade_help), &
-    option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper validate-creep', '?', 'replace existing output files', ''), &
+    option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper validate-creep', '?', &
+      'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
     option_t('--all', '', 'trade', '?', 'print every setting, also those that failed or were skipped', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &

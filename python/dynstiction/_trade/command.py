@@ -6,7 +6,6 @@ The file is like the file of a run, with the summary and the statistics of the r
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from argparse import Namespace
