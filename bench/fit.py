@@ -68,7 +68,11 @@ def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]
         velocity = 10.0 ** draw.uniform(-3.5, -2.5)
         scene = with_values(ds.Scene(RIG), values | {"drive.velocity": velocity})
         # The drive loads the soft spring to F_0 in this time.
-        loading = mu_0 * float(str(scene.groups()["friction"]["normal_load"])) / (values["system.stiffness_x"] * velocity)
+        loading = (
+            mu_0
+            * float(str(scene.groups()["friction"]["normal_load"]))
+            / (values["system.stiffness_x"] * velocity)
+        )
         settled = ds.run(scene, scene={"settle": 1e-7, "t_end": 30.0 * loading}, output={"interval": loading})
         about = settled.summary
         if "settled_at" not in about:

@@ -26,7 +26,16 @@ from ._open import groups_in
 from ._output import check_outputs, make_folder, put
 from ._sweep import open_sweep
 from ._trade import open_trade
-from .errors import DeckError, Error, FileError, FitWarning, IncompleteWarning, SolverError, UsageError, printable
+from .errors import (
+    DeckError,
+    Error,
+    FileError,
+    FitWarning,
+    IncompleteWarning,
+    SolverError,
+    UsageError,
+    printable,
+)
 from .result import Result, open
 from .scene import Scene
 

@@ -88,7 +88,9 @@ def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
     for part in path.strip("/").split("/"):
         link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
         if isinstance(link, h5py.ExternalLink):
-            raise FileError(f"{group.file.filename}: {path} leads to another file: copy the data into this one")
+            raise FileError(
+                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
+            )
         if not isinstance(link, h5py.HardLink):
             item = item.get(part) if link is not None and _stays_inside(item, link) else None
         else:
@@ -96,7 +98,9 @@ def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
     if not isinstance(item, h5py.Dataset):
         return None
     if item.external or item.is_virtual:
-        raise FileError(f"{group.file.filename}: {path} has its data in another file: copy them into this one")
+        raise FileError(
+            f"{group.file.filename}: {path} has its data in another file: copy them into this one"
+        )
     if item.size and item.size * item.dtype.itemsize > MOST_COMPRESSED * item.id.get_storage_size() + UNREAD:
         raise FileError(f"{group.file.filename}: is damaged: {path} claims {item.size} values, and has fewer")
     return item

@@ -55,7 +55,9 @@ def make_folder(folder: Path) -> None:
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
-        raise FileError(f"{os.fspath(folder)}: cannot be made: {error.strerror or error}: {_remedy(error)}") from None
+        raise FileError(
+            f"{os.fspath(folder)}: cannot be made: {error.strerror or error}: {_remedy(error)}"
+        ) from None
 
 
 def _place(path: Path) -> str:
@@ -67,9 +69,7 @@ def _check_name(name: str, *, overwrite: bool) -> None:
     if not os.path.basename(name):
         raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
     if folder and not os.path.isdir(folder):
-        raise FileError(
-            f"{name}: cannot be written: the folder {folder} does not exist: create it first"
-        )
+        raise FileError(f"{name}: cannot be written: the folder {folder} does not exist: create it first")
     if os.path.isdir(name):
         raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
     if not os.path.lexists(name):
@@ -139,10 +139,14 @@ def _starts_with(name: str, beginning: bytes) -> bool:
 def _locked(name: str, part: str, beginning: bytes) -> int:
     """The descriptor of NAME.part, which this process has alone."""
     while True:
-        descriptor = os.open(part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(
+            part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666
+        )
         if not _has_lock(descriptor):
             os.close(descriptor)
-            raise FileError(f"{name}: another process is writing this file: wait until it ends, or use another name")
+            raise FileError(
+                f"{name}: another process is writing this file: wait until it ends, or use another name"
+            )
         with contextlib.suppress(FileNotFoundError):
             if os.path.samestat(os.lstat(part), os.fstat(descriptor)):
                 break

@@ -283,7 +283,9 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
         axes.append((_info(group, name), np.ascontiguousarray(values)))
     summary = group["summary"]
     codes = group["result_code"][:].astype(np.int32)
-    columns = [(_info(summary, name), data[:]) for name, data in own_datasets(summary, 1) if data.size == codes.size]
+    columns = [
+        (_info(summary, name), data[:]) for name, data in own_datasets(summary, 1) if data.size == codes.size
+    ]
     columns.append((_info(group, "wall_time"), group["wall_time"][:]))
     if "cycles" in group:
         cycles = group["cycles"]

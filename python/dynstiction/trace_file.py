@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,7 +171,10 @@ def _is_hdf5(name: str) -> bool:
     try:
         with open(name, "rb") as stream:
             # Behind a block of the user, as in files of MATLAB.
-            return any(stream.seek(place) == place and stream.read(len(HDF5_BEGINNING)) == HDF5_BEGINNING for place in HDF5_PLACES)
+            return any(
+                stream.seek(place) == place and stream.read(len(HDF5_BEGINNING)) == HDF5_BEGINNING
+                for place in HDF5_PLACES
+            )
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{name}: cannot be read: {reason}: give the file of a trace") from error
@@ -268,10 +271,8 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
         raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
     rows = [(i, _fields(line, delimiter)) for i, line in lines]
     # Empty columns from delimiters at the ends of all lines.
-    filled = max(1, max(_filled(fields) for _, fields in rows))
-    if all(len(fields) > filled for _, fields in rows):
-        common = min(len(fields) - filled for _, fields in rows)
-        rows = [(i, fields[: len(fields) - common]) for i, fields in rows]
+    empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
+    rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
     heads: list[tuple[int, list[str]]] = []
     while rows and len(heads) < MOST_HEADS and not any(_is_number(f, delimiter) for f in rows[0][1]):
         heads.append(rows.pop(0))
@@ -450,216 +451,6 @@ def _read_hdf5(
             if each
         }
     if interval is not None:
-        values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
-    return _trace(values, name, lines)
-
-
-def _split_table(name: str, delimiter: str | None) -> _Table:
-    text = _text_of(name)
-    comments: list[tuple[int, str]] = []
-    lines: list[tuple[int, str]] = []
-    for i, line in enumerate(text.split("\n"), 1):
-        before, mark, after = line.partition("#")
-        if before.strip():
-            lines.append((i, before.rstrip("\r")))
-        elif mark and not lines:
-            comments.append((i, after.strip().lstrip("#").strip()))
-    if not lines:
-        raise FileError(f"{name}: has no samples: a table has one a line, time and force")
-    if delimiter is None:
-        delimiter = _sniff(name, lines)
-    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
-        raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
-    rows = [(i, _fields(line, delimiter)) for i, line in lines]
-    # Empty columns from delimiters at the ends of all lines.
-    filled = max(1, max(_filled(fields) for _, fields in rows))
-    if all(len(fields) > filled for _, fields in rows):
-        common = min(len(fields) - filled for _, fields in rows)
-        rows = [(i, fields[: len(fields) - common]) for i, fields in rows]
-    heads: list[tuple[int, list[str]]] = []
-    while rows and len(heads) < MOST_HEADS and not any(_is_number(f, delimiter) for f in rows[0][1]):
-        heads.append(rows.pop(0))
-    if not rows:
-        raise FileError(f"{name}: has names and no samples: a table has one sample a line, time and force")
-    if not heads and comments:
-        fields = _fields(comments[-1][1], delimiter)
-        if len(fields) == len(rows[0][1]) and not any(_is_number(f, delimiter) for f in fields):
-            heads.append((comments[-1][0], fields))
-    return _Table(name, delimiter, heads, rows)
-
-
-def _text_of(name: str) -> str:
-    try:
-        data = Path(name).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{name}: cannot be read: {reason}") from error
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        encodings: tuple[str, ...] = ("utf-16",)
-    else:
-        encodings = ("utf-8-sig", "latin-1")
-    for encoding in encodings:
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" in text:
-            break
-        return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise FileError(f"{name}: is not text: give a table of text, or an HDF5 file")
-
-
-def _fields(line: str, delimiter: str) -> list[str]:
-    if delimiter == " ":
-        return line.split()
-    if '"' in line:
-        try:
-            return [field.strip() for field in next(csv.reader([line], delimiter=delimiter))]
-        except csv.Error:
-            pass
-    return [field.strip() for field in line.split(delimiter)]
-
-
-def _sniff(name: str, lines: Sequence[tuple[int, str]]) -> str:
-    """The delimiter that splits the last lines into the same columns, of which at least two are single numbers."""
-    sample = [line for _, line in lines[-SNIFFED:]]
-    if len(lines) <= SNIFFED:
-        sample = sample[min(len(sample) - 1, MOST_HEADS) :]
-    # One line may be damaged, which is reported later: agreement of most lines is enough.
-    for share in (1.0, 0.6):
-        for delimiter in DELIMITERS:
-            fields = [_fields(line, delimiter) for line in sample]
-            good = [each for each in fields if _is_row(each, delimiter)]
-            if len(good) >= share * len(sample) and len({len(each) for each in good}) == 1:
-                return delimiter
-    if all(_is_number(line.strip(), " ") for line in sample):
-        return " "
-    raise FileError(
-        f"{name}:{lines[-1][0]}: no columns of numbers are found: name the delimiter, or give a table with one sample a "
-        "line, time and force"
-    )
-
-
-def _is_row(fields: Sequence[str], delimiter: str) -> bool:
-    several = any(
-        len(parts := field.split()) > 1 and all(_is_number(p, " ") for p in parts) for field in fields
-    )
-    return sum(_is_number(field, delimiter) for field in fields) >= 2 and not several
-
-
-def _value(field: str, delimiter: str) -> float:
-    if delimiter != "," and "," in field and "." not in field:
-        field = field.replace(",", ".", 1)
-    if "_" in field:
-        raise ValueError(field)
-    return float(field)
-
-
-def _is_number(field: str, delimiter: str) -> bool:
-    try:
-        _value(field, delimiter)
-    except ValueError:
-        return False
-    return field.strip().lower().lstrip("+-") not in ("nan", "inf", "infinity")
-
-
-def _bare(name: str) -> str:
-    """The name of a column without its unit."""
-    for bracket in "[(":
-        before = name.partition(bracket)[0].strip()
-        if before:
-            name = before
-    return name.strip()
-
-
-def _find(table: _Table, quantity: str, column: Column) -> int:
-    if isinstance(column, int):
-        if not 0 <= column < table.width:
-            raise UsageError(f"{table.name}: {quantity} is to be column {column}: {table.about()}")
-        return column
-    for form in (str, _bare, lambda each: _bare(each).lower()):
-        found = [
-            i
-            for i, each in enumerate(table.names)
-            if form(each) == (form(column) if form is not _bare else column)
-        ]
-        if len(found) == 1:
-            return found[0]
-        if len(found) > 1:
-            raise UsageError(
-                f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}"
-            )
-    raise UsageError(f"{table.name}: {quantity} is to be column {shown(column)}: {table.about()}")
-
-
-def _usual(table: _Table, quantity: str, usual: int, taken: set[int]) -> int:
-    bare = [_bare(each).lower() for each in table.names]
-    for name in ALTERNATIVES[quantity]:
-        if bare.count(name) == 1 and bare.index(name) not in taken:
-            return bare.index(name)
-    if usual >= table.width or usual in taken:
-        raise UsageError(f"{table.name}: which column is {quantity}? Name it: {table.about()}")
-    return usual
-
-
-def _factor(table: _Table, quantity: str, column: int, factors: Mapping[str, float]) -> float:
-    if quantity in factors:
-        return factors[quantity]
-    unit, certain = table.unit(column)
-    if _unit_name(unit) in UNITS[quantity]:
-        return UNITS[quantity][_unit_name(unit)]
-    if unit and certain:
-        raise UsageError(
-            f"{table.name}: {quantity} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its "
-            f"factor to {next(iter(UNITS[quantity]))}"
-        )
-    return 1.0
-
-
-def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
-    values = np.empty(len(table.rows))
-    for k, (line, fields) in enumerate(table.rows):
-        if column >= len(fields):
-            raise FileError(
-                f"{table.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
-                f"take it out (columns are separated by {WORDS.get(table.delimiter, table.delimiter)})"
-            )
-        field = fields[column]
-        try:
-            values[k] = _value(field, table.delimiter)
-        except ValueError:
-            what = f"is {shown(field)}, no number" if field else "is empty"
-            raise FileError(
-                f"{table.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
-                f"column; {table.about()}"
-            ) from None
-    return values
-
-
-# HDF5 ---------------------------------------------------------------------------------------------------------------------
-
-
-def _read_hdf5(
-    name: str, wanted: Mapping[str, Column | None], factors: Mapping[str, float], interval: float | None
-) -> Trace:
-    paths = {
-        quantity: ALTERNATIVES.get(quantity, ()) if column is None else (column,)
-        for quantity, column in wanted.items()
-        if quantity != "time" or interval is None
-    }
-    try:
-        sought = [[path for path in each if isinstance(path, str)] for each in paths.values() if each]
-        with h5py.File(name if has_seal(name) else sound_copy(name, sought), "r") as file:
-            values = {
-                quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity, factors)
-                for quantity, each in paths.items()
-                if each
-            }
-    except (FileError, UsageError):
-        raise
-    except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
-        raise FileError(f"{name}: cannot be read: {error}") from error
-    if interval is not None:
         values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))
     return _trace(values, name)
 
@@ -690,8 +481,7 @@ def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str, factors: Ma
     values = np.asarray(dataset[()], dtype=np.float64).reshape(-1)
     if quantity in factors:
         return values * factors[quantity]
-    unit: Any = np.asarray(dataset.attrs.get("units", "")).reshape(-1)[:1].tolist() or [""]
-    unit = unit[0]
+    (unit,) = np.asarray(dataset.attrs.get("units", "")).reshape(-1)[:1].tolist() or [""]
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
     if unit in ("", "1"):
         return values

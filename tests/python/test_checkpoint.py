@@ -1,11 +1,11 @@
 """A result is never changed, only replaced: whatever happens to a run, under its name is nothing, the former file, or a whole one; and
-from a whole one the run goes on to the same bits."""
+from a whole one the run goes on to the same bits.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import io
-import os
 import random
 import re
 import resource

@@ -135,7 +135,14 @@ def _gif(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     duration = round(1000 / frames_per_second)
     film = io.BytesIO()
     palette.save(
-        film, "GIF", save_all=True, append_images=others, duration=duration, loop=0, disposal=1, optimize=False
+        film,
+        "GIF",
+        save_all=True,
+        append_images=others,
+        duration=duration,
+        loop=0,
+        disposal=1,
+        optimize=False,
     )
     return film.getvalue()
 
@@ -148,7 +155,9 @@ def _mp4(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
         return film.read_bytes()
 
 
-def _encode(output: Path, first: Image.Image, pictures: Iterator[Image.Image], frames_per_second: int) -> None:
+def _encode(
+    output: Path, first: Image.Image, pictures: Iterator[Image.Image], frames_per_second: int
+) -> None:
     command = [
         "ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}",
         "-r", str(frames_per_second), "-i", "-", "-pix_fmt", "yuv420p", str(output),

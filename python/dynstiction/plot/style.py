@@ -151,7 +151,11 @@ def write(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = Tru
     image = io.BytesIO()
     with rc_context(STYLE), rendering():
         figure.savefig(image, format=suffix, dpi=DOTS_PER_INCH)
-    put(path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}", image.getvalue(), overwrite=overwrite)
+    put(
+        path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}",
+        image.getvalue(),
+        overwrite=overwrite,
+    )
 
 
 def format_of(path: str | os.PathLike[str]) -> str:
