@@ -68,7 +68,7 @@ module dst_command_table
     command_entry_t('merge', 'DECK...', ours, 'join the shares of a sweep', &
       'Write the finished cases of a sweep from the files of its shares, like phi.3-of-16.h5, to FILE, like phi.h5. Deck, -o, '// &
       '--set and --vary are those of the run. Cases that have not been run are rows of NaN with result_code -1; the next merge '// &
-      'adds them, and so does a run of the deck without --share. The files of the shares are left alone.', &
+      'adds them, and so does a run of the whole deck. The files of the shares are left alone.', &
       'dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'), &
     command_entry_t('check', 'DECK...', ours, 'print the deck as used, run nothing', &
       'Check each deck, print it with every key as used, marked user or default, and run nothing. '// &

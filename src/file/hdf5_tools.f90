@@ -507,7 +507,8 @@ contains
     call open_own(group, name, dataset%id, h5, access)
     if (h5%status >= 0) call h5%take(h5dget_space(dataset%id), space)
     if (h5%status >= 0) h5%status = h5sget_simple_extent_ndims(space)
-    if (h5%status >= 0 .and. h5%status /= size(extent(dataset, dataset%rows))) call h5%refuse(name, 'has another shape')
+    if (h5%status >= 0 .and. h5%status /= size(extent(dataset, dataset%rows))) &
+      call h5%refuse(name, trim(merge('is no list ', 'is no table', dataset%row_length == 0)))
     if (h5%status >= 0) call h5%take(h5sget_simple_extent_npoints(space), dataset%rows)
     dataset%rows = dataset%rows/max(1_hsize_t, dataset%row_length)
     call release([access, space], h5)

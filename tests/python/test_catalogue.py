@@ -138,7 +138,7 @@ end module dst_more
         ("deck/schema.f90", "mass of the object"),
         ("deck/schema.f90", "'stiffness_x'"),
         ("deck/schema.f90", "'N/m'"),
-        ("app/command_table.f90", "join the shards of a sweep"),
+        ("app/command_table.f90", "join the shares of a sweep"),
         ("app/command_table.f90", "wall time in seconds (10)"),
         ("app/command_table.f90", "some cases of a sweep failed"),
         ("", "mean time"),

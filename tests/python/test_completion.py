@@ -35,7 +35,7 @@ def test_commands_are_those_of_the_table(executable, catalogue):
 
 def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
     arguments = {option["name"]: option["argument"] for option in reversed(catalogue["options"])}
-    values = {"--set": "scene.t_end=1", "--shard": "1/2", "-o": "x.h5"}
+    values = {"--set": "scene.t_end=1", "--share": "1/2", "--vary": "system.mass=1:2:2", "-o": "x.h5"}
     for command in catalogue["commands"]:
         name = command["name"]
         assert offered(executable, f"dynstiction {name} -") == [*command["options"], "--help"]
@@ -47,7 +47,7 @@ def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
 
 
 def test_an_option_of_another_command_is_refused(executable):
-    for line in ("check --quiet", "resume --set a.b=1", "merge --shard 1/2", "trade --shard 1/2", "template -o x"):
+    for line in ("check --quiet", "resume --set a.b=1", "merge --share 1/2", "trade --share 1/2", "template -o x"):
         said = Program((executable,))(*line.split(), status=1)
         assert f"takes no {line.split()[1]}: " in said.stderr
 
@@ -83,7 +83,7 @@ def test_operands(executable):
     assert offered(executable, "dynstiction keys ") == []
     assert offered(executable, "dynstiction plot ") == ["*.h5"]
     assert offered(executable, "dynstiction plot x.h5 -o ") == ["*.png"]
-    assert offered(executable, "dynstiction run --shard ") == ["auto"]
+    assert offered(executable, "dynstiction run --share ") == ["auto"]
     assert offered(executable, "dynstiction paper --format p") == ["png", "pdf"]
 
 

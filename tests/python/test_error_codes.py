@@ -90,7 +90,7 @@ def test_failed_and_forgotten_cases_of_a_sweep(program: Program) -> None:
         assert (data["sweep/result_code"][:] == 42).all()
         assert all(HELP.encode() in text for text in data["sweep/failures/result_text"][:])
         assert data.attrs["result_code"] == 5
-    program("run", "map.nml", "-o", "part.h5", *limit, "--shard", "1/2", status=5)
+    program("run", "map.nml", "-o", "part.h5", *limit, "--share", "1/2", status=5)
     assert HELP in program("merge", "map.nml", "-o", "part.h5", *limit, status=STOPPED).stderr
     with h5py.File(folder / "part.h5") as data:
         assert sorted(data["sweep/result_code"][:]) == [-1, -1, 42, 42]

@@ -274,34 +274,7 @@ def test_threads_that_cannot_be_had(call, tmp_path, environment, room):
     assert done.returncode == 0, done
 
 
-# --- copies, names
-
-
-COPIES = {
-    "a run": ("run", "fig3.nml"),
-    "several decks": ("run", "map.nml", "other.nml"),
-    "resume": ("resume", "x.h5"),
-    "merge": ("merge", "map.nml"),
-    "trade": ("trade", "fig3.nml"),
-}
-
-
-@pytest.mark.parametrize("what", COPIES)
-@pytest.mark.parametrize(
-    ("size", "rank"), [("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID")]
-)
-def test_what_is_for_one_process_is_refused_to_several(call, tmp_path, what, size, rank):
-    """All end with one status, the first says why, and nothing is written."""
-    (tmp_path / "fig3.nml").write_text(FIG3)
-    for name in ("map.nml", "other.nml"):
-        (tmp_path / name).write_text(SLOW + GRID.format(2, "summary"))
-    before = sorted(tmp_path.iterdir())
-    first = call(*COPIES[what], **{size: "2", rank: "0"})
-    said = first.stderr.replace("a run is", "a run' is").replace("several decks is", "several decks' is")
-    assert first.returncode == 1 and f"{what}' is for one process" in said
-    second = call(*COPIES[what], **{size: "2", rank: "1"})
-    assert (second.returncode, second.stderr) == (1, "")
-    assert sorted(tmp_path.iterdir()) == before
+# --- names
 
 
 @pytest.mark.parametrize("name", [" ", "x.h5 ", "   ", " x.h5 "])

@@ -1,40 +1,18 @@
-"""Sweeps: the same numbers however they are run, nothing lost when killed, failures as rows."""
+"""Sweeps: a case is a single run, a failure is a row, Python gives what the file has."""
 
 from __future__ import annotations
-
-import signal
 
 import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from programs import INPUTS, wait_until
-from sweeps import Sweep, cases_in, same, values
+from programs import INPUTS
+from sweeps import Sweep, values
 
 
 @pytest.fixture
 def sweep(tmp_path):
     return Sweep(tmp_path)
-
-
-def test_the_number_of_threads_changes_nothing(sweep, tmp_path):
-    for threads in (1, 2, 5):
-        sweep.run(f"{threads}.h5", threads=threads, status=0)
-    one = values(tmp_path / "1.h5")
-    assert len(one["case"]) == 60
-    assert same(one, values(tmp_path / "2.h5")) and same(one, values(tmp_path / "5.h5"))
-
-
-def test_shards_make_the_same_file(sweep, tmp_path):
-    sweep.run("whole.h5", status=0)
-    for i in (1, 3):
-        sweep.run("parts.h5", "--shard", f"{i}/3", status=0)
-    assert "20 of 60 cases have not been run" in sweep.run("parts.h5", command="merge", status=75).stderr
-    assert np.count_nonzero(values(tmp_path / "parts.h5")["result_code"] == -1) == 20
-    sweep.run("parts.h5", "--shard", "2/3", "--overwrite", status=0)
-    sweep.run("parts.h5", "--overwrite", command="merge", status=0)
-    assert same(values(tmp_path / "whole.h5"), values(tmp_path / "parts.h5"))
-    assert not list(tmp_path.glob("*.shard-*"))
 
 
 def test_a_case_equals_its_single_run(sweep, tmp_path):
@@ -59,23 +37,6 @@ def test_a_case_that_fails_is_a_row(sweep, tmp_path):
     assert list(found["failures/case"]) == list(found["case"][failed])
     assert all(b"max_steps" in text for text in found["failures/result_text"])
     assert np.isnan(found["summary/final_u_x"][failed]).all()
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
-def test_a_signal_ends_it_cleanly_and_it_goes_on(sweep, tmp_path, number):
-    longer = ("--set", "scene.t_end=300")
-    process = sweep.start("s.h5", *longer)
-    shard = tmp_path / "s.h5.shard-000000"
-    wait_until(lambda: len(cases_in(shard)) > 5)
-    process.send_signal(number)
-    assert process.wait(60) == 75
-    assert "start it again" in process.stderr.read()
-    done = cases_in(shard)
-    assert 5 < len(done) < 60
-    sweep.run("s.h5", *longer, "--keep-shards", status=0)
-    assert cases_in(shard)[: len(done)] == done and sorted(cases_in(shard)) == list(range(1, 61))
-    sweep.run("t.h5", *longer, status=0)
-    assert same(values(tmp_path / "s.h5"), values(tmp_path / "t.h5"))
 
 
 def test_python_gives_what_the_file_has(sweep, tmp_path):
@@ -115,7 +76,7 @@ def test_a_file_of_a_list_with_failures_opens_too(sweep, tmp_path):
 
 
 def test_a_partial_file_opens_with_a_warning(sweep, tmp_path):
-    sweep.run("h.h5", "--shard", "1/2", status=0)
+    sweep.run("h.h5", "--share", "1/2", status=0)
     sweep.run("h.h5", command="merge", status=75)
     with pytest.warns(ds.IncompleteWarning, match="30 of 60 cases have not been run"):
         data = ds.open_sweep(tmp_path / "h.h5")
@@ -137,11 +98,6 @@ def test_what_is_no_sweep_is_refused(sweep, tmp_path):
         del file["sweep/summary/period"].attrs["units"]
     with pytest.raises(ds.FileError, match="cannot be read"):
         ds.open_sweep(tmp_path / "w.h5")
-
-
-def test_copies_that_know_nothing_of_each_other_are_refused(sweep):
-    assert "4 copies" in sweep.run("c.h5", env={"PMI_SIZE": "4"}, status=1).stderr
-    sweep.run("c.h5", "--shard", "4/4", env={"PMI_SIZE": "4"}, status=0)
 
 
 @pytest.mark.parametrize(
