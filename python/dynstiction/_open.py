@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
 import os
+import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +26,8 @@ BEGINNING = 4096
 """Bytes by which a deck is recognised that is given in place of a result."""
 BLOCK = 2**20
 """Number of bytes that are read at once."""
+TEXTS, HEAD = b"GCOL\x01\0\0\0", 16
+"""How a list of texts begins in a file; bytes before its texts, and before each of them."""
 MOST_COMPRESSED = 1100
 """More bytes than this for one byte in the file no filter of HDF5 gives back: the dataset claims what it does not have."""
 UNREAD = 2**20
@@ -56,9 +60,11 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
     import h5py  # noqa: PLC0415  (slow to import)
 
     try:
-        check_seal(name)
+        sealed = check_seal(name)
         if not h5py.is_hdf5(name):
             raise FileError(f"{name}: {_what_it_is(name)}")
+        if not sealed:
+            _check_texts(name)
         with h5py.File(name, "r") as file:
             yield file
     except Error:
@@ -140,8 +146,8 @@ def info_of(name: str, dataset: h5py.Dataset) -> Info:
     return Info(name, units, str(dataset.attrs.get("long_name", "")))
 
 
-def check_seal(name: str) -> None:
-    """Refuse a file whose last line is not the checksum of its bytes. Edited files and those of others have no such line.
+def check_seal(name: str) -> bool:
+    """Whether a file has a checksum in its last line. Refuse a file whose last line is not the checksum of its bytes. Edited files and those of others have no such line.
 
     Raises
     ------
@@ -155,7 +161,7 @@ def check_seal(name: str) -> None:
         end = stream.read()
         place = end.find(MARK)
         if place < 0:
-            return
+            return False
         stream.seek(0)
         checksum, left = 0, first + place
         while left > 0 and (data := stream.read(min(BLOCK, left))):
@@ -163,6 +169,25 @@ def check_seal(name: str) -> None:
             left -= len(data)
     if end[place:] != SEAL % checksum:
         raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
+    return True
+
+
+def _check_texts(name: str) -> None:
+    """Refuse lists of texts that HDF5 would read without end: a text of length 0, or of one that wraps around.
+
+    A list begins with its length, and has texts, each with its number (0: the room that is left) and its length.
+    """
+    with open(name, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        start = data.find(TEXTS)
+        while start >= 0:
+            end = start + int.from_bytes(data[start + 8 : start + 16], "little")
+            place = start + HEAD
+            while place + HEAD <= min(end, len(data)):
+                number, length = struct.unpack_from("<H6xQ", data, place)
+                place += HEAD + -(-length // 8) * 8 if number else length
+                if place > end or (not number and length < HEAD):
+                    raise FileError(f"{name}: is damaged: a list of texts has a wrong length")
+            start = data.find(TEXTS, start + 1)
 
 
 def _what_it_is(name: str) -> str:

@@ -346,8 +346,6 @@ class Simulation(Closing):
         return {
             "program": "dynstiction",
             **_native.origin(),
-            "mpi": "",
-            "processes": 1,
             "threads": 1,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
             "deck_sha256": hashlib.sha256(self._scene.text.encode("utf-8", "surrogateescape")).hexdigest(),

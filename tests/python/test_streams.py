@@ -90,7 +90,7 @@ def test_no_file_gets_a_descriptor_that_was_closed(program, tmp_path, descriptor
 
     process = program.start(*ENDLESS, "--quiet", stdin=0, stdout=1, stderr=2, preexec_fn=close_all)
     try:
-        wait_until((tmp_path / "x.h5").exists, "x.h5")
+        wait_until((tmp_path / "x.h5.part").exists, "x.h5.part")
         opened = {number: os.readlink(f"/proc/{process.pid}/fd/{number}") for number in descriptors}
         assert set(opened.values()) == {"/dev/null"}
         process.send_signal(signal.SIGTERM)

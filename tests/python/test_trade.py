@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import pickle
 import re
 import resource
@@ -556,31 +555,6 @@ def test_a_signal_keeps_what_was_measured(command, executable, tmp_path, number)
         assert number.name in file.attrs["result_text"]
         if "trade" in file:
             assert {"not tried", "done"} & set(file["trade/text"].asstr()[:])
-
-
-def test_the_name_belongs_to_one_process(command, executable, tmp_path):
-    """To a comparison as to a run, whichever comes second; a lock that a killed one has left is taken over."""
-    process = begun(executable, tmp_path)
-    for second in (["trade", "deck.nml", "--budget", "1"], ["run", "deck.nml"]):
-        refused = command(*second, "-o", "x.h5", "--overwrite", "--quiet")
-        assert refused.returncode == 3
-        assert f"another process is writing this file (process {process.pid} on {os.uname().nodename})" in refused.stderr
-    process.kill()
-    process.wait()
-    assert (tmp_path / "x.h5.lock").exists() and not (tmp_path / "x.h5").exists()
-    assert command("trade", "deck.nml", "--budget", "5", "-o", "x.h5", "--quiet").returncode in (0, 75)
-    assert {path.name for path in tmp_path.iterdir()} == {"deck.nml", "x.h5"}
-
-
-@pytest.mark.parametrize("strange", ["notes\n", ""])
-def test_a_lock_that_is_none_stays(command, tmp_path, strange):
-    (tmp_path / "x.h5.lock").write_text(strange)
-    done = command("trade", "deck.nml", "--budget", "3", "-o", "x.h5", "--quiet")
-    if strange:
-        assert done.returncode == 3 and "x.h5.lock is no lock of this program: move it away" in done.stderr
-        assert (tmp_path / "x.h5.lock").read_text() == strange
-    else:
-        assert done.returncode in (0, 75) and not (tmp_path / "x.h5.lock").exists()
 
 
 def test_what_is_there_is_replaced_only_if_it_is_a_result(command, tmp_path):
