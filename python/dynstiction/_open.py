@@ -134,10 +134,9 @@ def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Datas
         dataset = group[name]
         if not isinstance(dataset, h5py.Dataset) or dataset.ndim != ndim or dataset.shape is None:
             continue
-        if dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None:
-            found = dataset_in(group, name)
-            if found is not None:
-                yield name, found
+        is_plain = dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None
+        if is_plain and not (dataset.is_virtual or dataset.external):
+            yield name, dataset
 
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:

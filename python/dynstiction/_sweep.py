@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import flag, path_name, reals, shown, whole
 from ._interrupt import held_back, interrupted
-from ._open import open_file, own_datasets
+from ._open import dataset_in, open_file, own_datasets
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
@@ -282,7 +282,7 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
             values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
         axes.append((_info(group, name), np.ascontiguousarray(values)))
     summary = group["summary"]
-    codes = group["result_code"][:].astype(np.int32)
+    codes = dataset_in(group, "result_code")[:].astype(np.int32)
     columns = [
         (_info(summary, name), data[:]) for name, data in own_datasets(summary, 1) if data.size == codes.size
     ]

@@ -1,38 +1,29 @@
-!> What a result file needs from the operating system: whether it may be created, whether there is room for it, and its rename into
-!> place.
+!> What a result file needs from the operating system: whether it may be created, its lock, and its rename into place.
 !>
 !> Failures are returned as reasons on which a user can act. Nothing here depends on the format of the file.
 module dst_disk
-  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_char, c_f_pointer, c_loc, nul => c_null_char
-  use dst_clock, only: utc_now, utc_at, seconds_now, wait_seconds
-  use dst_file_locks, only: lock_attempt, locked, held, without_locks, is_in_use, is_locked_elsewhere, &
-    process_with_lock
+  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_char, nul => c_null_char
+  use dst_clock, only: utc_now, utc_at, wait_seconds
   use dst_kinds, only: wp, int64
-  use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  use dst_posix, only: c_close, c_errno, c_free_space, c_fsync, c_keep_mode, c_link, c_look_up, c_open, c_read, c_reason, &
-    c_rename, c_reserve, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, &
-    dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
+  use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
+  use dst_posix, only: c_close, c_errno, c_flock, c_free_space, c_fsync, c_keep_mode, c_link, c_look_up, c_open, c_read, c_reason, &
+    c_rename, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_o_creat, &
+    dst_o_excl, dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
   implicit none
   private
 
   public :: identity_t, identity_of, operator(==)
-  public :: reserve_space, free_space, move_file, place_file, delete_file, delete_own_file
-  public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
-  public :: lock_new_file, keep_mode, open_for_appending, open_for_reading, append_words, read_words, close_descriptor
-  public :: system_reason, locked_by_a_reader, with_remedy
+  public :: free_space, move_file, place_file, delete_file, delete_own_file
+  public :: read_bytes, read_at, write_bytes, create_file, make_durable, make_name_durable
+  public :: lock_new_file, keep_mode, open_for_reading, close_descriptor
+  public :: system_reason, with_remedy
   ! From other modules.
   public :: set_file_size
-  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  public :: lock_attempt, locked, held, without_locks, is_in_use, is_locked_elsewhere, process_with_lock
-  public :: utc_now, utc_at, seconds_now, wait_seconds
-
-  !> HDF5's lock cannot be taken.
-  character(*), parameter :: locked_by_a_reader = &
-    'locked by another process, or the file system has no locks: close the other program, or use a disk that has locks'
+  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
+  public :: utc_now, utc_at, wait_seconds
 
   !> Used instead of a position in a file.
   integer(int64), parameter :: where_it_stands = -1
-  integer, parameter :: word_bytes = 8
 
   !> Identity of a file, whatever its name is.
   type :: identity_t
@@ -83,16 +74,6 @@ contains
 
     same_file = a%exists .and. b%exists .and. a%inode == b%inode .and. a%device == b%device
   end function same_file
-
-  !> Make sure that the open file can grow from `present` to `length` bytes. If the file system cannot reserve space, zeros are
-  !> written once after the end of the file.
-  subroutine reserve_space(descriptor, present, length, reason)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: present, length
-    character(:), allocatable, intent(out) :: reason   !! unallocated when there is room
-
-    if (c_reserve(descriptor, present, length) /= 0) reason = system_reason()
-  end subroutine reserve_space
 
   !> Number of bytes that may still be written in a folder; `huge` if the file system does not report it. Quotas are not considered.
   real(wp) function free_space(folder)
@@ -157,13 +138,14 @@ contains
         end if
         if (allocated(reason)) return
       end if
-      select case (lock_attempt(descriptor))
-      case (held)
-        is_held = .true.
-        reason = 'another process has locked it'
-      case (without_locks)
-        if (.not. is_new) reason = 'this file system has no locks, and '//file_name//' is there: if no process writes it, remove it'
-      end select
+      if (c_flock(descriptor, dst_lock_ex + dst_lock_nb) /= 0) then
+        is_held = c_errno() == dst_ewouldblock
+        if (is_held) then
+          reason = 'another process has locked it'
+        else if (.not. is_new) then
+          reason = 'this file system has no locks, and '//file_name//' is there: if no process writes it, remove it'
+        end if
+      end if
       if (.not. allocated(reason)) then
         if (identity_of(file_name) == identity_of(descriptor)) return
       end if
@@ -188,24 +170,6 @@ contains
     call c_keep_mode(file_name//nul, descriptor)
   end subroutine keep_mode
 
-  !> Open the file `identity` for reading and writing, if it still has this name.
-  subroutine open_own_file(file_name, identity, descriptor, reason)
-    character(*), intent(in) :: file_name
-    type(identity_t), intent(in) :: identity
-    integer(c_int), intent(out) :: descriptor
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-
-    descriptor = -1
-    if (identity_of(file_name) == identity) then
-      descriptor = c_open(file_name//nul, dst_o_rdwr)
-      if (descriptor < 0) reason = system_reason()
-      if (descriptor < 0) return
-      if (identity_of(descriptor) == identity) return
-      call close_descriptor(descriptor)
-    end if
-    reason = 'the file or its folder was removed, renamed or replaced'
-  end subroutine open_own_file
-
   !> Write all of `text`, from byte `place` of a file (counted from 0), or from the position of the descriptor.
   subroutine write_bytes(descriptor, text, reason, place)
     integer(c_int), intent(in) :: descriptor
@@ -228,31 +192,6 @@ contains
 
     complete = c_read(descriptor, bytes, size(bytes, kind=int64), place) == size(bytes, kind=int64)
   end subroutine read_at
-
-  !> Open a regular file, which is created if necessary, for appending only; the call fails if another process has it open in this
-  !> way.
-  subroutine open_for_appending(file_name, descriptor, bytes, is_elsewhere, reason)
-    character(*), intent(in) :: file_name
-    integer(c_int), intent(out) :: descriptor
-    integer(int64), intent(out) :: bytes               !! of the file
-    logical, intent(out) :: is_elsewhere               !! another process is the reason
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-
-    is_elsewhere = .false.
-    do
-      call open_regular(file_name, dst_o_rdwr + dst_o_creat + dst_o_append, descriptor, bytes, reason)
-      if (allocated(reason)) return
-      is_elsewhere = is_locked_elsewhere(descriptor)
-      if (is_elsewhere) then
-        reason = 'another process is writing it: wait until it ends'
-        call close_descriptor(descriptor)
-        return
-      end if
-      ! The process that had the lock may have removed the file before it was locked here.
-      if (identity_of(file_name) == identity_of(descriptor)) return
-      call close_descriptor(descriptor)
-    end do
-  end subroutine open_for_appending
 
   !> Open a regular file for reading.
   subroutine open_for_reading(file_name, descriptor, bytes, reason)
@@ -289,31 +228,6 @@ contains
     end if
     call close_descriptor(descriptor)
   end subroutine open_regular
-
-  !> The words of a file from word `first` (counted from 0) on; after its end 0.
-  subroutine read_words(descriptor, first, words)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: first
-    integer(int64), intent(out), target, contiguous :: words(:)
-    character(c_char), pointer, contiguous :: bytes(:)
-    logical :: ignored
-
-    words = 0
-    call c_f_pointer(c_loc(words), bytes, [word_bytes*size(words, kind=int64)])
-    call read_at(descriptor, word_bytes*first, bytes, ignored)
-  end subroutine read_words
-
-  !> Append 64-bit words in one system call; more calls are made only if that one writes a part. A process that is killed has
-  !> written all words, none, or a part at the end.
-  subroutine append_words(descriptor, words, reason)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in), target, contiguous :: words(:)
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    character(c_char), pointer, contiguous :: bytes(:)
-
-    call c_f_pointer(c_loc(words), bytes, [word_bytes*size(words, kind=int64)])
-    if (c_write(descriptor, bytes, size(bytes, kind=int64), where_it_stands) /= 0) reason = system_reason()
-  end subroutine append_words
 
   !> Close a file; the descriptor is -1 afterwards. `reason` says why written data may be lost, unless it already has a value.
   subroutine close_descriptor(descriptor, reason)
@@ -422,8 +336,6 @@ contains
       reason = 'no permission to write there: choose another folder with -o'
     else if (index(system_reason, 'Read-only') > 0) then
       reason = 'the file system is read-only: choose another folder with -o'
-    else if (index(system_reason, 'temporarily unavailable') > 0 .or. index(system_reason, ' lock') > 0) then
-      reason = locked_by_a_reader
     else
       reason = system_reason
     end if

@@ -2,12 +2,11 @@
 module dst_paths
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_f_pointer, nul => c_null_char
   use dst_kinds, only: int64
-  use dst_posix, only: c_forget_matches, c_free, c_getpid, c_matches, c_realpath, fortran_text
-  use dst_sha256, only: sha256
+  use dst_posix, only: c_forget_matches, c_free, c_matches, c_realpath, fortran_text
   implicit none
   private
 
-  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
+  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
 
   !> The name of a file.
   type :: path_t
@@ -90,19 +89,4 @@ contains
     end do
     call c_forget_matches(found)
   end subroutine matching_files
-
-  !> A random word that no other process chooses: lower-case letters and digits.
-  function unique_word() result(word)
-    character(10) :: word
-    character(64) :: digest
-    character(80) :: seed
-    integer(int64) :: ticks
-    integer :: clock(8)
-
-    call date_and_time(values=clock)
-    call system_clock(ticks)
-    write (seed, '(3(i0, 1x))') ticks, c_getpid(), clock(8)
-    digest = sha256(seed)
-    word = digest(:len(word))
-  end function unique_word
 end module dst_paths

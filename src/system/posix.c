@@ -4,7 +4,6 @@
    stands behind its #ifdef, with another way beside it. */
 #ifdef __linux__
 #define _GNU_SOURCE
-#include <sys/prctl.h>
 #endif
 #include <errno.h>
 #include <fcntl.h>
@@ -20,15 +19,12 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
-#include <sys/time.h>
-#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
-const int dst_o_rdonly = O_RDONLY, dst_o_rdwr = O_RDWR, dst_o_creat = O_CREAT, dst_o_excl = O_EXCL, dst_o_append = O_APPEND,
-  dst_o_nonblock = O_NONBLOCK, dst_o_nofollow = O_NOFOLLOW;
-const int dst_lock_sh = LOCK_SH, dst_lock_ex = LOCK_EX, dst_lock_nb = LOCK_NB, dst_lock_un = LOCK_UN;
-const int dst_eexist = EEXIST, dst_eloop = ELOOP, dst_enoent = ENOENT, dst_esrch = ESRCH, dst_ewouldblock = EWOULDBLOCK;
+const int dst_o_rdonly = O_RDONLY, dst_o_rdwr = O_RDWR, dst_o_creat = O_CREAT, dst_o_excl = O_EXCL,  dst_o_nonblock = O_NONBLOCK, dst_o_nofollow = O_NOFOLLOW;
+const int dst_lock_ex = LOCK_EX, dst_lock_nb = LOCK_NB;
+const int dst_eexist = EEXIST, dst_eloop = ELOOP, dst_enoent = ENOENT, dst_ewouldblock = EWOULDBLOCK;
 const int dst_sighup = SIGHUP, dst_sigint = SIGINT, dst_sigterm = SIGTERM, dst_sigusr1 = SIGUSR1;
 
 int dst_errno(void) { return errno; }
@@ -56,29 +52,8 @@ static void remember(int number) {
 }
 
 void dst_listen(int number) { handle_unless_ignored(number, remember); }
-void dst_stop_listening(int number) { handle_unless_ignored(number, SIG_DFL); }
 /* The number of the signal that asked to stop, or 0. */
 int dst_stop_signal(void) { return received; }
-
-static struct { char message[256]; size_t length; int status; } last_words;
-
-static void end_now(int number) {
-  (void)number;
-  ssize_t ignored = write(STDERR_FILENO, last_words.message, last_words.length);
-  (void)ignored;
-  _exit(last_words.status);
-}
-
-/* Unless the program has ended by then, end it after some seconds with a message and a status, whatever it waits for. */
-void dst_end_after(double seconds, const char *message, int64_t length, int status) {
-  last_words.length = (size_t)length < sizeof last_words.message ? (size_t)length : sizeof last_words.message;
-  memcpy(last_words.message, message, last_words.length);
-  last_words.status = status;
-  handle(SIGALRM, end_now);
-  time_t whole = (time_t)seconds;
-  struct itimerval timer = {.it_value = {.tv_sec = whole, .tv_usec = (suseconds_t)(1e6 * (seconds - (double)whole))}};
-  setitimer(ITIMER_REAL, &timer, NULL);
-}
 
 /* Let a write beyond the file-size limit fail instead of killing the process. */
 void dst_ignore_size_limit_signal(void) { handle(SIGXFSZ, SIG_IGN); }
@@ -153,37 +128,6 @@ void dst_set_file_size(int descriptor, int64_t length) {
   if (ftruncate(descriptor, length)) return;
 }
 
-/* Let a file be `length` bytes long, if it is shorter. Without room it stays as it is. */
-static int write_zeros(int descriptor, int64_t length) {
-  static const char zeros[65536];
-  const int64_t block = sizeof zeros;
-  struct stat file;
-  if (fstat(descriptor, &file)) return -1;
-  for (int64_t place = file.st_size; place < length; place += block)
-    if (dst_write(descriptor, zeros, length - place < block ? length - place : block, place)) {
-      int why = errno;
-      dst_set_file_size(descriptor, file.st_size);
-      errno = why;
-      return -1;
-    }
-  return 0;
-}
-
-/* See that an open file can grow from `present` to `length` bytes. Where nothing can be reserved, zeros are written, once. */
-int dst_reserve(int descriptor, int64_t present, int64_t length) {
-  struct rlimit limit;
-  if (getrlimit(RLIMIT_FSIZE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY && (rlim_t)length > limit.rlim_cur) {
-    errno = EFBIG;
-    return -1;
-  }
-  if (length <= present) return 0;
-#ifdef __linux__
-  do if (fallocate(descriptor, FALLOC_FL_KEEP_SIZE, present, length - present) == 0) return 0; while (errno == EINTR);
-  if (errno == EFBIG || errno == ENOSPC || errno == EDQUOT) return -1;
-#endif
-  return write_zeros(descriptor, length);
-}
-
 /* Give an open file the permissions of the one with a name, as far as that is allowed. */
 void dst_keep_mode(const char *path, int descriptor) {
   struct stat found;
@@ -246,53 +190,6 @@ int dst_is_terminal(void) { return isatty(STDERR_FILENO); }
 
 /* Processes. */
 
-/* Wait for the end of a child: its status. */
-int dst_await_child(int process) {
-  int status;
-  while (waitpid(process, &status, 0) < 0) if (errno != EINTR) return -1;
-  return status;
-}
-
-void dst_end_child(void) { _exit(0); }
-
-/* Whether this is a child process, a copy of the one that asked. The latter goes on, with false, when the child has ended, or at
-   once if there can be none. The child is out of reach of a signal to the parent or its group, so what it does to files is done
-   as a whole even if the parent is killed; if that has happened already, it does nothing. */
-_Bool dst_is_child(void) {
-  pid_t parent = getpid(), process = fork();
-  if (process > 0) dst_await_child(process);
-  if (process != 0) return 0;
-  setsid();
-  if (getppid() != parent) dst_end_child();
-  return 1;
-}
-
-/* A child: its process, 0 in the child itself; -1 if there can be none. `answer` is the end of a pipe: to read from in the parent,
-   to write to in the child. A crash ends the child without words or core dump, and what libraries say goes into the pipe. Where
-   the system can see to it, the child does not outlive its parent. */
-int dst_begin_child(int *answer) {
-  const int crashes[] = {SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV, SIGPROF};
-  int ends[2];
-  if (pipe(ends)) return -1;
-  pid_t process = fork();
-  close(ends[process != 0]);
-  *answer = ends[process == 0];
-  if (process < 0) close(*answer);
-  if (process != 0) return process;
-  for (size_t i = 0; i < sizeof crashes / sizeof *crashes; i++) handle(crashes[i], SIG_DFL);
-  setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
-  dup2(*answer, STDERR_FILENO);
-#ifdef __linux__
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-#endif
-  return 0;
-}
-
-/* From now on this process may spend so many seconds of processor time. */
-void dst_allow_seconds(int seconds) {
-  setitimer(ITIMER_PROF, &(struct itimerval){.it_value.tv_sec = seconds}, NULL);
-}
-
 /* Become another program; the words of its command each end with NUL. Returns if that fails. */
 void dst_become(char *words, int count) {
   char **arguments = calloc((size_t)count + 1, sizeof *arguments);
@@ -336,19 +233,6 @@ int64_t dst_stack_limit(void) {
   struct rlimit limit;
   if (getrlimit(RLIMIT_STACK, &limit) || limit.rlim_cur == RLIM_INFINITY) return INT64_MAX;
   return (int64_t)limit.rlim_cur;
-}
-
-/* Which of the first `count` cores this process may use; where the system does not tell, so many as there are. */
-void dst_allowed_cores(int count, _Bool allowed[]) {
-#ifdef __linux__
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  sched_getaffinity(0, sizeof set, &set);
-  for (int i = 0; i < count; i++) allowed[i] = i < CPU_SETSIZE && CPU_ISSET(i, &set);
-#else
-  long cores = sysconf(_SC_NPROCESSORS_ONLN);
-  for (int i = 0; i < count; i++) allowed[i] = i < cores;
-#endif
 }
 
 /* Whether this processor runs what is compiled for x86-64-v3; no, where nothing is (src/meson.build). */

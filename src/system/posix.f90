@@ -8,8 +8,8 @@ module dst_posix
   public
 
   !> Constants of the system, with the system's names.
-  integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_append, dst_o_nonblock, &
-    dst_o_nofollow, dst_lock_sh, dst_lock_ex, dst_lock_nb, dst_lock_un, dst_eexist, dst_eloop, dst_enoent, dst_esrch, &
+  integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_nonblock, &
+    dst_o_nofollow, dst_lock_ex, dst_lock_nb, dst_eexist, dst_eloop, dst_enoent, &
     dst_ewouldblock, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
 
   interface
@@ -30,19 +30,6 @@ module dst_posix
       import :: c_int
       integer(c_int), value :: signal
     end subroutine c_listen
-
-    subroutine c_stop_listening(signal) bind(c, name='dst_stop_listening')
-      import :: c_int
-      integer(c_int), value :: signal
-    end subroutine c_stop_listening
-
-    subroutine c_end_after(seconds, message, length, status) bind(c, name='dst_end_after')
-      import :: c_double, c_char, c_int64_t, c_int
-      real(c_double), value :: seconds
-      character(c_char), intent(in) :: message(*)
-      integer(c_int64_t), value :: length
-      integer(c_int), value :: status
-    end subroutine c_end_after
 
     integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
       import :: c_int
@@ -111,40 +98,14 @@ module dst_posix
       import :: c_int
     end function c_is_terminal
 
-    integer(c_int) function c_getpid() bind(c, name='getpid')
-      import :: c_int
-    end function c_getpid
-
-    integer(c_int) function c_kill(process, signal) bind(c, name='kill')
-      import :: c_int
-      integer(c_int), value :: process, signal
-    end function c_kill
-
     logical(c_bool) function has_v3() bind(c, name='dst_has_v3')
       import :: c_bool
     end function has_v3
-
-    logical(c_bool) function is_child() bind(c, name='dst_is_child')
-      import :: c_bool
-    end function is_child
-
-    integer(c_int) function c_await_child(process) bind(c, name='dst_await_child')
-      import :: c_int
-      integer(c_int), value :: process
-    end function c_await_child
-
-    subroutine c_allow_seconds(seconds) bind(c, name='dst_allow_seconds')
-      import :: c_int
-      integer(c_int), value :: seconds
-    end subroutine c_allow_seconds
 
     subroutine c_exit(status) bind(c, name='exit')
       import :: c_int
       integer(c_int), value :: status
     end subroutine c_exit
-
-    subroutine end_child() bind(c, name='dst_end_child')
-    end subroutine end_child
 
     subroutine c_join_thread(thread) bind(c, name='dst_join_thread')
       import :: c_ptr
@@ -193,12 +154,6 @@ module dst_posix
       integer(c_int64_t), value :: length
     end subroutine set_file_size
 
-    integer(c_int) function c_reserve(descriptor, present, length) bind(c, name='dst_reserve')
-      import :: c_int, c_int64_t
-      integer(c_int), value :: descriptor
-      integer(c_int64_t), value :: present, length
-    end function c_reserve
-
     real(c_double) function c_free_space(folder) bind(c, name='dst_free_space')
       import :: c_double, c_char
       character(c_char), intent(in) :: folder(*)
@@ -234,11 +189,6 @@ module dst_posix
       integer(c_int64_t), value :: count
     end subroutine c_put_error
 
-    integer(c_int) function c_begin_child(answer) bind(c, name='dst_begin_child')
-      import :: c_int
-      integer(c_int), intent(inout) :: answer
-    end function c_begin_child
-
     subroutine c_become(words, count) bind(c, name='dst_become')
       import :: c_int, c_char
       character(c_char), intent(in) :: words(*)
@@ -256,11 +206,6 @@ module dst_posix
       import :: c_int64_t
     end function c_stack_limit
 
-    subroutine c_allowed_cores(count, allowed) bind(c, name='dst_allowed_cores')
-      import :: c_int, c_bool
-      integer(c_int), value :: count
-      logical(c_bool), intent(out) :: allowed(*)
-    end subroutine c_allowed_cores
   end interface
 
 contains

@@ -3,12 +3,11 @@
 !> A handler can do nothing but set a variable, which is in posix.c. The run loop of the executable reads it; nothing that Python
 !> uses does.
 module dst_signals
-  use dst_posix, only: c_listen, c_stop_listening, c_end_after, stop_signal, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
-  use dst_kinds, only: wp, int64, real64
+  use dst_posix, only: c_listen, stop_signal, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
   implicit none
   private
 
-  public :: listen_to_requests, listen_to_signals, stop_listening, end_after, stop_signal, is_told_to_end, stopped_by, no_signal
+  public :: listen_to_requests, listen_to_signals, stop_signal, is_told_to_end, stopped_by, no_signal
 
   !> No signal has arrived.
   integer, parameter :: no_signal = 0
@@ -26,22 +25,6 @@ contains
     call c_listen(dst_sigint)
     call c_listen(dst_sigterm)
   end subroutine listen_to_signals
-
-  !> From now on signals that end a program have their usual effect. A run that is complete need not be asked to stop.
-  subroutine stop_listening()
-    call c_stop_listening(dst_sighup)
-    call c_stop_listening(dst_sigint)
-    call c_stop_listening(dst_sigterm)
-  end subroutine stop_listening
-
-  !> Unless the program has ended by then, end it after some seconds, whatever it waits for.
-  subroutine end_after(seconds, message, status)
-    real(wp), intent(in) :: seconds
-    character(*), intent(in) :: message   !! for the error output, without the end of the line
-    integer, intent(in) :: status         !! of the program
-
-    call c_end_after(real(seconds, real64), message//new_line('a'), len(message) + 1_int64, status)
-  end subroutine end_after
 
   !> Whether a signal asks to end now. SIGUSR1 only asks not to begin anything new.
   logical function is_told_to_end()

@@ -4,11 +4,11 @@
 !> many for the system ends the program. OpenMP's locks and atomic operations also work between the threads of this module.
 module dst_threads
   use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t, c_ptr, c_loc, c_funloc, c_associated, c_f_pointer, c_null_ptr
-  use dst_posix, only: c_allowed_cores, c_begin_thread, c_join_thread, c_stack_limit
+  use dst_posix, only: c_begin_thread, c_join_thread, c_stack_limit
   implicit none
   private
 
-  public :: task_t, run_in_threads, run_with_room, allowed_cores, most_cores
+  public :: task_t, run_in_threads, run_with_room
 
   !> A task that threads do together.
   type, abstract :: task_t
@@ -33,8 +33,6 @@ module dst_threads
 
   !> Bytes of a stack: the default of Linux for a program, and the size that suffices.
   integer(c_int64_t), parameter :: stack_bytes = 8*1024**2, least_stack_bytes = 1024**2
-  !> The most threads that a machine can have here.
-  integer, parameter :: most_cores = 1024
 
 contains
 
@@ -89,15 +87,6 @@ contains
 
     if (c_associated(member%thread)) call c_join_thread(member%thread)
   end subroutine await
-
-  !> The cores of the machine that this process may use, by number.
-  function allowed_cores() result(allowed)
-    logical :: allowed(0:most_cores - 1)
-    logical(c_bool) :: are_allowed(most_cores)
-
-    call c_allowed_cores(int(most_cores, c_int), are_allowed)
-    allowed = are_allowed
-  end function allowed_cores
 
   !> The procedure in which a thread begins.
   type(c_ptr) function follow(argument) bind(c)

@@ -381,7 +381,7 @@ def test_figure_of_a_file(command, tmp_path):
     file = tmp_path / "deck_trade.h5"
     assert main(["plot", str(file)]) == 0
     assert main(["plot", str(file), "--kind", "work_precision", "-o", str(tmp_path / "x.svg")]) == 0
-    assert main(["plot", str(file), "--kind", "history"]) == 1
+    assert main(["plot", str(file), "--kind", "history", "--overwrite"]) == 1
     assert (tmp_path / "deck_trade.png").stat().st_size > 10000
 
 
@@ -527,12 +527,19 @@ def test_a_point_is_the_run_of_its_settings(fig3):
 # The file, and what may happen to it
 
 
+def listens(process: subprocess.Popen[str]) -> bool:
+    """Whether a process has a handler for SIGHUP."""
+    with open(f"/proc/{process.pid}/status", encoding="utf-8") as status:
+        caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
+    return bool(int(caught, 16) >> (signal.SIGHUP - 1) & 1)
+
+
 def begun(executable, folder, *arguments: str, budget: str = "60") -> subprocess.Popen[str]:
     """A comparison that measures candidates."""
     words = [str(executable), "trade", "deck.nml", "-o", "x.h5", "--budget", budget, "--quiet", *arguments]
     process = subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
-    while not (folder / "x.h5.lock").exists() and process.poll() is None:
+    while not listens(process) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     return process

@@ -2,9 +2,9 @@
 program test_disk
   use checks, only: check, finish
   use, intrinsic :: iso_c_binding, only: c_int, c_char
-  use dst_disk, only: identity_t, identity_of, operator(==), create_file, open_own_file, write_bytes, read_at, close_descriptor, &
-    set_file_size, reserve_space, move_file, place_file, delete_file, delete_own_file, file_exists, is_folder, folder_of, &
-    place_of, true_path, unique_word, with_remedy, utc_now, utc_at
+  use dst_disk, only: identity_t, identity_of, operator(==), create_file, write_bytes, read_at, close_descriptor, &
+    set_file_size, move_file, place_file, delete_file, delete_own_file, file_exists, is_folder, folder_of, &
+    place_of, true_path, with_remedy, utc_now, utc_at
   use dst_kinds, only: int64
   implicit none
 
@@ -21,8 +21,6 @@ program test_disk
 contains
 
   subroutine test_names()
-    character(10) :: one
-
     call check('folder of a bare name', folder_of('x.h5') == '.')
     call check('folder of a relative name', folder_of('a/b/x.h5') == 'a/b')
     call check('folder at the root', folder_of('/x.h5') == '/')
@@ -30,8 +28,6 @@ contains
     call check('a path through the parent', true_path('/usr/..') == '/')
     call check('a place that is not there yet', place_of('x.h5') == true_path('.')//'/x.h5')
     call check('a place through the parent', place_of('/usr/../usr/no.h5') == '/usr/no.h5')
-    one = unique_word()
-    call check('words differ', one /= unique_word())
   end subroutine test_names
 
   subroutine test_files()
@@ -57,9 +53,6 @@ contains
     call check('bytes at a place', complete .and. all(bytes == ['y', 'a', 'b']))
     call read_at(descriptor, 3_int64, bytes, complete)
     call check('bytes beyond the end', .not. complete)
-    call reserve_space(descriptor, 5_int64, 100000_int64, reason)
-    two = identity_of(descriptor)
-    call check('reserved space is not seen', .not. allocated(reason) .and. two%bytes == 5)
     call set_file_size(descriptor, 2_int64)
     two = identity_of(descriptor)
     call check('cut', two%bytes == 2)
@@ -74,16 +67,11 @@ contains
     call close_descriptor(descriptor)
     call place_file(first, second, moved)
     call check('a name that is taken is kept', exists(first) .and. .not. moved)
-    call open_own_file(second, one, descriptor, reason)
-    call check('another file is not opened', allocated(reason) .and. descriptor < 0)
     call delete_own_file(second, one)
     call check('another file is not removed', exists(second))
     call move_file(first, second, moved)
     call check('moved', identity_of(second) == one .and. moved)
     call check('from there', .not. exists(first))
-    call open_own_file(second, one, descriptor, reason)
-    call check('the own file under its new name', .not. allocated(reason))
-    call close_descriptor(descriptor)
     call move_file(first, second, moved)
     call check('nothing to move', .not. moved)
     call delete_own_file(second, one)
@@ -105,9 +93,6 @@ contains
     call check('disk full', index(with_remedy('No space left on device'), 'free some space') > 0)
     call check('quota', index(with_remedy('Disk quota exceeded'), 'quota') > 0)
     call check('limit', index(with_remedy('File too large'), 'ulimit') > 0)
-    call check('lock', index(with_remedy('Resource temporarily unavailable'), 'locked by another process') > 0)
-    call check('no locks', index(with_remedy('No locks available'), 'locked by another process') > 0)
-    call check('a block is no lock', index(with_remedy('bad local heap block'), 'locked') == 0)
     call check('unknown', with_remedy('Input/output error') == 'Input/output error')
   end subroutine test_reasons
 
