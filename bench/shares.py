@@ -2,13 +2,12 @@
 
     python bench/shares.py [FILE.h5] [--exe EXE] [--short]
 
-Share I of N has the cases I, I+N, I+2N, ... Dealing gives the next case to the process that is free first. Both are simulated
-with /sweep/wall_time of FILE, by default of 1000 cases of model `full` whose costs differ by the misalignment and the velocity. The
-number is the time at which the last process ends over that of dealing, minus 1; beside it that of contiguous blocks of cases.
+Share I of N has the cases I, I+N, I+2N, ... The number is the time at which the last share ends over that of ideal dealing, minus 1;
+beside it that of contiguous blocks of cases. Ideal dealing keeps all processes busy until the end, or until the longest case ends.
+The times are /sweep/wall_time of FILE, by default of 1000 cases of model `full` that differ by the misalignment and the velocity.
 """
 
 import argparse
-import heapq
 import os
 import subprocess
 import tempfile
@@ -37,18 +36,10 @@ def main() -> None:
     )
     print("processes   shares   blocks   more time than ideal dealing [%]")
     for processes in PROCESSES:
-        ideal = dealt(costs, processes)
+        ideal = max(costs.sum() / processes, costs.max())
         interleaved = max(costs[i::processes].sum() for i in range(processes))
         blocks = max(block.sum() for block in np.array_split(costs, processes))
         print(f"{processes:9} {100 * (interleaved / ideal - 1):8.1f} {100 * (blocks / ideal - 1):8.1f}")
-
-
-def dealt(costs: np.ndarray, processes: int) -> float:
-    """Time at which the last process ends if each takes the next case as soon as it is free [s]."""
-    free = [0.0] * processes
-    for cost in costs:
-        heapq.heapreplace(free, free[0] + cost)
-    return max(free)
 
 
 def costs_in(file: str | Path) -> np.ndarray:
