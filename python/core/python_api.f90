@@ -1,4 +1,4 @@
-!> The one flat file for f2py: decks, runs, sweeps and locks by handle, and for arrays the equations of motion and slow creep.
+!> The one flat file for f2py: decks, runs and sweeps by handle, and for arrays the equations of motion and slow creep.
 !>
 !> Texts are passed in as arrays of single characters, since f2py cuts a longer one at a NUL; texts that are returned are UTF-8,
 !> padded with blanks. Objects on the heap are accessed by handles, and described by named tables and texts: there is no module
@@ -17,12 +17,11 @@ module dst_python_api
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_deck_values, only: element_count
-  use dst_errors, only: error_t, raise, file_error, usage_error
+  use dst_errors, only: error_t, raise, usage_error
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, log_multiplier, find_limit_cycles
-  use dst_lock, only: lock_t
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
@@ -46,7 +45,7 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, lock_open, run_open, sweep_open, cycles_open, ends_open, steady_open
+  public :: library_open, deck_open, run_open, sweep_open, cycles_open, ends_open, steady_open
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
@@ -70,7 +69,6 @@ module dst_python_api
     type(deck_t), allocatable :: deck
     type(table_t) :: table                   !! the last one that was requested
     character(:), allocatable :: text        !! the last one that was requested
-    type(lock_t) :: lock                     !! of a result file
   contains
     procedure :: make_table
     procedure :: make_text
@@ -149,23 +147,6 @@ contains
     call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), alone == 1)
     status = status_of(holder%session)
   end subroutine deck_open
-
-  !> Take the lock of a result file, until `release`; otherwise the text 'message' says which process has it.
-  subroutine lock_open(n_path, path, handle, status)
-    integer(c_int), intent(in) :: n_path
-    character(len=1), intent(in) :: path(n_path)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    type(holder_t), pointer :: holder
-    character(:), allocatable :: reason
-
-    allocate (holder)
-    handle = handle_of(c_loc(holder))
-    allocate (holder%session)
-    call holder%session%lock%take(text_of(path), reason)
-    if (allocated(reason)) call raise(holder%session%error, file_error, text_of(path)//': cannot create: '//reason)
-    status = status_of(holder%session)
-  end subroutine lock_open
 
   !> Read a deck (text, name for messages, overrides 'group.key=value', one in each line) and prepare the run.
   subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
@@ -422,7 +403,6 @@ contains
     type(holder_t), pointer :: held
 
     held => holder_of(handle)
-    call held%session%lock%release()
     deallocate (held%session)
     deallocate (held)
   end subroutine release

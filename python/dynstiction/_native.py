@@ -27,7 +27,6 @@ __all__ = [
     "DeckValues",
     "Ends",
     "KeyInfo",
-    "Lock",
     "Run",
     "Session",
     "Steady",
@@ -234,29 +233,6 @@ class DeckValues(Session):
         for (group, name), values in items.items():
             groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
         return groups
-
-
-class Lock(Session):
-    """The lock of a result file, the same as that of the executable, until it is closed.
-
-    Parameters
-    ----------
-    path : str
-        Path of the result.
-
-    Raises
-    ------
-    FileError
-        If another process holds the lock, or it cannot be created.
-    """
-
-    name = "lock"
-
-    def __init__(self, path: str) -> None:
-        handle, status = _core.lock_open(_characters(path))
-        super().__init__(handle)
-        if status != 0:
-            raise error_for(status, _named_text(handle, "message"))
 
 
 class Run(Session):

@@ -2,10 +2,10 @@
 module dst_command_line
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, find_command, &
     find_option, command_names, options_of, is_option_of, operand_of
-  use dst_division, only: share_wish_t, take_share_wish
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
   use dst_schema, only: schema, find_key, find_name, names_file
+  use dst_share, only: share_t, take_share
   use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, integer_text, &
     one_per_line, read_real
   implicit none
@@ -28,9 +28,9 @@ module dst_command_line
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
-    type(share_wish_t) :: share                    !! of --shard and --redivide
+    type(share_t) :: share                         !! of --share
     character(:), allocatable :: given             !! names of all options given, blank-separated
-    !> For --vary: their number, and the lists of &sweep that they make; whether the command was 'sweep', which is now 'run'.
+    !> For --vary: their number, and the lists of &sweep that they make; 'sweep' is then 'run'.
     integer :: variations = 0
     character(:), allocatable :: swept_keys, swept_first, swept_last, swept_count, swept_spacing
     logical :: is_quick_sweep = .false.
@@ -98,11 +98,10 @@ contains
       i = i + 1
     end do
     if (allocated(error)) return
-    command%share%redivide = command%has('--redivide')
     if (command%has('--version')) command%name = 'version'
     if (command%has('--help') .and. command%name == '') command%name = 'help'
     call check_command(command, error)
-    if (command%name == 'sweep' .and. .not. (allocated(error) .or. command%has('--help'))) call become_run(command)
+    if (command%variations > 0 .and. .not. (allocated(error) .or. command%has('--help'))) call settle_variations(command)
   end subroutine parse_arguments
 
   !> Append a word. An array constructor would do it, but with gfortran 12 it leaks the memory of the copies.
@@ -170,8 +169,8 @@ contains
       call append(command%settings, value)
     case ('--vary')
       call take_variation(value, command, error)
-    case ('--shard')
-      call take_share_wish(value, command%share, error)
+    case ('--share')
+      call take_share(value, command%share, error)
     case ('--quantity')
       command%quantity = value
     case ('--accuracy')
@@ -258,10 +257,10 @@ contains
   end subroutine take_variation
 
   !> A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
-  subroutine become_run(command)
+  subroutine settle_variations(command)
     type(command_t), intent(inout) :: command
 
-    command%name = 'run'
+    if (command%name == 'sweep') command%name = 'run'
     command%is_quick_sweep = .true.
     call append(command%settings, 'sweep.parameter='//command%swept_keys)
     call append(command%settings, 'sweep.first='//command%swept_first)
@@ -269,7 +268,7 @@ contains
     call append(command%settings, 'sweep.count='//command%swept_count)
     call append(command%settings, 'sweep.spacing='//command%swept_spacing)
     call append(command%settings, 'sweep.points=')
-  end subroutine become_run
+  end subroutine settle_variations
 
   !> Whether the word after the option belongs to it.
   pure logical function takes_value(option)
@@ -420,8 +419,6 @@ contains
     else if (command%name == 'sweep' .and. command%variations == 0) then
       call raise(error, usage_error, "'sweep' varies nothing: write --vary GROUP.KEY=FIRST:LAST:COUNT, like "// &
         '--vary system.misalignment_deg=0.5:20:40')
-    else if (command%share%redivide .and. .not. command%share%is_given) then
-      call raise(error, usage_error, '--redivide without --shard: give the new division, like --shard 3/16')
     else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
       call raise(error, usage_error, '--quantity without --accuracy: give the accuracy it must have')
     else if (size(command%operands) > 1 .and. command%output /= '') then

@@ -50,7 +50,7 @@ module dst_command_table
       'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
       'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
       'stop the run with a checkpoint: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
-      'started again after a stop or a kill, it runs the remaining cases.', &
+      'started again after a stop or a kill, it runs the remaining cases. With --share it runs a part of them.', &
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
       'dynstiction run inputs/fig3.nml --set drive.time=0,1,1 --set drive.velocity=1e-3,1e-3,0'), &
@@ -65,10 +65,10 @@ module dst_command_table
       'The deck is that in FILE.h5. The finished file has the same numbers as the file of a run without a stop, '// &
       'except the wall time.', &
       'dynstiction resume fig3.h5'), &
-    command_entry_t('merge', 'DECK...', ours, 'join the shards of a sweep', &
-      'Write the finished cases of a sweep from its shards FILE.shard-* to FILE. Deck, -o and --set are those of the run. '// &
-      'Cases that have not been run are rows of NaN with result_code -1; the shards are then kept, and the next '// &
-      'merge or run of the same sweep replaces the file.', &
+    command_entry_t('merge', 'DECK...', ours, 'join the shares of a sweep', &
+      'Write the finished cases of a sweep from the files of its shares, like phi.3-of-16.h5, to FILE, like phi.h5. Deck, -o, '// &
+      '--set and --vary are those of the run. Cases that have not been run are rows of NaN with result_code -1; the next merge '// &
+      'adds them, and so does a run of the deck without --share. The files of the shares are left alone.', &
       'dynstiction merge inputs/map_lambda.nml -o map_lambda.h5'), &
     command_entry_t('check', 'DECK...', ours, 'print the deck as used, run nothing', &
       'Check each deck, print it with every key as used, marked user or default, and run nothing. '// &
@@ -105,9 +105,8 @@ module dst_command_table
       'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
     command_entry_t('show', 'FILE...', ours, 'contents of a result, progress of a sweep', &
       'Print the contents of each file: for a run its model, method and summary, for a sweep its parameters and the ranges of '// &
-      'its results, for a deck the run that it describes. For an unfinished sweep, print '// &
-      'from its shards FILE.h5.shard-* how many cases are done, and for each shard its part, its times, and whether a '// &
-      'process is writing it; FILE.h5 itself need not exist yet. Nothing is changed, and no process is disturbed.', &
+      'its results, for a deck the run that it describes. For a sweep that is divided into shares, print how many cases of '// &
+      'each are done, and which have no file yet; FILE itself need not exist. Nothing is changed, and no process is disturbed.', &
       'dynstiction show map_lambda.h5'), &
     command_entry_t('plot', 'FILE.h5...', python, 'draw a result file, or several side by side', &
       'Draw a result file, or one figure that compares several runs. Of a run with many cycles only the first ones are '// &
@@ -160,14 +159,14 @@ module dst_command_table
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
       'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
     option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'remove the key from the deck: its default is used', ''), &
-    option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep', '*', &
+    option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep merge', '*', &
       'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
       'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &
-    option_t('--shard', 'I/N', 'run', '?', &
-      'run the I-th of N equal parts of a sweep; dynstiction merge joins the shards', &
-      'its number: write --shard I/N or --shard auto'), &
-    option_t('--shard', 'I', 'run', '?', 'the same; N is taken from the shards that exist', ''), &
-    option_t('--shard', 'auto', 'run', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
+    option_t('--share', 'I/N', 'run sweep', '?', &
+      'run the I-th of N equal parts of a sweep, into FILE.I-of-N.h5; dynstiction merge joins them', &
+      'its number: write --share I/N or --share auto'), &
+    option_t('--share', 'auto', 'run sweep', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
+    option_t('--retry', '', 'run sweep', '?', 'also run the cases again that failed before', ''), &
     option_t('--accuracy', 'A', 'trade', '?', 'print the cheapest settings whose errors are below A with a margin', trade_help), &
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
     option_t('--quantity', 'NAME', 'trade', '?', 'quantity with these errors, or all; default: those of final_elongation, '// &
@@ -176,8 +175,6 @@ module dst_command_table
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
     option_t('--all', '', 'trade', '?', 'print every setting, also those that failed or were skipped', ''), &
     option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
-    option_t('--keep-shards', '', 'run merge', '?', 'do not remove the shards of a sweep when the result file is complete', ''), &
-    option_t('--redivide', '', 'run', '?', 'with --shard: use another N than the shards have; finished cases are kept', ''), &
     option_t('--json', '', 'keys', '?', &
       'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &

@@ -6,7 +6,7 @@ module dst_deck_check
   use dst_cycles, only: measures
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: grid_cases, varied_key
-  use dst_disk, only: folder_of, file_size, file_exists, free_space, true_path, path_t
+  use dst_disk, only: folder_of, file_exists, free_space, true_path
   use dst_errors, only: error_t, raise, deck_error, file_error
   use dst_faults, only: faults_t
   use dst_kinds, only: wp
@@ -16,10 +16,10 @@ module dst_deck_check
   use dst_scene, only: scene_t, scene_from_deck
   use dst_scene_notes, only: scene_notes, sweep_notes
   use dst_schema, only: sweep_group
+  use dst_share, only: share_t
   use dst_simulation, only: simulation_t
   use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities, series_interval
   use dst_sweep_list, only: read_points
-  use dst_sweep_shard, only: shards_of
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -32,7 +32,6 @@ module dst_deck_check
   !> The results that a deck will write.
   type :: demand_t
     real(wp) :: bytes = 0.0_wp            !! as far as it is known beforehand
-    real(wp) :: there = 0.0_wp            !! bytes of it that are already on the disk, or are replaced
     character(:), allocatable :: what     !! '1e7 samples of 16 columns'
     character(:), allocatable :: remedy
   end type demand_t
@@ -40,10 +39,10 @@ module dst_deck_check
 contains
 
   !> Refuse a deck, read without a fault, that cannot run, or whose results do not fit on the disk of `output`.
-  subroutine check_deck(deck, output, shards, notes, interval, error)
+  subroutine check_deck(deck, output, share, notes, interval, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output                 !! the result file
-    integer, intent(in) :: shards                      !! processes that share a sweep on different disks; 0 = one does all
+    type(share_t), intent(in) :: share                 !! of a sweep
     character(:), allocatable, intent(out) :: notes    !! settings that are seldom intended, and the size of large results
     real(wp), allocatable, intent(out) :: interval     !! between the samples of a run [s]; unallocated if cases have their own
     type(error_t), allocatable, intent(out) :: error
@@ -51,9 +50,9 @@ contains
 
     notes = ''
     if (deck%is_sweep()) then
-      call weigh_sweep(deck, output, shards, demand, notes, error)
+      call weigh_sweep(deck, share, demand, notes, error)
     else
-      call weigh_run(deck, output, demand, notes, interval, error)
+      call weigh_run(deck, demand, notes, interval, error)
     end if
     ! With a limit of wall time, the results up to this limit are wanted.
     if (.not. (allocated(error) .or. deck%real_of('output', 'wall_limit') > 0.0_wp)) call check_room(output, demand, error)
@@ -65,9 +64,8 @@ contains
   end subroutine check_deck
 
   !> A single run: model, method, columns, samples.
-  subroutine weigh_run(deck, output, demand, notes, interval, error)
+  subroutine weigh_run(deck, demand, notes, interval, error)
     type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: output
     type(demand_t), intent(out) :: demand
     character(:), allocatable, intent(out) :: notes
     real(wp), allocatable, intent(out) :: interval
@@ -101,23 +99,19 @@ contains
       if (precision(1.0_wp) > 15) demand%bytes = demand%bytes + samples*real(8*size(columns), wp)
       demand%what = number_text(samples)//' samples of '//integer_text(size(columns))//' columns'
     end associate
-    if (file_exists(output)) demand%there = real(file_size(output), wp)
     demand%remedy = 'raise '//decisive//', name fewer output.fields, or choose another disk'
   end subroutine weigh_run
 
-  !> A sweep: its list of points, and for each case a record in a shard and a row of the result.
-  subroutine weigh_sweep(deck, output, shards, demand, notes, error)
+  !> A sweep: its list of points, and a row for each case.
+  subroutine weigh_sweep(deck, share, demand, notes, error)
     type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: output
-    integer, intent(in) :: shards
+    type(share_t), intent(in) :: share
     type(demand_t), intent(out) :: demand
     character(:), allocatable, intent(inout) :: notes
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(scene_t) :: scene
-    type(path_t), allocatable :: files(:)
     real(wp) :: cases, numbers, samples
-    integer :: i
 
     numbers = 0.0_wp
     demand%remedy = 'use smaller counts'
@@ -138,14 +132,8 @@ contains
       cases = grid_cases(deck)
     end if
     demand%remedy = demand%remedy//', or another disk'
-    ! A record and a row contain the same, except a few words.
-    demand%bytes = 8.0_wp*cases*(real(value_count + 3, wp) + numbers)
-    demand%bytes = merge(demand%bytes/real(max(1, shards), wp), 2.0_wp*demand%bytes, shards > 0)
+    demand%bytes = 8.0_wp*cases*(real(value_count + 3, wp) + numbers)/real(share%count, wp)
     demand%what = number_text(cases)//' cases of '//number_text(real(value_count, wp) + numbers)//' numbers'
-    call shards_of(output, files)
-    do i = 1, size(files)
-      demand%there = demand%there + real(file_size(files(i)%text), wp)
-    end do
     call scene_from_deck(deck, scene)
     call sweep_notes(deck, scene, cases, notes)
   end subroutine weigh_sweep
@@ -194,7 +182,7 @@ contains
     folder = folder_of(output)
     if (file_exists(output)) folder = folder_of(true_path(output))
     room = free_space(folder)
-    if (demand%bytes - demand%there <= room) return
+    if (demand%bytes <= room) return
     call raise(error, file_error, output//': cannot create: '//demand%what//' need '//bytes_text(demand%bytes)// &
       ', and the disk of '//folder//' has '//bytes_text(room)//': '//demand%remedy)
   end subroutine check_room

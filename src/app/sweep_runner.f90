@@ -1,7 +1,4 @@
-!> Run a sweep, and merge its shards into one result file: what `dynstiction run` does with a deck that has &sweep, and `merge`.
-!>
-!> The first process finds out which cases are to be run, from the deck and the existing shards; all processes run them
-!> (dst_sweep_work), each into its own shard; the first one writes the result.
+!> Run a sweep or a share of it, and join shares: what `dynstiction run` does with a deck that has &sweep, and `merge`.
 module dst_sweep_runner
   use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: version, git_revision
@@ -9,195 +6,301 @@ module dst_sweep_runner
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
-  use dst_disk, only: identity_of, identity_t, path_t
-  use dst_division, only: share_wish_t, settle_division
-  use dst_errors, only: error_t, raise, usage_error, file_error, some_failed, out_of_memory, stopped_early
+  use dst_disk, only: file_exists, path_t, place_of
+  use dst_errors, only: error_t, raise, file_error, some_failed, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, real64
-  use dst_processes, only: processes_t
-  use dst_progress, only: progress_t, new_progress
+  use dst_plain_numbers, only: duration_text
+  use dst_result_file, only: check_target
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_schema, only: schema, sweep_group
+  use dst_schema, only: schema
   use dst_sha256, only: sha256
+  use dst_share, only: share_t, shares_of
   use dst_signals, only: is_told_to_end, stopped_by
-  use dst_sweep, only: sweep_t, axis_t, new_sweep, table_quantities
-  use dst_sweep_file, only: block_of, merge_shards, look_at_result
-  use dst_sweep_shard, only: head_t, index_t, layout_of, shards_of, open_shard, inspect_shard, check_sweep, divisions_of, &
-    missing, without_concern, scan_shard, empty_shard, delete_shard
+  use dst_stopwatch, only: wall_clock
+  use dst_sweep, only: sweep_t
+  use dst_sweep_file, only: sweep_file_t, sweep_head_t, read_head
   use dst_sweep_work, only: sweep_work_t, thread_count
-  use dst_text, only: integer_text, word, word_count
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
-  public :: sweep_options_t, run_sweep, merge_sweep
+  public :: sweep_options_t, check_sweep_target, run_sweep, merge_sweep
 
   !> Options of the command line.
   type :: sweep_options_t
-    logical :: overwrite = .false., quiet = .false., keep_shards = .false.
-    type(share_wish_t) :: share          !! this process has a part of the cases, and does not communicate with others
+    logical :: overwrite = .false., quiet = .false., retry = .false.
+    type(share_t) :: share
   end type sweep_options_t
 
   !> Keys that say how a sweep is run, not what its cases are. The points themselves belong to the cases, the name of their file
   !> does not.
-  character(26), parameter :: changeable(6) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
-    'output.flush_seconds', 'output.checkpoint_interval', 'output.wall_limit']
+  character(26), parameter :: changeable(5) = [character(26) :: 'scene.title', 'sweep.points', 'output.file', &
+    'output.checkpoint_interval', 'output.wall_limit']
+
+  character(*), parameter :: of_another_build = 'is of another build of the program, or of a machine that rounds differently: '// &
+    'go on with that program, or begin again with --overwrite'
+  !> What is done about the file that has the name.
+  integer, parameter :: to_begin = 1, to_go_on = 2, nothing_to_do = 3
 
 contains
 
-  !> Run all cases that no shard contains yet, and merge the shards when all are finished. All processes end with the same error,
-  !> and one of them has its text.
-  subroutine run_sweep(deck, result_file, options, processes, error)
+  !> Whether `run`, or `merge`, may write the file of a sweep.
+  subroutine check_sweep_target(deck, result_file, options, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
-    type(processes_t), intent(in) :: processes
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
-    type(sweep_work_t), target :: work
-    type(head_t) :: head
-    integer, allocatable :: pending(:)
-    logical :: is_needed
+    type(sweep_head_t) :: found
+    integer :: plan
 
-    if (processes%count > 1 .and. options%share%is_given) then
-      call raise(error, usage_error, '--shard is for processes that do not communicate, and these do: leave it out')
-    else if (processes%rank == 0) then
-      call prepare(deck, result_file, options, sweep, head, work, pending, error)
-    end if
-    ! No process opens a shard before the first one has read all shards.
-    call processes%agree(error)
+    call check_target(result_file, .true., error)
     if (allocated(error)) return
-    is_needed = work%to_do > 0 .or. options%share%is_given
-    call share_sweep(processes, deck, sweep, head, is_needed, error)
-    if (is_needed) then
-      if (.not. allocated(error)) call open_shard(work%shard, result_file, &
-        merge(head%division%share, processes%rank, options%share%is_given), head, layout_of(sweep), error)
-      call processes%agree(error)
-      if (.not. allocated(error)) call work%run(sweep, processes, pending, options%quiet .or. processes%rank > 0, error)
-      call work%shard%close()
-      call processes%agree(error)
+    if (.not. file_exists(result_file)) return
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, options%share), options, plan, found, error)
+  end subroutine check_sweep_target
+
+  !> Run all cases of the share that its file lacks.
+  subroutine run_sweep(deck, result_file, options, report, error)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: result_file      !! that of the share
+    type(sweep_options_t), intent(in) :: options
+    character(:), allocatable, intent(out) :: report
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_t), target :: sweep
+    type(sweep_work_t) :: work
+    type(sweep_head_t) :: found
+    type(error_t), allocatable :: stopped
+    real(wp) :: begun
+    integer :: plan
+
+    begun = wall_clock()
+    report = ''
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, options%share), options, plan, found, error)
+    if (allocated(error)) return
+    work%file%rows = options%share%size(sweep%cases)
+    if (plan == nothing_to_do .or. work%file%rows == 0) then
+      call conclude(result_file, options%share, work%file%rows, found%failed, found%done, error)
+    else
+      work%retry = options%retry
+      call open_file(work%file, sweep, result_file, options, plan, error)
       if (allocated(error)) return
+      call work%run(sweep, options%quiet, stopped)
+      call finish(work%file, stopped, error)
+      if (.not. allocated(error)) call conclude(result_file, options%share, work%file%rows, work%file%failed, work%file%done, error)
+      found%done = work%file%done
     end if
-    if (processes%rank == 0) call present_result(sweep, head, result_file, options, work, processes, error)
-    call processes%agree(error)
+    if (.not. allocated(error)) report = report_on(result_file, options%share, found%done, begun)
   end subroutine run_sweep
 
-  !> What one process finds out for all: the sweep, and which of its cases are to be run.
-  subroutine prepare(deck, result_file, options, sweep, head, work, pending, error)
-    type(deck_t), intent(in) :: deck
+  !> Open the file of a share for new rows.
+  subroutine open_file(file, sweep, result_file, options, plan, error)
+    type(sweep_file_t), intent(inout) :: file
+    type(sweep_t), intent(in), target :: sweep
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
-    type(sweep_t), intent(out) :: sweep
-    type(head_t), intent(out) :: head
-    type(sweep_work_t), intent(inout) :: work
-    integer, allocatable, intent(out) :: pending(:)
+    integer, intent(in) :: plan
     type(error_t), allocatable, intent(out) :: error
-    type(index_t) :: index
-    type(path_t), allocatable :: files(:)
-    integer :: i, n, status
+    type(run_metadata_t) :: metadata
+    type(scene_t) :: scene
 
-    call begin_sweep(deck, sweep, head, error)
-    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, options%overwrite, index, files, error)
-    if (allocated(error)) return
-    call tell_of_others(sweep, index, options)
-    work%to_do = count(index%state == missing)
-    work%done_before = index%done
-    work%failed_before = index%failed
-    allocate (pending(work%to_do), stat=status)
-    if (status /= 0) then
-      call raise_no_memory(work%to_do, error)
-      return
-    end if
-    n = 0
-    do i = 1, sweep%cases
-      if (index%state(i) /= missing) cycle
-      n = n + 1
-      pending(n) = i
-    end do
-  end subroutine prepare
+    call scene_from_deck(sweep%deck, scene)
+    if (sweep%keeps_series) scene%interval = sweep%interval
+    call describe_run(sweep%deck, scene, '', metadata)
+    metadata%threads = thread_count(options%share%size(sweep%cases))
+    call file%open(result_file, sweep, options%share, head_of(sweep, options%share), metadata, plan == to_go_on, &
+      options%overwrite, error)
+  end subroutine open_file
 
-  !> The sweep of a deck, and the contents of the heads of its shards.
-  subroutine begin_sweep(deck, sweep, head, error)
-    type(deck_t), intent(in) :: deck
-    type(sweep_t), intent(out) :: sweep
-    type(head_t), intent(out) :: head
+  !> Make the file whole if it has anything new. `stopped`: why not all cases were run.
+  subroutine finish(file, stopped, error)
+    type(sweep_file_t), intent(inout) :: file
+    type(error_t), allocatable, intent(inout) :: stopped
     type(error_t), allocatable, intent(out) :: error
 
-    call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) head = head_of(sweep, identity_of_sweep(sweep))
-  end subroutine begin_sweep
-
-  !> The first process has read the points of a sweep; it sends them to the others if the sweep is needed.
-  subroutine share_sweep(processes, deck, sweep, head, is_needed, error)
-    type(processes_t), intent(in) :: processes
-    type(deck_t), intent(in) :: deck
-    type(sweep_t), intent(inout) :: sweep
-    type(head_t), intent(inout) :: head
-    logical, intent(inout) :: is_needed   !! the value of the first process
-    type(error_t), allocatable, intent(out) :: error
-    type(axis_t), allocatable :: axes(:)
-    character(:), allocatable :: names, identity
-    integer :: i
-
-    if (processes%count == 1) return
-    ! The identity is that of the deck as it was read.
-    identity = ''
-    if (is_needed) identity = head%identity
-    call processes%share_text(identity)
-    is_needed = identity /= ''
-    if (.not. is_needed) return
-    if (deck%text_of(sweep_group, 'points') /= '') then
-      if (processes%rank == 0) then
-        axes = sweep%axes
-        names = sweep%parameters()
+    if (allocated(stopped)) then
+      if (stopped%code == file_error) then
+        call move_alloc(stopped, error)
+        return
       end if
-      call processes%share_text(names)
-      if (processes%rank > 0) allocate (axes(word_count(names)))
-      do i = 1, size(axes)
-        axes(i)%name = word(names, i)
-        call processes%share_numbers(axes(i)%values)
-      end do
     end if
-    if (processes%rank == 0) return
-    call new_sweep(deck, sweep, error, axes, .true.)
-    head = head_of(sweep, identity)
-  end subroutine share_sweep
+    if (file%is_changed) then
+      call file%make_whole(error)
+      if (.not. allocated(error)) call file%close()
+    else
+      call file%discard()
+    end if
+    if (.not. allocated(error)) call move_alloc(stopped, error)
+  end subroutine finish
 
-  !> Write the finished cases of the shards to the result file.
-  subroutine merge_sweep(deck, result_file, options, error)
+  !> The error of a sweep that is not complete, or in which cases failed.
+  subroutine conclude(result_file, share, cases, failed, done, error)
+    character(*), intent(in) :: result_file
+    type(share_t), intent(in) :: share
+    integer, intent(in) :: cases, failed, done
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: of_all
+
+    of_all = ' of '//integer_text(cases)//' cases '
+    if (share%count > 1) of_all = of_all//'of share '//share%text()//' '
+    if (done < cases) then
+      call raise(error, stopped_early, integer_text(cases - done)//of_all//'have not been run: run the deck again to run them')
+    else if (failed > 0) then
+      call raise(error, some_failed, integer_text(failed)//of_all//'failed: see result_code and failures in '//result_file// &
+        '; --retry runs them again')
+    end if
+  end subroutine conclude
+
+  function report_on(result_file, share, cases, begun) result(report)
+    character(*), intent(in) :: result_file
+    type(share_t), intent(in) :: share
+    integer, intent(in) :: cases
+    real(wp), intent(in) :: begun      !! wall time [s]
+    character(:), allocatable :: report
+
+    report = '; see dynstiction plot '//printable(result_file)
+    if (share%count > 1) report = '; dynstiction merge joins the shares'
+    report = printable(result_file)//': '//integer_text(cases)//' cases, 0 failed ('//duration_text(wall_clock() - begun)//')'// &
+      report//new_line('a')
+  end function report_on
+
+  !> Join the files of all shares, and an incomplete one that has the result's name.
+  subroutine merge_sweep(deck, result_file, options, report, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
     type(sweep_options_t), intent(in) :: options
+    character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
-    type(processes_t) :: alone
-    type(sweep_t) :: sweep
-    type(head_t) :: head
-    type(index_t) :: index
+    type(sweep_t), target :: sweep
+    type(sweep_file_t) :: file
+    type(sweep_head_t) :: found
+    type(share_t), allocatable :: shares(:)
     type(path_t), allocatable :: files(:)
+    type(error_t), allocatable :: stopped
+    real(wp) :: begun
+    integer :: plan
 
-    call begin_sweep(deck, sweep, head, error)
-    if (.not. allocated(error)) call look_at_shards(sweep, head, result_file, options, .false., index, files, error)
+    begun = wall_clock()
+    report = ''
+    call sweep_of_deck(deck, sweep, error)
+    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, share_t()), options, plan, found, error)
+    if (plan == nothing_to_do .and. .not. allocated(error)) &
+      call raise(error, file_error, result_file//': the file is complete: use --overwrite to join the shares again')
+    if (.not. allocated(error)) call check_shares(sweep, result_file, shares, files, error)
+    if (.not. allocated(error)) call open_file(file, sweep, result_file, options, plan, error)
     if (allocated(error)) return
-    call tell_of_others(sweep, index, options)
-    if (index%done == 0) then
-      call raise(error, file_error, result_file//': there is no finished case to merge: run the deck first')
-    else
-      call write_result(sweep, head, result_file, index, files, options, alone, error)
-    end if
+    call take_shares(file, shares, files, stopped)
+    call finish(file, stopped, error)
+    if (allocated(error)) return
+    call conclude(result_file, share_t(), file%rows, file%failed, file%done, error)
+    if (.not. allocated(error)) report = report_on(result_file, share_t(), file%done, begun)
   end subroutine merge_sweep
 
-  !> The sweep and the build, on its kind of machine, to which a shard must belong.
-  function head_of(sweep, identity) result(head)
+  !> The files of the shares: all of this sweep and build, and of one division.
+  subroutine check_shares(sweep, result_file, shares, files, error)
     type(sweep_t), intent(in) :: sweep
-    character(*), intent(in) :: identity   !! its first characters are kept
-    type(head_t) :: head
+    character(*), intent(in) :: result_file
+    type(share_t), allocatable, intent(out) :: shares(:)
+    type(path_t), allocatable, intent(out) :: files(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(share_t), parameter :: example = share_t(1, 16)
+    type(sweep_head_t) :: ours, theirs
+    character(:), allocatable :: reason
+    integer :: i
+
+    call shares_of(result_file, shares, files)
+    if (size(files) == 0) call raise(error, file_error, result_file//': there is no file of a share, like '// &
+      example%file_name(result_file)//': run the deck with --share I/N first')
+    do i = 1, size(files)
+      if (allocated(error)) return
+      if (shares(i)%count /= shares(1)%count) then
+        call raise(error, file_error, files(1)%text//' and '//files(i)%text//' are of different divisions of the sweep: move '// &
+          'those of one away, and run the deck for what is missing')
+        return
+      end if
+      call read_head(files(i)%text, theirs, reason)
+      ours = head_of(sweep, shares(i))
+      if (allocated(reason)) then
+        reason = 'cannot be read: '//reason//': run this share again with --overwrite'
+      else if (theirs%identity /= ours%identity .or. theirs%share /= ours%share) then
+        reason = 'is no share of this sweep: move it away, or give the deck and the settings with which it was run'
+      else if (theirs%build /= ours%build) then
+        reason = of_another_build
+      end if
+      if (allocated(reason)) call raise(error, file_error, files(i)%text//': '//reason)
+    end do
+  end subroutine check_shares
+
+  !> Copy the rows of all shares, as many cases at a time as fit into the memory.
+  subroutine take_shares(file, shares, files, error)
+    type(sweep_file_t), intent(inout) :: file
+    type(share_t), intent(in) :: shares(:)
+    type(path_t), intent(in) :: files(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: first, i
+
+    do first = 1, file%rows, file%window()
+      do i = 1, size(files)
+        call file%take_rows(files(i)%text, shares(i), first, min(file%rows, first + file%window() - 1), error)
+        if (allocated(error)) return
+        if (.not. is_told_to_end()) cycle
+        call raise(error, stopped_early, stopped_by()//' while shares were joined: start it again')
+        return
+      end do
+    end do
+  end subroutine take_shares
+
+  !> What is to be done about the file that has the name; `found` describes it.
+  subroutine look_at(name, head, options, plan, found, error)
+    character(*), intent(in) :: name
+    type(sweep_head_t), intent(in) :: head
+    type(sweep_options_t), intent(in) :: options
+    integer, intent(out) :: plan
+    type(sweep_head_t), intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+
+    plan = to_begin
+    call check_target(name, .true., error)
+    if (allocated(error)) return
+    if (.not. file_exists(name)) return
+    call read_head(place_of(name), found, reason)
+    if (found%identity == head%identity .and. found%share == head%share .and. found%build == head%build) then
+      if (.not. found%complete .or. (options%retry .and. found%failed > 0)) then
+        plan = to_go_on
+      else if (.not. options%overwrite) then
+        plan = nothing_to_do
+      end if
+    else if (.not. options%overwrite) then
+      if (allocated(reason)) then
+        reason = 'cannot be read: '//reason//': --overwrite replaces it'
+      else if (found%identity == head%identity .and. found%share == head%share) then
+        reason = of_another_build
+      end if
+      if (allocated(reason)) then
+        call raise(error, file_error, name//': '//reason)
+      else
+        call check_target(name, .false., error)
+      end if
+    end if
+  end subroutine look_at
+
+  !> The sweep, and the build on its kind of machine, to which a file must belong.
+  function head_of(sweep, share) result(head)
+    type(sweep_t), intent(in) :: sweep
+    type(share_t), intent(in) :: share
+    type(sweep_head_t) :: head
     character(64) :: digest
 
-    head%identity = identity
+    digest = identity_of_sweep(sweep)
+    head%identity = digest(:len(head%identity))
     digest = sha256(version//git_revision//arithmetic_fingerprint())
     head%build = digest(:len(head%build))
-    head%columns = size(table_quantities(sweep))
-    head%cases = sweep%cases
+    head%share = share%text()
   end function head_of
 
   !> Every key that has an effect on a result, with the names and values of a list.
@@ -235,162 +338,4 @@ contains
       digest = sha256(digest//bytes(:8*n))
     end do
   end subroutine add_values
-
-  !> Which cases the shards next to `result_file` contain, and which file has the result's name. Shards of another sweep or build
-  !> are emptied with `empties`; otherwise those of another sweep are refused, and those of another build are skipped. A process
-  !> that has a part of the cases gets its division into `head`, and reads neither the shards of other parts nor cases that are not
-  !> its own.
-  subroutine look_at_shards(sweep, head, result_file, options, empties, index, files, error)
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(inout) :: head
-    character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
-    logical, intent(in) :: empties
-    type(index_t), intent(out) :: index
-    type(path_t), allocatable, intent(out) :: files(:)   !! shards of this sweep and build
-    type(error_t), allocatable, intent(out) :: error
-    type(head_t), allocatable :: heads(:)
-    integer :: i, status, ignored
-
-    call index%allocate(sweep%cases, block_of(sweep), status)
-    if (status /= 0) then
-      call raise_no_memory(sweep%cases, error)
-      return
-    end if
-    call shards_of(result_file, files)
-    call read_heads(head, empties, files, heads, index, error)
-    if (.not. allocated(error)) call settle_division(options%share, divisions_of(heads, files), head%division, error)
-    if (.not. (allocated(error) .or. options%overwrite)) &
-      call look_at_result(result_file, head, options%share%is_given, files, index, error)
-    if (allocated(error) .or. index%is_in_result) return
-    do i = 1, sweep%cases
-      if (.not. head%division%has(i)) index%state(i) = without_concern
-    end do
-    do i = 1, size(files)
-      associate (theirs => heads(i)%division, ours => head%division)
-        if (ours%shares > 0 .and. theirs%shares == ours%shares .and. theirs%share /= ours%share) cycle
-      end associate
-      if (is_told_to_end()) call raise(error, stopped_early, stopped_by()//': start it again')
-      if (allocated(error)) return
-      call scan_shard(files(i)%text, layout_of(sweep), i, index, ignored, error)
-      if (allocated(error)) return
-    end do
-  end subroutine look_at_shards
-
-  !> The heads of all shards; `files` and `heads` are returned without those of other builds.
-  subroutine read_heads(head, empties, files, heads, index, error)
-    type(head_t), intent(in) :: head
-    logical, intent(in) :: empties
-    type(path_t), allocatable, intent(inout) :: files(:)
-    type(head_t), allocatable, intent(out) :: heads(:)
-    type(index_t), intent(inout) :: index
-    type(error_t), allocatable, intent(out) :: error
-    logical :: is_ours(size(files))
-    type(identity_t) :: file
-    integer :: i
-
-    allocate (heads(size(files)))
-    do i = 1, size(files)
-      call inspect_shard(files(i)%text, heads(i), error)
-      if (.not. allocated(error)) call check_sweep(files(i)%text, heads(i), head, error)
-      is_ours(i) = heads(i)%is_of_build(head)
-      if (empties .and. (allocated(error) .or. .not. is_ours(i))) then
-        call empty_shard(files(i)%text, head, error)
-        heads(i) = head_t(is_whole=.false.)
-        is_ours(i) = .true.
-      end if
-      if (allocated(error)) return
-      if (.not. (heads(i)%is_whole .and. is_ours(i))) cycle
-      file = identity_of(files(i)%text)
-      index%begun = min(heads(i)%begun, merge(index%begun, heads(i)%begun, index%begun > 0))
-      index%ended = max(index%ended, file%changed)
-    end do
-    index%of_other_builds = count(.not. is_ours)
-    files = pack(files, is_ours)
-    heads = pack(heads, is_ours)
-  end subroutine read_heads
-
-  !> Shards of another build or kind of machine are skipped, with a remark.
-  subroutine tell_of_others(sweep, index, options)
-    type(sweep_t), intent(in) :: sweep
-    type(index_t), intent(in) :: index
-    type(sweep_options_t), intent(in) :: options
-    type(progress_t) :: progress
-
-    if (index%of_other_builds == 0) return
-    progress = new_progress(sweep%deck%name, options%quiet)
-    call progress%remark(integer_text(index%of_other_builds)//' shards are of another build of the program, '// &
-      'or of a machine that rounds differently: they are left alone, and their cases run again (--overwrite empties them)')
-  end subroutine tell_of_others
-
-  subroutine raise_no_memory(cases, error)
-    integer, intent(in) :: cases
-    type(error_t), allocatable, intent(out) :: error
-
-    call raise(error, out_of_memory, 'no memory for the list of '//integer_text(cases)// &
-      ' cases: divide the sweep into several decks')
-  end subroutine raise_no_memory
-
-  !> The result file; or, for a part of the cases, how to make it.
-  subroutine present_result(sweep, head, result_file, options, work, processes, error)
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(in) :: head
-    character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
-    type(sweep_work_t), intent(in) :: work
-    type(processes_t), intent(in) :: processes
-    type(error_t), allocatable, intent(out) :: error
-    type(head_t) :: again
-    type(index_t) :: index
-    type(path_t), allocatable :: files(:)
-    integer :: failed
-
-    if (options%share%is_given) then
-      failed = work%failed_before + work%failed
-      if (failed > 0) call raise(error, some_failed, integer_text(failed)//' of '// &
-        integer_text(head%division%size(sweep%cases))//' cases of shard '//head%division%text()//' failed')
-    else
-      again = head
-      call look_at_shards(sweep, again, result_file, options, .false., index, files, error)
-      if (.not. allocated(error)) call write_result(sweep, head, result_file, index, files, options, processes, error)
-    end if
-  end subroutine present_result
-
-  !> Merge the shards, unless that has been done, and remove them if they contain all cases.
-  subroutine write_result(sweep, head, result_file, index, files, options, processes, error)
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(in) :: head
-    character(*), intent(in) :: result_file
-    type(index_t), intent(in) :: index
-    type(path_t), intent(in) :: files(:)
-    type(sweep_options_t), intent(in) :: options
-    type(processes_t), intent(in) :: processes
-    type(error_t), allocatable, intent(out) :: error
-    type(run_metadata_t) :: metadata
-    type(scene_t) :: scene
-    integer :: i
-
-    if (.not. index%is_in_result) then
-      call scene_from_deck(sweep%deck, scene)
-      if (sweep%keeps_series) scene%interval = sweep%interval
-      call describe_run(sweep%deck, scene, '', metadata)
-      metadata%processes = processes%count
-      metadata%threads = thread_count(processes, sweep%cases)
-      call merge_shards(sweep, head, files, index, metadata, result_file, options%overwrite, error)
-      if (allocated(error)) return
-    end if
-    if (index%done == sweep%cases .and. .not. options%keep_shards) then
-      do i = 1, size(files)
-        call delete_shard(files(i)%text, head, error)
-        if (allocated(error)) return
-      end do
-    end if
-    if (index%done < sweep%cases) then
-      call raise(error, stopped_early, integer_text(sweep%cases - index%done)//' of '// &
-        integer_text(sweep%cases)//' cases have not been run: run the deck again to run them')
-    else if (index%failed > 0) then
-      call raise(error, some_failed, integer_text(index%failed)//' of '//integer_text(sweep%cases)// &
-        ' cases failed: see result_code and failures in '//result_file)
-    end if
-  end subroutine write_result
 end module dst_sweep_runner

@@ -39,8 +39,6 @@ module dst_writer
     procedure(write_samples), deferred :: write_samples
     !> Append events: time [s] and kind (1 = stick begins, 2 = slip begins).
     procedure(write_events), deferred :: write_events
-    !> Flush everything written so far, so that it survives if the process is killed.
-    procedure(flush), deferred :: flush
     !> Write how the run ended, and close; nothing may be written afterwards.
     procedure(finish), deferred :: finish
   end type writer_t
@@ -60,12 +58,6 @@ module dst_writer
       integer, intent(in) :: kind(:)
       type(error_t), allocatable, intent(out) :: error
     end subroutine write_events
-
-    subroutine flush(self, error)
-      import :: writer_t, error_t
-      class(writer_t), intent(inout) :: self
-      type(error_t), allocatable, intent(out) :: error
-    end subroutine flush
 
     subroutine finish(self, outcome, error)
       import :: writer_t, outcome_t, error_t

@@ -45,7 +45,6 @@ module dst_scene
     logical :: interval_is_chosen = .false.              !! by the program, not by the deck
     real(wp) :: checkpoint_interval = 0.0_wp             !! s of wall time, 0 = none
     real(wp) :: wall_limit = 0.0_wp                      !! s of wall time, 0 = none
-    real(wp) :: flush_seconds = 0.0_wp                   !! s of wall time
     real(wp), allocatable :: drive_time(:)               !! s, corners of the drive; one entry at 0 = constant
     real(wp), allocatable :: drive_velocity(:)           !! m/s
     real(wp), allocatable :: table_speed(:)              !! m/s, points of the law table
@@ -177,8 +176,6 @@ contains
       scene%checkpoint_interval = value
     case ('wall_limit')
       scene%wall_limit = value
-    case ('flush_seconds')
-      scene%flush_seconds = value
     end select
   end subroutine set_number
 end module dst_scene

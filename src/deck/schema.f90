@@ -182,10 +182,8 @@ module dst_schema
           'time between samples; auto = shows all motion, in up to 1e6 samples; 0 = every accepted step'), &
     key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, always, &
           'columns of the time series; default: all but pull_force, theta_deg, u_x_rate, u_y_rate'), &
-    key_t('output', 'flush_seconds', real_kind, 's', non_negative, may, '5.0', '', '', always, &
-          'wall time between flushes of the file'), &
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', always, &
-          'wall time between checkpoints; 0 = only when the run is stopped'), &
+          'least wall time between interim files, which resume continues; 0 = only when the run is stopped'), &
     key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', always, &
           'wall time after which the run stops; 0 = no limit'), &
     key_t('sweep', 'parameter', texts_kind, '', any_real, may, '', 'system.misalignment_deg', '', always, &

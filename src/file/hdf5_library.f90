@@ -16,7 +16,7 @@ module dst_hdf5_library
   integer(hid_t), parameter :: h5p_default = 0, h5s_all = 0, h5e_default = 0
 
   !> How files are opened, flushed and closed, and the oldest version of the format that they have.
-  integer(c_int), parameter :: h5f_acc_rdonly = 0, h5f_acc_rdwr = 1, h5f_acc_excl = 4, h5f_scope_local = 0, h5f_close_strong = 3, &
+  integer(c_int), parameter :: h5f_acc_rdonly = 0, h5f_acc_trunc = 2, h5f_close_strong = 3, &
     h5f_libver_v18 = 1
 
   !> Classes of types, character sets, layouts, filters, orders.
@@ -159,21 +159,11 @@ module dst_hdf5_library
       integer(c_int), value :: mode
       integer(hid_t), value :: creation, access
     end function h5fcreate
-    integer(c_int) function h5fflush(object, choice) bind(c, name='H5Fflush')
-      import :: c_int, hid_t
-      integer(hid_t), value :: object
-      integer(c_int), value :: choice
-    end function h5fflush
     integer(c_int) function h5fget_filesize(file, bytes) bind(c, name='H5Fget_filesize')
       import :: c_int, hid_t, hsize_t
       integer(hid_t), value :: file
       integer(hsize_t), intent(out) :: bytes
     end function h5fget_filesize
-    integer(c_int) function h5fget_vfd_handle(file, access, handle) bind(c, name='H5Fget_vfd_handle')
-      import :: c_int, c_ptr, hid_t
-      integer(hid_t), value :: file, access
-      type(c_ptr), intent(out) :: handle
-    end function h5fget_vfd_handle
     integer(hid_t) function h5fopen(name, mode, access) bind(c, name='H5Fopen')
       import :: c_int, c_char, hid_t
       character(c_char), intent(in) :: name(*)
@@ -203,11 +193,6 @@ module dst_hdf5_library
       import :: hid_t
       integer(hid_t), value :: object
     end function h5iget_file_id
-    integer(c_int) function h5ldelete(object, name, access) bind(c, name='H5Ldelete')
-      import :: c_int, c_char, hid_t
-      integer(hid_t), value :: object, access
-      character(c_char), intent(in) :: name(*)
-    end function h5ldelete
     integer(c_int) function h5lexists(object, name, access) bind(c, name='H5Lexists')
       import :: c_int, c_char, hid_t
       integer(hid_t), value :: object, access
@@ -269,6 +254,11 @@ module dst_hdf5_library
       integer(c_int), value :: rank
       integer(hsize_t), intent(in) :: sides(*)
     end function h5pset_chunk
+    integer(c_int) function h5pset_fill_value(creation, memory_type, value) bind(c, name='H5Pset_fill_value')
+      import :: c_int, c_ptr, hid_t
+      integer(hid_t), value :: creation, memory_type
+      type(c_ptr), value :: value
+    end function h5pset_fill_value
     integer(c_int) function h5pset_chunk_cache(access, slots, bytes, preemption) bind(c, name='H5Pset_chunk_cache')
       import :: c_int, c_size_t, c_double, hid_t
       integer(hid_t), value :: access

@@ -1,9 +1,8 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
   use, intrinsic :: iso_c_binding, only: nul => c_null_char
-  use dst_checkpoint, only: provenance_t
+  use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error
-  use dst_process, only: guard_t
   use dst_hdf5_library, only: hid_t, h5fclose, h5gopen, h5lexists, h5p_default
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, get_number, names_in, read_list, open_dataset, &
     read_rows, dataset_t, hdf5_t
@@ -18,7 +17,8 @@ module dst_hdf5_origin
   public :: origin_t, read_origin, check_is_result, is_hdf5, is_deck, sweep_state_t, state_of_sweep, describe_result
 
   !> The description of the run in the header of a result file.
-  type, extends(provenance_t) :: origin_t
+  type :: origin_t
+    character(:), allocatable :: version, created, deck_text, deck_resolved
     integer :: complete = 0
     integer :: result_code = -1
     character(:), allocatable :: result_text
@@ -35,36 +35,27 @@ module dst_hdf5_origin
 
 contains
 
-  !> Whether a file is a result of this program. Damage may make HDF5 fail in any way, so a child process reads the file.
-  subroutine check_is_result(file_name, may_be_damaged, reason)
+  !> Whether a file is a result of this program: one that has its ending, or names the program.
+  subroutine check_is_result(file_name, reason)
     character(*), intent(in) :: file_name
-    logical, intent(in) :: may_be_damaged              !! then a file that HDF5 cannot read is accepted as a result
     character(:), allocatable, intent(out) :: reason   !! unallocated if it is
     character(*), parameter :: remedy = ': use another name or remove it'
-    type(guard_t) :: guard
-    character(:), allocatable :: program
+    character(:), allocatable :: program, damage
     type(hdf5_t) :: h5
     integer(hid_t) :: file
+    integer :: ignored
+    logical :: has_ending
 
     if (.not. is_hdf5(file_name)) then
       reason = 'the file exists and is not an HDF5 file'//remedy
       return
     end if
-    call guard%begin()
-    if (guard%in_child) then
-      call open_existing(file_name, file, h5)
-      call get_attribute(file, 'program', program, h5)
-      if (h5%status >= 0) then
-        if (program == this_program) call guard%reply('')
-      else if (may_be_damaged) then
-        call guard%reply('')
-      end if
-      call guard%reply('the file exists and is no result of this program'//remedy)
-    end if
-    call guard%await(reason)
-    if (.not. (allocated(reason) .or. may_be_damaged)) reason = 'the file exists, and HDF5 fails on it'//remedy
-    if (.not. allocated(reason)) return
-    if (reason == '') deallocate (reason)
+    call check_ending(file_name, has_ending, damage)
+    if (has_ending) return
+    call open_existing(file_name, file, h5)
+    call get_attribute(file, 'program', program, h5)
+    if (h5%status < 0 .or. program /= this_program) reason = 'the file exists and is no result of this program'//remedy
+    if (file >= 0) ignored = h5fclose(file)
   end subroutine check_is_result
 
   !> Whether a file begins as HDF5 files do.
@@ -83,48 +74,43 @@ contains
     close (unit)
   end function is_hdf5
 
-  !> The description of a sweep in its file. Damage may make HDF5 fail in any way, so a child process reads it.
+  !> The description of a sweep in its file.
   type(sweep_state_t) function state_of_sweep(file_name) result(state)
     character(*), intent(in) :: file_name
-    type(guard_t) :: guard
     type(sweep_state_t) :: found
-    character(:), allocatable :: identity, text
-    character(80) :: answer
+    character(:), allocatable :: identity, damage
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: io_status
+    integer :: ignored
+    logical :: has_ending
 
     if (.not. is_hdf5(file_name)) return
-    call guard%begin()
-    if (guard%in_child) then
-      call open_existing(file_name, file, h5)
-      call get_attribute(file, 'sweep_identity', identity, h5)
-      call get_attribute(file, 'complete', found%complete, h5)
-      call get_attribute(file, 'cases_done', found%done, h5)
-      call get_attribute(file, 'cases_failed', found%failed, h5)
-      if (h5%status < 0 .or. len(identity) /= len(found%identity)) call guard%reply('')
-      write (answer, '(3(i0, 1x), a)') found%complete, found%done, found%failed, identity
-      call guard%reply(trim(answer))
+    call check_ending(file_name, has_ending, damage)
+    if (allocated(damage)) return
+    call open_existing(file_name, file, h5)
+    call get_attribute(file, 'sweep_identity', identity, h5)
+    call get_attribute(file, 'complete', found%complete, h5)
+    call get_attribute(file, 'cases_done', found%done, h5)
+    call get_attribute(file, 'cases_failed', found%failed, h5)
+    if (h5%status >= 0 .and. len(identity) == len(found%identity)) then
+      found%identity = identity
+      state = found
     end if
-    call guard%await(text)
-    io_status = 1
-    if (allocated(text)) read (text, *, iostat=io_status) found%complete, found%done, found%failed, found%identity
-    if (io_status == 0) state = found
+    if (file >= 0) ignored = h5fclose(file)
   end function state_of_sweep
 
-  !> A result file in one line, and its results in some more. A child process reads it.
+  !> A result file in one line, and its results in some more.
   subroutine describe_result(file_name, text, reason)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    type(guard_t) :: guard
+    logical :: has_ending
 
     text = ''
     if (is_hdf5(file_name)) then
-      call guard%begin()
-      if (guard%in_child) call guard%reply(description(file_name))
-      call guard%await(text)
-      if (.not. allocated(text)) text = ''
+      call check_ending(file_name, has_ending, reason)
+      if (allocated(reason)) return
+      text = description(file_name)
     end if
     if (text /= '') return
     reason = 'it is no result of this program, or damaged: give a result file'
@@ -304,7 +290,7 @@ contains
     has = h5lexists(file, group//nul, h5p_default) > 0
   end function has
 
-  !> Read the header of the result of a run that shall be resumed, an HDF5 file that `result_file` has found not to be empty.
+  !> Read the header of the result of a run that shall be resumed, an HDF5 file that is as it was when it was written.
   subroutine read_origin(file_name, shown_name, origin, error)
     character(*), intent(in) :: file_name, shown_name
     type(origin_t), intent(out) :: origin
@@ -318,7 +304,7 @@ contains
     call get_attribute(file, 'result_code', origin%result_code, h5)
     call get_attribute(file, 'result_text', origin%result_text, h5)
     call get_attribute(file, 'created', origin%created, h5)
-    call get_attribute(file, 'deck_sha256', origin%deck_sha256, h5)
+    call get_attribute(file, 'version', origin%version, h5)
     call get_text(file, 'deck/text', origin%deck_text, h5)
     call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
     if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason(h5))

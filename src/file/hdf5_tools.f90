@@ -8,7 +8,7 @@ module dst_hdf5_tools
   use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_char, c_size_t, c_double, nul => c_null_char, c_null_ptr, c_null_funptr, &
     c_loc, c_funloc, c_f_pointer
   use dst_hdf5_library, only: hid_t, hsize_t, h5open, h5dont_atexit, h5eset_auto, h5ewalk, h5e_error_t, h5e_default, &
-    h5e_walk_upward, h5fcreate, h5fopen, h5fget_filesize, h5fget_vfd_handle, h5f_acc_excl, h5f_acc_rdonly, h5f_close_strong, &
+    h5e_walk_upward, h5fcreate, h5fopen, h5fget_filesize, h5f_acc_trunc, h5f_acc_rdonly, h5f_close_strong, &
     h5f_libver_v18, h5iget_file_id, h5idec_ref, &
     h5tcopy, h5tset_size, h5tset_cset, h5tis_variable_str, h5tget_class, h5tget_size, h5t_variable, h5t_cset_utf8, h5t_c_s1, &
     h5t_native_double, h5t_native_int, h5t_std_i32le, h5t_ieee_f64le, h5t_integer, h5t_float, h5t_string, &
@@ -16,20 +16,22 @@ module dst_hdf5_tools
     h5s_select_set, h5aexists, h5acreate, h5aopen, h5awrite, h5aread, h5aget_type, h5aget_space, &
     h5dcreate, h5dopen, h5dget_type, h5dread, h5dwrite, h5dset_extent, h5dget_space, h5dget_create_plist, &
     h5dget_storage_size, h5dsset_scale, h5dsattach_scale, h5d_virtual, h5gcreate, h5gget_info, h5g_info_t, &
-    h5lexists, h5ldelete, h5lget_val, h5lget_name_by_idx, h5_index_name, h5_iter_inc, &
-    h5pcreate, h5pset_chunk, h5pset_chunk_cache, h5pset_buffer, h5pset_fletcher32, h5pset_fclose_degree, h5pset_libver_bounds, &
+    h5lget_val, h5lget_name_by_idx, h5_index_name, h5_iter_inc, &
+    h5pcreate, h5pset_chunk, h5pset_chunk_cache, h5pset_buffer, h5pset_fill_value, h5pset_fletcher32, h5pset_fclose_degree, &
+    h5pset_libver_bounds, &
     h5pget_layout, h5pget_nfilters, h5pget_filter, h5pget_external_count, h5p_default, h5p_dataset_create, h5p_dataset_access, &
     h5p_dataset_xfer, h5p_file_access, h5z_filter_shuffle, h5z_filter_fletcher32
   use dst_kinds, only: wp, real64
-  use dst_disk, only: path_t, wait_seconds, with_remedy
-  use dst_posix, only: fortran_text, ignore_size_limit_signal
+  use dst_disk, only: path_t, with_remedy
+  use dst_posix, only: c_set_environment, fortran_text, ignore_size_limit_signal
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, file_descriptor
-  public :: put_attribute, get_attribute, put_value, get_text, create_group, delete_link, release
-  public :: dataset_t, create_dataset, open_dataset, append, append_texts, cut, read_rows, make_scale, attach_scale
+  public :: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason
+  public :: put_attribute, get_attribute, put_value, get_text, create_group, release
+  public :: dataset_t, create_dataset, open_dataset, append, append_texts, write_rows, read_rows, read_texts, make_scale, &
+    attach_scale
   public :: names_in, read_list, get_number
 
   !> The status of a sequence of calls.
@@ -41,8 +43,8 @@ module dst_hdf5_tools
     procedure, private :: refuse
   end type hdf5_t
 
-  !> Room [bytes] to convert one value.
-  integer(c_size_t), parameter :: conversion_buffer = 64
+  !> Least room [bytes] in which values are converted.
+  integer(c_size_t), parameter :: least_room = 64
 
   !> A dataset that grows: one number or text in each row, or rows of `row_length` numbers.
   type :: dataset_t
@@ -73,7 +75,11 @@ contains
   subroutine start_hdf5(h5)
     type(hdf5_t), intent(out) :: h5
 
+    integer(c_int) :: ignored
+
     call ignore_size_limit_signal()
+    ! The locks of result_file say who writes. HDF5's own would be in their way.
+    ignored = c_set_environment('HDF5_USE_FILE_LOCKING'//nul, 'FALSE'//nul, 1_c_int)
     h5%status = h5dont_atexit()
     h5%status = h5open()
     if (h5%status >= 0) h5%status = h5eset_auto(h5e_default, c_null_funptr, c_null_ptr)
@@ -89,7 +95,7 @@ contains
     if (object < 0) self%status = -1
   end subroutine take
 
-  !> Create a file that does not exist, or open one; its objects are closed with it.
+  !> Create a file, in place of one that has the name, or open one; its objects are closed with it.
   subroutine open_file(file_name, mode, file, h5)
     character(*), intent(in) :: file_name
     integer, intent(in) :: mode
@@ -103,7 +109,7 @@ contains
     ! The oldest format with checksums of the metadata. A file of a newer one would have to be released with h5clear after a kill.
     if (h5%status >= 0) h5%status = h5pset_libver_bounds(access, h5f_libver_v18, h5f_libver_v18)
     if (h5%status >= 0) then
-      if (mode == h5f_acc_excl) then
+      if (mode == h5f_acc_trunc) then
         call h5%take(h5fcreate(file_name//nul, mode, h5p_default, access), file)
       else
         call h5%take(h5fopen(file_name//nul, mode, access), file)
@@ -112,21 +118,14 @@ contains
     call release([access], h5)
   end subroutine open_file
 
-  !> Open a file for reading. A run that was just killed may still be finishing a flush, and lock the file for that moment.
+  !> Open a file for reading.
   subroutine open_existing(file_name, file, h5)
     character(*), intent(in) :: file_name
     integer(hid_t), intent(out) :: file
     type(hdf5_t), intent(out) :: h5
-    integer, parameter :: most_tries = 10
-    integer :: i
 
-    do i = 1, most_tries
-      call start_hdf5(h5)
-      call open_file(file_name, h5f_acc_rdonly, file, h5)
-      if (h5%status >= 0) return
-      if (index(failure_reason(), 'temporarily unavailable') == 0) return
-      call wait_seconds(0.05_wp)
-    end do
+    call start_hdf5(h5)
+    call open_file(file_name, h5f_acc_rdonly, file, h5)
   end subroutine open_existing
 
   !> Close objects of any kind.
@@ -193,21 +192,6 @@ contains
     self%status = -1
     self%refusal = "'"//name//"' "//why
   end subroutine refuse
-
-  !> The operating system's descriptor of an open file.
-  subroutine file_descriptor(file, descriptor, h5)
-    integer(hid_t), intent(in) :: file
-    integer(c_int), intent(out) :: descriptor
-    type(hdf5_t), intent(inout) :: h5
-    integer(c_int), pointer :: value
-    type(c_ptr) :: handle
-
-    descriptor = -1
-    if (h5%status >= 0) h5%status = h5fget_vfd_handle(file, h5p_default, handle)
-    if (h5%status < 0) return
-    call c_f_pointer(handle, value)
-    descriptor = value
-  end subroutine file_descriptor
 
   subroutine put_text_attribute(object, name, text, h5)
     integer(hid_t), intent(in) :: object
@@ -357,13 +341,23 @@ contains
     call create_scalar(space, h5)
     if (h5%status >= 0) call h5%take(h5dcreate(group, trim(quantity%name)//nul, stored_as, space, h5p_default, h5p_default, &
       h5p_default), dataset)
-    ! For the conversion of each value HDF5 would clear a buffer of 1 MB: this is a tenth of the work of a run of one second.
-    if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_xfer), transfer)
-    if (h5%status >= 0) h5%status = h5pset_buffer(transfer, conversion_buffer, c_null_ptr, c_null_ptr)
+    call create_transfer(1_hsize_t, transfer, h5)
     if (h5%status >= 0) h5%status = h5dwrite(dataset, memory_type, h5s_all, h5s_all, transfer, value)
     call describe(dataset, quantity, h5)
     call release([dataset, space, transfer], h5)
   end subroutine write_scalar
+
+  !> The properties with which numbers are written. For a conversion HDF5 would clear a buffer of 1 MB each time.
+  subroutine create_transfer(numbers, transfer, h5)
+    integer(hsize_t), intent(in) :: numbers
+    integer(hid_t), intent(out) :: transfer
+    type(hdf5_t), intent(inout) :: h5
+    integer(c_size_t), parameter :: most = 1048576
+
+    if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_xfer), transfer)
+    if (h5%status >= 0) &
+      h5%status = h5pset_buffer(transfer, min(most, max(least_room, 8*int(numbers, c_size_t))), c_null_ptr, c_null_ptr)
+  end subroutine create_transfer
 
   !> The attributes that every dataset has.
   subroutine describe(dataset, quantity, h5)
@@ -431,20 +425,10 @@ contains
     if (h5%status >= 0) call h5%take(h5gcreate(parent, name//nul, h5p_default, h5p_default, h5p_default), group)
   end subroutine create_group
 
-  !> Remove a group or dataset, if it exists.
-  subroutine delete_link(parent, name, h5)
-    integer(hid_t), intent(in) :: parent
-    character(*), intent(in) :: name
-    type(hdf5_t), intent(inout) :: h5
-
-    if (h5%status >= 0) h5%status = h5lexists(parent, name//nul, h5p_default)
-    if (h5%status > 0) h5%status = h5ldelete(parent, name//nul, h5p_default)
-  end subroutine delete_link
-
-  !> Create an empty dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`. For columns of numbers the
-  !> cache has room for one chunk, or for none if `whole_chunks` are appended. Each chunk of numbers has a checksum, by which damage
-  !> is found when the chunk is read.
-  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, row_length, whole_chunks)
+  !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`: empty, or with `rows` that are
+  !> `fill`. For columns of numbers the cache has room for one chunk, or for none if `whole_chunks` are written. Each chunk of
+  !> numbers has a checksum, by which damage is found when the chunk is read.
+  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, row_length, whole_chunks, rows, fill)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
     integer, intent(in) :: chunk_rows
@@ -453,22 +437,26 @@ contains
     integer(hid_t), intent(in), optional :: stored_as
     integer, intent(in), optional :: row_length
     logical, intent(in), optional :: whole_chunks
+    integer, intent(in), optional :: rows
+    real(real64), intent(in), optional, target :: fill
     integer(hsize_t), parameter :: longest_chunk = 16384   ! values of a row
     integer(hid_t) :: space, creation, access, file_type
     integer(hsize_t) :: chunk(2)
     integer :: rank, cached_rows
 
     if (present(row_length)) dataset%row_length = row_length
+    if (present(rows)) dataset%rows = rows
     rank = size(extent(dataset, 0_hsize_t))
     chunk(:rank) = extent(dataset, int(chunk_rows, hsize_t))
     if (rank > 1) chunk(2) = min(chunk(2), longest_chunk)
     cached_rows = chunk_rows
     if (present(whole_chunks)) cached_rows = merge(0, chunk_rows, whole_chunks)
     if (h5%status >= 0) &
-      call h5%take(h5screate_simple(rank, extent(dataset, 0_hsize_t), extent(dataset, h5s_unlimited)), space)
+      call h5%take(h5screate_simple(rank, extent(dataset, dataset%rows), extent(dataset, h5s_unlimited)), space)
     if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_create), creation)
     if (h5%status >= 0) h5%status = h5pset_chunk(creation, rank, chunk)
     if (h5%status >= 0 .and. present(stored_as)) h5%status = h5pset_fletcher32(creation)
+    if (h5%status >= 0 .and. present(fill)) h5%status = h5pset_fill_value(creation, h5t_native_double, c_loc(fill))
     call create_access(merge(cached_rows, -1, present(stored_as) .and. rank == 1), access, h5)
     if (present(stored_as)) then
       file_type = stored_as
@@ -504,21 +492,24 @@ contains
       h5%status = h5pset_chunk_cache(access, slots, int(8*cached_rows, c_size_t), 1.0_c_double)
   end subroutine create_access
 
-  !> Open an existing column of numbers, with all its rows.
-  subroutine open_dataset(group, name, chunk_rows, dataset, h5)
+  !> Open an existing column, with all its rows; each has `row_length` numbers if that is present and not 0.
+  subroutine open_dataset(group, name, chunk_rows, dataset, h5, row_length)
     integer(hid_t), intent(in) :: group
     character(*), intent(in) :: name
     integer, intent(in) :: chunk_rows
     type(dataset_t), intent(out) :: dataset
     type(hdf5_t), intent(inout) :: h5
+    integer, intent(in), optional :: row_length
     integer(hid_t) :: access, space
 
+    if (present(row_length)) dataset%row_length = row_length
     call create_access(chunk_rows, access, h5)
     call open_own(group, name, dataset%id, h5, access)
     if (h5%status >= 0) call h5%take(h5dget_space(dataset%id), space)
     if (h5%status >= 0) h5%status = h5sget_simple_extent_ndims(space)
-    if (h5%status >= 0 .and. h5%status /= 1) call h5%refuse(name, 'is no list')
+    if (h5%status >= 0 .and. h5%status /= size(extent(dataset, dataset%rows))) call h5%refuse(name, 'has another shape')
     if (h5%status >= 0) call h5%take(h5sget_simple_extent_npoints(space), dataset%rows)
+    dataset%rows = dataset%rows/max(1_hsize_t, dataset%row_length)
     call release([access, space], h5)
   end subroutine open_dataset
 
@@ -640,15 +631,27 @@ contains
     integer(hid_t), intent(in) :: memory_type
     type(c_ptr), intent(in) :: values
     type(hdf5_t), intent(inout) :: h5
-    integer(hid_t) :: rows_in_file, rows_in_memory
 
     if (h5%status >= 0) h5%status = h5dset_extent(dataset%id, extent(dataset, dataset%rows + rows))
-    call select_rows(dataset, dataset%rows, int(rows, hsize_t), rows_in_file, rows_in_memory, h5)
-    if (h5%status >= 0) &
-      h5%status = h5dwrite(dataset%id, memory_type, rows_in_memory, rows_in_file, h5p_default, values)
-    call release([rows_in_memory, rows_in_file], h5)
+    call put_rows(dataset, dataset%rows, rows, memory_type, values, h5)
     if (h5%status >= 0) dataset%rows = dataset%rows + rows
   end subroutine append_rows
+
+  !> Write rows that begin at `values` after the first `first` rows of the dataset.
+  subroutine put_rows(dataset, first, rows, memory_type, values, h5)
+    type(dataset_t), intent(in) :: dataset
+    integer(hsize_t), intent(in) :: first
+    integer, intent(in) :: rows
+    integer(hid_t), intent(in) :: memory_type
+    type(c_ptr), intent(in) :: values
+    type(hdf5_t), intent(inout) :: h5
+    integer(hid_t) :: rows_in_file, rows_in_memory, transfer
+
+    call select_rows(dataset, first, int(rows, hsize_t), rows_in_file, rows_in_memory, h5)
+    call create_transfer(rows*max(1_hsize_t, dataset%row_length), transfer, h5)
+    if (h5%status >= 0) h5%status = h5dwrite(dataset%id, memory_type, rows_in_memory, rows_in_file, transfer, values)
+    call release([rows_in_memory, rows_in_file, transfer], h5)
+  end subroutine put_rows
 
   !> The rows of a dataset after its first `first` ones, in the file and in memory.
   subroutine select_rows(dataset, first, rows, rows_in_file, rows_in_memory, h5)
@@ -668,7 +671,39 @@ contains
     if (h5%status >= 0) call h5%take(h5screate_simple(rank, extent(dataset, rows), extent(dataset, rows)), rows_in_memory)
   end subroutine select_rows
 
-  !> Read the numbers of a column after its first `first` rows.
+  !> Write rows of numbers after the first `first` rows.
+  subroutine write_rows(dataset, first, rows, values, h5)
+    type(dataset_t), intent(in) :: dataset
+    integer(hsize_t), intent(in) :: first
+    integer, intent(in) :: rows
+    real(real64), intent(in), contiguous, target :: values(:)
+    type(hdf5_t), intent(inout) :: h5
+
+    call put_rows(dataset, first, rows, h5t_native_double, c_loc(values(1)), h5)
+  end subroutine write_rows
+
+  !> Read all texts of a column. HDF5 allocates them: they are freed at the end of the process.
+  subroutine read_texts(dataset, texts, h5)
+    type(dataset_t), intent(in) :: dataset
+    type(path_t), allocatable, intent(out) :: texts(:)
+    type(hdf5_t), intent(inout) :: h5
+    type(c_ptr), allocatable, target :: addresses(:)
+    integer(hid_t) :: text_type
+    integer :: i
+
+    allocate (texts(merge(dataset%rows, 0_hsize_t, h5%status >= 0)))
+    if (size(texts) == 0) return
+    allocate (addresses(size(texts)))
+    addresses = c_null_ptr
+    call create_text_type(text_type, h5)
+    if (h5%status >= 0) h5%status = h5dread(dataset%id, text_type, h5s_all, h5s_all, h5p_default, c_loc(addresses))
+    call release([text_type], h5)
+    do i = 1, size(texts)
+      texts(i)%text = fortran_text(addresses(i))
+    end do
+  end subroutine read_texts
+
+  !> Read the numbers of a dataset after its first `first` rows.
   subroutine read_rows(dataset, first, values, h5)
     type(dataset_t), intent(in) :: dataset
     integer(hsize_t), intent(in) :: first
@@ -677,21 +712,12 @@ contains
     integer(hid_t) :: rows_in_file, rows_in_memory
 
     if (size(values) == 0) return
-    call select_rows(dataset, first, size(values, kind=hsize_t), rows_in_file, rows_in_memory, h5)
+    call select_rows(dataset, first, size(values, kind=hsize_t)/max(1_hsize_t, dataset%row_length), rows_in_file, &
+      rows_in_memory, h5)
     if (h5%status >= 0) &
       h5%status = h5dread(dataset%id, h5t_native_double, rows_in_memory, rows_in_file, h5p_default, c_loc(values(1)))
     call release([rows_in_memory, rows_in_file], h5)
   end subroutine read_rows
-
-  !> Drop the rows of a column after the first `rows`.
-  subroutine cut(dataset, rows, h5)
-    type(dataset_t), intent(inout) :: dataset
-    integer(hsize_t), intent(in) :: rows
-    type(hdf5_t), intent(inout) :: h5
-
-    dataset%rows = min(dataset%rows, rows)
-    if (h5%status >= 0) h5%status = h5dset_extent(dataset%id, [dataset%rows])
-  end subroutine cut
 
   !> Make a column a dimension scale.
   subroutine make_scale(dataset, name, h5)

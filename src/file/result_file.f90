@@ -1,65 +1,69 @@
-!> The stages of a result file FILE.h5: its name, its lock, the unfinished file with which it begins, its checkpoint, its seal, its
-!> end.
+!> A result file is never changed, only replaced: it is written as NAME.part, and gets its name NAME when it is whole.
 !>
-!> docs/checkpoints.md has the table of states. The rules: no file gets its name before it is complete; no file is replaced, changed
-!> or removed that does not belong to this program, or that has become another file meanwhile; a process that does any of this has
-!> the lock. This module does not depend on the contents of the file.
+!> So under the name there is nothing, the former file, or a whole one, at every moment. NAME.part is also the lock: this process has
+!> it open and locked (flock) until the file has its name. One that no process has locked was left by a process that was killed, and
+!> is used again. docs/checkpoints.md has the states.
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
-  use dst_checkpoint, only: checkpoint_t, checkpoint_name, encoded, is_checkpoint, read_checkpoint
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, delete_own_file, &
-    file_exists, folder_of, is_folder, is_in_use, locked_by_a_reader, make_durable, make_name_durable, move_file, open_own_file, &
-    place_file, place_of, system_reason, wait_seconds, write_bytes
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, delete_own_file, file_exists, folder_of, is_folder, &
+    is_in_use, keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
+    system_reason, wait_seconds
+  use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_origin, only: check_is_result, is_deck
+  use dst_hdf5_origin, only: check_is_result, is_deck, is_hdf5
   use dst_kinds, only: wp, int64
-  use dst_lock, only: lock_t, holder_of, is_left_behind
-  use dst_seal, only: seal, break_seal, sound_seal
-  use dst_text, only: printable
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
-  public :: result_file_t, check_target
+  public :: result_file_t, interim_t, check_target
 
   !> A result file that this process writes.
   type :: result_file_t
-    character(:), allocatable :: name              !! as given by the user
-    character(:), allocatable, private :: place    !! the file that links lead to
-    logical, private :: has_name = .false.         !! it has its own name, not that of an unfinished file
-    logical, private :: is_durable = .false.       !! file and checkpoint survive a power failure
-    type(lock_t), private :: lock
-    type(identity_t), private :: replaced          !! the file that has the name which this one will get
-    ! Always open: so no other file can be mistaken for one of them.
-    integer(c_int), private :: own = -1
-    integer(c_int), private :: checkpoint = -1
+    character(:), allocatable :: name                !! as given by the user
+    character(:), allocatable, private :: place      !! the file that links lead to
+    type(identity_t), private :: former              !! the file that will be replaced
+    integer(c_int), private :: descriptor = -1       !! of NAME.part, then of NAME; the lock
+    logical, private :: has_name = .false.           !! it is no longer NAME.part
   contains
     procedure :: claim
-    procedure :: claim_unfinished
+    procedure :: claim_again
     procedure :: path
-    procedure :: adopt
-    procedure :: replace_own
+    procedure :: former_path
     procedure :: put_in_place
-    procedure :: save_checkpoint
-    procedure :: is_as_it_was_left
-    procedure :: unseal
-    procedure :: seal => seal_own
-    procedure :: delete_checkpoint
+    procedure :: begin_next
     procedure :: discard
-    procedure :: abandon
     procedure :: release
   end type result_file_t
 
+  !> When a file is made whole while the work goes on: after the given interval, or a third of the time so far if that is longer.
+  type :: interim_t
+    real(wp) :: interval = 0.0_wp          !! s; 0: never
+    real(wp) :: begun = 0.0_wp             !! wall clock when the work began [s]
+    real(wp) :: made = 0.0_wp              !! wall clock when the file was made whole last [s]
+  contains
+    procedure :: is_due
+  end type interim_t
+
+  character(*), parameter :: is_written = 'another process is writing this file: wait until it ends, or use another name'
+
 contains
 
+  !> Whether it is time, by the wall clock [s], to make the file whole.
+  pure logical function is_due(self, now)
+    class(interim_t), intent(in) :: self
+    real(wp), intent(in) :: now
+
+    is_due = self%interval > 0.0_wp .and. now - self%made >= max(self%interval, (now - self%begun)/3)
+  end function is_due
+
   !> Whether a result may get this name: it is free, or belongs to a result that is to be replaced. `claim` checks again.
-  subroutine check_target(name, overwrite, error, was_left_behind)
+  subroutine check_target(name, overwrite, error)
     character(*), intent(in) :: name
     logical, intent(in) :: overwrite
     type(error_t), allocatable, intent(out) :: error
-    logical, intent(in), optional :: was_left_behind   !! its writer was killed; else the lock next to it says so
     character(:), allocatable :: reason
     type(identity_t) :: there
-    logical :: may_be_damaged
 
     there = identity_of(place_of(name))
     if (trim(name) == '') then
@@ -75,46 +79,50 @@ contains
       reason = 'it is a symbolic link to a file that does not exist: remove it, or name that file'
     else if (.not. overwrite) then
       reason = 'the file exists: use --overwrite or another name'
-      if (is_checkpoint(checkpoint_name(place_of(name)))) reason = 'the file exists, of a run that did not reach its end: '// &
+      if (can_be_resumed(place_of(name))) reason = 'the file exists, of a run that did not reach its end: '// &
         'continue it with dynstiction resume '//printable(name)//', or begin again with --overwrite'
     else if (.not. there%is_regular) then
       reason = 'it is not a regular file: use another name'
-    else if (is_in_use(name, for_writing=.true.)) then
-      reason = 'another process is writing this file'//holder_of(place_of(name))//': wait for it or use another name'
     else if (there%bytes > 0) then
-      ! A process that was killed may have left a file that HDF5 cannot read. A lock or a checkpoint shows that it is of this
-      ! program.
-      may_be_damaged = is_checkpoint(checkpoint_name(place_of(name)))
-      if (present(was_left_behind)) then
-        may_be_damaged = may_be_damaged .or. was_left_behind
-      else if (is_left_behind(place_of(name))) then
-        may_be_damaged = .true.
-      end if
-      call check_is_result(name, may_be_damaged, reason)
+      call check_is_result(name, reason)
     end if
     if (allocated(reason)) call raise(error, file_error, name//': cannot create: '//reason)
   end subroutine check_target
 
-  !> Reserve the name for a new result. From now on no other process can have it.
+  logical function can_be_resumed(path)
+    character(*), intent(in) :: path
+    integer(int64), allocatable :: state(:)
+    character(:), allocatable :: reason
+
+    call read_state(path, state, reason)
+    can_be_resumed = size(state) > 0 .and. .not. allocated(reason)
+  end function can_be_resumed
+
+  !> Reserve the name for a new result. From now on no other process of this program can have it.
   subroutine claim(self, name, overwrite, error)
     class(result_file_t), intent(out) :: self
     character(*), intent(in) :: name
     logical, intent(in) :: overwrite
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
 
-    call take_lock(self, name, 'cannot create', error)
-    if (.not. allocated(error)) call check_target(name, overwrite, error, self%lock%was_left_behind)
-    if (.not. allocated(error)) call check_checkpoint(self, error)
-    if (allocated(error)) call self%release()
-    if (.not. allocated(error)) self%replaced = identity_of(self%place)
+    call check_target(name, overwrite, error)
+    if (allocated(error)) return
+    call take_part(self, name, reason)
+    if (.not. allocated(reason)) then
+      ! What was checked may have got its end, or another file, since then.
+      call check_target(name, overwrite, error)
+      if (allocated(error)) call self%discard()
+    else
+      call raise(error, file_error, name//': cannot create: '//reason)
+    end if
   end subroutine claim
 
-  !> Take over the result of a run that did not reach its end, with its checkpoint. Without a checkpoint `missing` says why.
-  subroutine claim_unfinished(self, name, checkpoint, missing, error)
+  !> Reserve the name of a file from which the work goes on: a new file with its rows will replace it.
+  subroutine claim_again(self, name, error)
     class(result_file_t), intent(out) :: self
     character(*), intent(in) :: name
-    type(checkpoint_t), intent(out) :: checkpoint
-    type(error_t), allocatable, intent(out) :: missing, error
+    type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
     type(identity_t) :: there
 
@@ -127,205 +135,159 @@ contains
       reason = 'it is empty or not a regular file: run the deck again'
     else if (is_deck(name)) then
       reason = 'it is a deck: dynstiction run '//printable(name)//' runs it; resume takes the result file of a run'
+    else
+      call take_part(self, name, reason)
     end if
-    if (allocated(reason)) then
-      call raise(error, file_error, name//': cannot resume: '//reason)
-      return
-    end if
-    call take_lock(self, name, 'cannot resume', error)
-    if (allocated(error)) return
-    self%has_name = .true.
-    call open_own_file(self%place, identity_of(self%place), self%own, reason)
-    if (.not. allocated(reason)) call wait_for_readers(self%place, reason)
-    if (allocated(reason)) then
-      call raise(error, file_error, name//': cannot resume: '//reason)
-      call self%release()
-      return
-    end if
-    call read_checkpoint(self%place, name, checkpoint, missing)
-    if (allocated(missing)) return
-    call open_own_file(checkpoint_name(self%place), identity_of(checkpoint_name(self%place)), self%checkpoint, reason)
-    self%is_durable = .not. allocated(reason)
-    if (self%is_durable) return
-    call raise(error, file_error, checkpoint_name(name)//': cannot resume: '//reason)
-    call self%release()
-  end subroutine claim_unfinished
+    if (allocated(reason)) call raise(error, file_error, name//': cannot resume: '//reason)
+  end subroutine claim_again
 
-  !> HDF5 opens a file for writing if no process reads it.
-  subroutine wait_for_readers(file_name, reason)
-    character(*), intent(in) :: file_name
+  !> Make NAME.part and lock it. A process that has just given its file the name, and goes on, has that file locked.
+  subroutine take_part(self, name, reason)
+    class(result_file_t), intent(inout) :: self
+    character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer, parameter :: most_tries = 10
-    integer :: i
-
-    do i = 1, most_tries
-      if (.not. is_in_use(file_name, for_writing=.false.)) return
-      call wait_seconds(0.05_wp)
-    end do
-    reason = locked_by_a_reader
-  end subroutine wait_for_readers
-
-  subroutine take_lock(self, name, purpose, error)
-    type(result_file_t), intent(inout) :: self
-    character(*), intent(in) :: name, purpose
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: reason
 
     self%name = name
     self%place = place_of(name)
-    call self%lock%take(self%place, reason)
-    if (allocated(reason)) call raise(error, file_error, name//': '//purpose//': '//reason)
-  end subroutine take_lock
+    call open_part(self%path(), self%descriptor, reason)
+    if (allocated(reason)) return
+    if (is_in_use(self%place)) then
+      reason = is_written
+      call self%discard()
+      return
+    end if
+    self%former = identity_of(self%place)
+  end subroutine take_part
 
-  !> A file with the checkpoint's name is replaced if it is a checkpoint: its result is gone, or will be replaced.
-  subroutine check_checkpoint(self, error)
-    type(result_file_t), intent(in) :: self
-    type(error_t), allocatable, intent(out) :: error
+  !> Create a file that is locked and empty; one that a killed process has left is used again.
+  subroutine open_part(path, descriptor, reason)
+    character(*), intent(in) :: path
+    integer(c_int), intent(out) :: descriptor
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(identity_t) :: there
+    logical :: is_held
 
-    there = identity_of(checkpoint_name(self%place))
-    if (.not. there%exists) return
-    if (is_checkpoint(checkpoint_name(self%place))) return
-    call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: a file of this name does not '// &
-      'belong to this program: move it away')
-  end subroutine check_checkpoint
+    call lock_new_file(path, descriptor, is_held, reason)
+    if (is_held) reason = is_written
+    if (allocated(reason)) return
+    there = identity_of(descriptor)
+    if (there%bytes > 0) then
+      if (.not. is_hdf5(path)) reason = 'a file called '//path//' does not belong to this program: move it away'
+    end if
+    if (allocated(reason)) then
+      call close_descriptor(descriptor)
+    else if (there%bytes > 0) then
+      call set_file_size(descriptor, 0_int64)
+    end if
+  end subroutine open_part
 
-  !> The path at which the file is to be created, or is.
+  !> The path at which the file is written.
   function path(self)
     class(result_file_t), intent(in) :: self
     character(:), allocatable :: path
 
-    path = self%place
-    if (.not. self%has_name) path = self%lock%scratch_name(self%place)
+    path = self%place//'.part'
   end function path
 
-  !> The file that has been created at `path` is this one.
-  subroutine adopt(self)
-    class(result_file_t), intent(inout) :: self
-    character(:), allocatable :: ignored
+  !> The path of the file that has the name, from which rows are copied; '' if there is none.
+  function former_path(self) result(path)
+    class(result_file_t), intent(in) :: self
+    character(:), allocatable :: path
 
-    call close_descriptor(self%own)
-    call open_own_file(self%path(), identity_of(self%path()), self%own, ignored)
-  end subroutine adopt
+    path = ''
+    if (self%former%exists) path = self%place
+  end function former_path
 
-  !> A new file is going to be created that will replace the present one.
-  subroutine replace_own(self)
-    class(result_file_t), intent(inout) :: self
-
-    self%replaced = identity_of(self%own)
-    self%has_name = .false.
-  end subroutine replace_own
-
-  !> Give the file its name.
-  subroutine put_in_place(self, error)
+  !> Give the file, which HDF5 has closed, its ending and its name. After an error NAME.part is gone. If another file has taken the
+  !> name meanwhile, what was computed is kept beside it.
+  subroutine put_in_place(self, error, state)
     class(result_file_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
-    logical :: placed
+    integer(int64), intent(in), contiguous, optional :: state(:)   !! from which the run can be resumed
+    character(:), allocatable :: reason
 
-    if (.not. self%replaced%exists) then
+    call append_ending(self%descriptor, reason, state)
+    if (.not. allocated(reason)) call make_durable(self%descriptor, reason)
+    if (.not. allocated(reason)) then
+      if (.not. identity_of(self%path()) == identity_of(self%descriptor)) &
+        reason = 'the file or its folder was removed, renamed or replaced during the run'
+    end if
+    if (.not. allocated(reason)) call take_name(self, reason)
+    if (.not. allocated(reason)) return
+    call self%discard()
+    call raise(error, file_error, self%name//': cannot finish: '//reason)
+  end subroutine put_in_place
+
+  subroutine take_name(self, reason)
+    class(result_file_t), intent(inout) :: self
+    character(:), allocatable, intent(out) :: reason
+    character(:), allocatable :: kept
+    logical :: placed
+    integer :: i
+
+    if (.not. self%former%exists) then
       call place_file(self%path(), self%place, placed)
     else
-      placed = identity_of(self%place) == self%replaced
+      call keep_mode(self%place, self%descriptor)
+      placed = identity_of(self%place) == self%former
       if (placed) call move_file(self%path(), self%place, placed)
     end if
     if (placed) then
       self%has_name = .true.
-    else
-      call raise(error, file_error, self%name//': cannot create: another file has taken the name: use another name')
-    end if
-  end subroutine put_in_place
-
-  !> Replace the checkpoint; the old one is kept until the new one is complete. `durable`: it survives a power failure.
-  subroutine save_checkpoint(self, checkpoint, durable, error)
-    class(result_file_t), intent(inout) :: self
-    type(checkpoint_t), intent(in) :: checkpoint
-    logical, intent(in) :: durable
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: place, unfinished, reason
-    integer(c_int) :: descriptor
-    logical :: moved
-
-    place = checkpoint_name(self%place)
-    unfinished = self%lock%scratch_name(place)
-    call create_file(unfinished, descriptor, reason)
-    if (.not. allocated(reason)) call write_bytes(descriptor, encoded(checkpoint), reason, 0_int64)
-    if (durable .and. .not. allocated(reason)) call make_durable(descriptor, reason)
-    if (.not. allocated(reason)) then
-      call move_file(unfinished, place, moved)
-      if (.not. moved) reason = system_reason()
-    end if
-    if (allocated(reason)) then
-      if (descriptor >= 0) call delete_own_file(unfinished, identity_of(descriptor))
-      call close_descriptor(descriptor)
-      call raise(error, file_error, checkpoint_name(self%name)//': cannot write the checkpoint: '//reason)
+      self%former = identity_of(self%descriptor)
+      call make_name_durable(folder_of(self%place))
       return
     end if
-    call close_descriptor(self%checkpoint)
-    self%checkpoint = descriptor
-    self%is_durable = durable
-    if (durable) call make_name_durable(folder_of(place))
-  end subroutine save_checkpoint
-
-  !> Whether the file still has the seal's `checksum`.
-  logical function is_as_it_was_left(self, checksum)
-    class(result_file_t), intent(in) :: self
-    character(*), intent(in) :: checksum
-
-    is_as_it_was_left = sound_seal(self%own) == checksum
-  end function is_as_it_was_left
-
-  !> The file is going to be changed: its seal is removed.
-  subroutine unseal(self)
-    class(result_file_t), intent(in) :: self
-
-    call break_seal(self%own)
-  end subroutine unseal
-
-  !> Append the seal with its `checksum` to the file, which is open only here. Data that were durable stay durable.
-  subroutine seal_own(self, checksum, error)
-    class(result_file_t), intent(in) :: self
-    character(:), allocatable, intent(out) :: checksum
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: reason
-
-    call seal(self%own, checksum, reason)
-    if (self%is_durable .and. .not. allocated(reason)) call make_durable(self%own, reason)
-    if (.not. allocated(reason)) then
-      if (.not. identity_of(self%path()) == identity_of(self%own)) &
-        reason = 'the file or its folder was removed, renamed or replaced during the run'
+    if (.not. identity_of(self%path()) == identity_of(self%descriptor)) then
+      reason = 'the file or its folder was removed, renamed or replaced during the run'
+      return
     end if
-    if (allocated(reason)) call raise(error, file_error, self%name//': cannot finish: '//reason)
-  end subroutine seal_own
+    reason = 'another file has taken the name'
+    do i = 1, 99
+      kept = self%place//'.kept'
+      if (i > 1) kept = kept//integer_text(i)
+      call place_file(self%path(), kept, placed)
+      if (.not. placed) cycle
+      self%has_name = .true.
+      reason = reason//': the result is in '//kept
+      return
+    end do
+  end subroutine take_name
 
-  !> Remove the checkpoint: there is nothing left to resume.
-  subroutine delete_checkpoint(self)
+  !> The file has its name, and the work goes on in a new one. No other process can get the name in between.
+  subroutine begin_next(self, error)
     class(result_file_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    integer, parameter :: most_tries = 200
+    character(:), allocatable :: reason
+    integer(c_int) :: next
+    integer :: i
 
-    if (self%checkpoint >= 0) call delete_own_file(checkpoint_name(self%place), identity_of(self%checkpoint))
-  end subroutine delete_checkpoint
+    ! Another process may look at the name in this moment, finds it locked, and lets go.
+    do i = 1, most_tries
+      call open_part(self%path(), next, reason)
+      if (.not. allocated(reason)) exit
+      if (reason /= is_written) exit
+      call wait_seconds(0.005_wp)
+    end do
+    call close_descriptor(self%descriptor)
+    self%descriptor = next
+    self%has_name = .false.
+    if (allocated(reason)) call raise(error, file_error, self%name//': cannot go on: '//reason)
+  end subroutine begin_next
 
-  !> Remove an unfinished file: its name has the tag of this process, so it can be no other file.
+  !> There will be no new file: remove NAME.part, and release the name.
   subroutine discard(self)
-    class(result_file_t), intent(in) :: self
-
-    if (.not. self%has_name) call delete_file(self%path())
-  end subroutine discard
-
-  !> There will be no result: remove its unfinished files, and release the name.
-  subroutine abandon(self)
     class(result_file_t), intent(inout) :: self
 
-    call self%discard()
-    call self%delete_checkpoint()
+    if (self%descriptor >= 0 .and. .not. self%has_name) call delete_own_file(self%path(), identity_of(self%descriptor))
     call self%release()
-  end subroutine abandon
+  end subroutine discard
 
   !> Release the name for other processes.
   subroutine release(self)
     class(result_file_t), intent(inout) :: self
 
-    call close_descriptor(self%own)
-    call close_descriptor(self%checkpoint)
-    call self%lock%release()
+    call close_descriptor(self%descriptor)
   end subroutine release
 end module dst_result_file

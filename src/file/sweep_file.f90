@@ -1,202 +1,421 @@
-!> The result file of a sweep: one row for each case, in the order of the cases, from the shards.
+!> The file of a sweep, or of a share of it: one row for each case, in the order of the cases.
 !>
-!> Rows are gathered block by block, so that the memory does not grow with the number of cases. The file gets its name when it is
-!> complete.
+!> Rows wait in memory, in blocks that are whole chunks of the file, and a block is written when its memory is needed for another:
+!> the memory hardly grows with the number of cases. A case that has not been run has the datasets' fill values: NaN, and
+!> result_code -1. The file gets its name when it is made whole (dst_result_file); the sweep then goes on in a new file, to which
+!> the rows of the former are copied. A sweep that is started again goes on in the same way, and so does a merge with rows of shares.
 module dst_sweep_file
-  use dst_disk, only: path_t, place_of, utc_at, with_remedy
+  use, intrinsic :: iso_fortran_env, only: int8
+  use dst_disk, only: path_t
+  use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_excl, h5t_ieee_f64le, h5t_std_i32le
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, create_group, dataset_t, &
-    create_dataset, append, append_texts, make_scale, attach_scale
-  use dst_hdf5_origin, only: sweep_state_t, state_of_sweep
+  use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5f_acc_trunc, h5f_acc_rdonly, h5t_ieee_f64le, h5t_std_i32le
+  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, get_attribute, create_group, release, &
+    dataset_t, create_dataset, open_dataset, append, append_texts, read_rows, read_texts, write_rows, make_scale, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
-  use dst_kinds, only: int64, real64
-  use dst_result_file, only: result_file_t, check_target
+  use dst_kinds, only: wp, real64
+  use dst_result_file, only: result_file_t
   use dst_schema, only: schema
-  use dst_signals, only: is_told_to_end, stopped_by
+  use dst_share, only: share_t
   use dst_sweep, only: sweep_t, case_t, axis_t, value_count, value_quantities, wall_time_value, table_quantities
-  use dst_seal, only: has_sound_seal
-  use dst_sweep_shard, only: head_t, index_t, layout_t, layout_of, shard_t, without_concern, open_records, &
-    read_record, shards_of
   use dst_text, only: integer_text
   use dst_writer, only: quantity_t, absent
   implicit none
   private
 
-  public :: block_of, merge_shards, look_at_result, is_of_unfinished_sweep
+  public :: sweep_file_t, sweep_head_t, read_head, not_run, identity_length, build_length
 
-  !> Number of cases in memory; number of values of their series or cycles in memory.
-  integer, parameter :: usual_block = 16384, most_table_values = 4000000
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
+  !> Rows of a block; numbers in a chunk of samples or cycles; bytes of all blocks of a table.
+  integer, parameter :: most_rows = 2048, usual_chunk = 16384, most_bytes = 16*1024**2
+  integer, parameter :: identity_length = 24, build_length = 16
 
-  type :: output_t
-    integer(hid_t) :: file = -1
-    type(dataset_t), allocatable :: columns(:)   !! number of the case, parameters, values, result code
-    type(dataset_t), allocatable :: table(:)     !! of the series or of the cycles
-    type(dataset_t) :: count                     !! of the cycles of a case
-    type(dataset_t) :: failed, failure
-  end type output_t
+  !> What the attributes of a file say about its sweep.
+  type :: sweep_head_t
+    character(identity_length) :: identity = ''   !! of deck and points; '' if the file is of no sweep
+    character(build_length) :: build = ''         !! of the program and the machine's arithmetic
+    character(:), allocatable :: share            !! 'I/N'
+    integer :: cases = 0                          !! of the share
+    integer :: done = 0, failed = 0               !! finished cases, and how many of them failed
+    logical :: complete = .false.
+  end type sweep_head_t
 
-  !> Some cases in the order in which they are written.
+  !> A column of a table.
+  type :: column_t
+    type(quantity_t) :: quantity
+    character(24) :: group = ''                   !! in which it is, like sweep/summary
+    logical :: is_integer = .false.
+    real(real64) :: fill = 0.0_real64
+    type(dataset_t) :: dataset = dataset_t()
+  end type column_t
+
+  !> Rows that are written together.
   type :: block_t
-    integer :: first = 0, count = 0
-    real(real64), allocatable :: columns(:, :)   !! (case, column)
-    real(real64), allocatable :: table(:, :, :)  !! (row, case, column)
-    integer, allocatable :: rows(:)              !! of the table of each case
-    type(path_t), allocatable :: message(:)
+    integer :: number = 0                         !! 0: none
+    integer :: last_used = 0
+    real(real64), allocatable :: values(:, :)     !! (numbers of a column's rows, column)
   end type block_t
+
+  !> Columns with rows of one length, and the blocks of them that are in memory.
+  type :: table_t
+    type(column_t), allocatable :: columns(:)
+    integer :: rows = 0, row_length = 1           !! rows, and numbers of one column in a row
+    integer :: block_rows = 0
+    type(block_t), allocatable :: blocks(:)
+    logical :: is_inner = .false.                 !! the columns have a second dimension: samples or cycles
+    integer :: uses = 0
+    logical, allocatable :: is_in_file(:)         !! blocks
+  contains
+    procedure :: put_row
+    procedure :: block_at
+    procedure :: write_block
+    procedure :: copy_blocks
+  end type table_t
+
+  !> The file while the sweep is run or merged.
+  type :: sweep_file_t
+    type(share_t) :: share
+    integer :: rows = 0, done = 0, failed = 0     !! cases; finished ones, and how many of them failed
+    integer(int8), allocatable :: code(:)         !! result_code of each row
+    logical :: is_changed = .false.               !! there are rows that the file under the name does not have
+    type(path_t), allocatable, private :: message(:)   !! of each row, if its case failed
+    type(sweep_t), pointer, private :: sweep => null()
+    type(sweep_head_t), private :: head
+    type(run_metadata_t), private :: metadata
+    type(result_file_t), private :: file
+    integer(hid_t), private :: id = -1
+    type(table_t), private :: tables(2)           !! values; samples or cycles
+  contains
+    procedure :: open => open_sweep_file
+    procedure :: put
+    procedure :: take_rows
+    procedure :: window
+    procedure :: make_whole
+    procedure :: go_on
+    procedure :: close => close_sweep_file
+    procedure :: discard
+  end type sweep_file_t
 
 contains
 
-  !> Whether a file is of an unfinished sweep: cases are missing, or there are still shards next to it.
-  logical function is_of_unfinished_sweep(result_file)
-    character(*), intent(in) :: result_file
-    type(sweep_state_t) :: state
-    type(path_t), allocatable :: files(:)
-
-    state = state_of_sweep(place_of(result_file))
-    call shards_of(result_file, files)
-    is_of_unfinished_sweep = state%identity /= '' .and. (state%complete == 0 .or. size(files) > 0)
-  end function is_of_unfinished_sweep
-
-  !> Refuse to replace the file with the name of the result, except a partial result of this sweep. If a complete one still has
-  !> shards next to it, `index` says that all cases are finished; but not for one of several processes, which `is_shared`.
-  subroutine look_at_result(result_file, head, is_shared, files, index, error)
-    character(*), intent(in) :: result_file
-    type(head_t), intent(in) :: head
-    logical, intent(in) :: is_shared
-    type(path_t), intent(in) :: files(:)
-    type(index_t), intent(inout) :: index
-    type(error_t), allocatable, intent(out) :: error
-    type(sweep_state_t) :: state
-
-    call check_target(result_file, .false., error)
-    if (.not. allocated(error)) return
-    state = state_of_sweep(place_of(result_file))
-    if (state%identity /= head%identity) return
-    if (state%complete == 1) then
-      if (is_shared .or. size(files) == 0) return
-      if (.not. has_sound_seal(place_of(result_file))) return
-      index%is_in_result = .true.
-      index%state = without_concern
-      index%done = state%done
-      index%failed = state%failed
-    end if
-    deallocate (error)
-  end subroutine look_at_result
-
-  !> Write the cases of the shards to `result_file`.
-  subroutine merge_shards(sweep, head, files, index, metadata, result_file, overwrite, error)
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(in) :: head
-    type(path_t), intent(in) :: files(:)
-    type(index_t), intent(in) :: index
-    type(run_metadata_t), intent(in) :: metadata
-    character(*), intent(in) :: result_file
-    logical, intent(in) :: overwrite
-    type(error_t), allocatable, intent(out) :: error
-    type(result_file_t) :: file
-    type(output_t) :: output
+  !> Read what a file says about its sweep. A file of no sweep has no identity; `reason` says why it cannot be read.
+  subroutine read_head(file_name, head, reason)
+    character(*), intent(in) :: file_name
+    type(sweep_head_t), intent(out) :: head
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    character(:), allocatable :: identity, build
+    logical :: has_ending
+    type(dataset_t) :: codes
     type(hdf5_t) :: h5
-    character(:), allocatable :: checksum
-    integer :: status
+    integer(hid_t) :: file
+    integer :: complete, ignored
 
-    call file%claim(result_file, .true., error)
-    if (allocated(error)) return
-    if (.not. overwrite) call check_replaceable(result_file, head, index, error)
-    if (allocated(error)) then
-      call file%release()
+    head%share = ''
+    call check_ending(file_name, has_ending, reason)
+    if (allocated(reason)) return
+    call start_hdf5(h5)
+    call open_file(file_name, h5f_acc_rdonly, file, h5)
+    if (h5%status < 0) then
+      reason = failure_reason()
       return
     end if
-    call start_hdf5(h5)
-    call open_file(file%path(), h5f_acc_excl, output%file, h5)
-    call file%adopt()
-    call write_metadata(output%file, metadata, h5)
-    call create_columns(output, sweep, h5)
-    call copy_cases(output, sweep, files, index, h5, error)
-    call describe_sweep(output, sweep, head, index, h5)
-    if (h5%status < 0) call raise_cannot_write(result_file, error)
-    status = 0
-    if (output%file >= 0) status = h5fclose(output%file)
-    if (status < 0) call raise_cannot_write(result_file, error)
-    if (.not. allocated(error)) call file%seal(checksum, error)
-    if (.not. allocated(error)) call file%put_in_place(error)
-    if (allocated(error)) then
-      call file%abandon()
-    else
-      call file%release()
+    call get_attribute(file, 'sweep_identity', identity, h5)
+    call get_attribute(file, 'sweep_build', build, h5)
+    call get_attribute(file, 'share', head%share, h5)
+    call get_attribute(file, 'complete', complete, h5)
+    call get_attribute(file, 'cases_done', head%done, h5)
+    call get_attribute(file, 'cases_failed', head%failed, h5)
+    call open_dataset(file, 'sweep/result_code', 1, codes, h5)
+    if (h5%status >= 0) then
+      head%cases = int(codes%rows)
+      head%identity = identity
+      head%build = build
+      head%complete = complete == 1
     end if
-  end subroutine merge_shards
+    ignored = h5fclose(file)
+  end subroutine read_head
 
-  !> Only a partial result of the same sweep may be replaced, and none that has more cases. No other process writes it meanwhile.
-  subroutine check_replaceable(result_file, head, index, error)
-    character(*), intent(in) :: result_file
-    type(head_t), intent(in) :: head
-    type(index_t), intent(in) :: index
+  !> Begin the file of a share; `goes_on`: with the rows of the file that has its name.
+  subroutine open_sweep_file(self, name, sweep, share, head, metadata, goes_on, overwrite, error)
+    class(sweep_file_t), intent(inout) :: self
+    character(*), intent(in) :: name
+    type(sweep_t), intent(in), target :: sweep
+    type(share_t), intent(in) :: share
+    type(sweep_head_t), intent(in) :: head             !! identity and build
+    type(run_metadata_t), intent(in) :: metadata
+    logical, intent(in) :: goes_on, overwrite
     type(error_t), allocatable, intent(out) :: error
-    type(sweep_state_t) :: state
+    integer :: status
 
-    call check_target(result_file, .false., error)
-    if (.not. allocated(error)) return
-    state = state_of_sweep(place_of(result_file))
-    if (state%identity /= head%identity .or. state%complete == 1) return
-    deallocate (error)
-    if (state%done > index%done) call raise(error, file_error, result_file//': the file holds '//integer_text(state%done)// &
-      ' cases, the shards '//integer_text(index%done)//': use --overwrite or another name')
-  end subroutine check_replaceable
-
-  !> The first error counts.
-  subroutine raise_cannot_write(result_file, error)
-    character(*), intent(in) :: result_file
-    type(error_t), allocatable, intent(inout) :: error
-
-    if (.not. allocated(error)) call raise(error, file_error, result_file//': cannot write: '//with_remedy(failure_reason()))
-  end subroutine raise_cannot_write
-
-  !> Number of cases that are read at once.
-  integer function block_of(sweep)
-    type(sweep_t), intent(in) :: sweep
-
-    block_of = min(sweep%cases, usual_block)
-    if (sweep%table_rows() > 0) block_of = max(1, min(block_of, most_table_values/max(1, sweep%table_values())))
-  end function block_of
-
-  subroutine create_columns(output, sweep, h5)
-    type(output_t), intent(inout) :: output
-    type(sweep_t), intent(in) :: sweep
-    type(hdf5_t), intent(inout) :: h5
-    type(quantity_t), allocatable :: columns(:)
-    integer(hid_t), allocatable :: places(:), stored_as(:)
-    integer(hid_t) :: group, summary, failures
-    integer :: i, axes
-
-    axes = size(sweep%axes)
-    allocate (columns, source=[quantity_t('case', '1', 'number of the case'), (parameter_of(sweep%axes(i)), i=1, axes), &
-      value_quantities(), quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see dynstiction help errors')])
-    allocate (output%columns(size(columns)), output%table(0))
-    call create_group(output%file, 'sweep', group, h5)
-    call create_group(group, 'summary', summary, h5)
-    allocate (places, source=[group, (group, i=1, axes), (merge(group, summary, i == wall_time_value), i=1, value_count), group])
-    allocate (stored_as, source=[h5t_std_i32le, (h5t_ieee_f64le, i=2, size(columns) - 1), h5t_std_i32le])
-    call put_attribute(group, 'grid', grid_text(sweep), h5)
-    call put_attribute(group, 'parameters', sweep%parameters(), h5)
-    do i = 1, size(columns)
-      call create_dataset(places(i), columns(i), block_of(sweep), output%columns(i), h5, stored_as(i), whole_chunks=.true.)
-      if (i == 1) call make_scale(output%columns(1), 'case', h5)
-      if (i > 1) call attach_scale(output%columns(i), output%columns(1), 1, h5)
-    end do
-    call create_group(group, 'failures', failures, h5)
-    call create_dataset(failures, quantity_t('case', '1', 'number of a case that failed'), 1024, output%failed, h5, h5t_std_i32le)
-    call make_scale(output%failed, 'case', h5)
-    call create_dataset(failures, quantity_t('result_text', '1', 'why it failed'), 1024, output%failure, h5)
-    call attach_scale(output%failure, output%failed, 1, h5)
-    if (sweep%keeps_series) then
-      call create_series(output, sweep, group, h5)
-    else if (sweep%keeps_cycles) then
-      call create_cycles(output, sweep, group, h5)
+    self%sweep => sweep
+    self%share = share
+    self%head = head
+    self%metadata = metadata
+    self%rows = share%size(sweep%cases)
+    allocate (self%code(self%rows), self%message(self%rows), stat=status)
+    if (status /= 0) then
+      call raise(error, out_of_memory, 'no memory for the list of '//integer_text(self%rows)// &
+        ' cases: divide the sweep with --share I/N')
+      return
     end if
+    self%code = not_run
+    call lay_out(self)
+    if (goes_on) then
+      call self%file%claim_again(name, error)
+      if (.not. allocated(error)) call take_former(self, error)
+    else
+      call self%file%claim(name, overwrite, error)
+    end if
+    if (.not. allocated(error)) call create(self, goes_on, error)
+  end subroutine open_sweep_file
+
+  !> The tables, with no rows yet.
+  subroutine lay_out(self)
+    class(sweep_file_t), intent(inout) :: self
+    type(quantity_t), allocatable :: quantities(:)
+    type(quantity_t) :: values(value_count)
+    real(real64) :: nan
+    character(24) :: group
+    integer :: i, rows
+
+    nan = absent()
+    values = value_quantities()
+    allocate (self%tables(1)%columns, source=[(column_t(values(i), 'sweep/summary', .false., nan), i=1, value_count), &
+      column_t(quantity_t('result_code', '1', '0: done; -1: not run; else why it failed, see dynstiction help errors'), 'sweep', &
+      .true., real(not_run, real64))])
+    self%tables(1)%columns(wall_time_value)%group = 'sweep'
+    self%tables%rows = self%rows
+    self%tables(1)%block_rows = (self%rows - 1)/((self%rows - 1)/most_rows + 1) + 1
+    allocate (self%tables(2)%columns(0))
+    rows = self%sweep%table_rows()
+    if (rows > 0) then
+      group = 'sweep/series'
+      if (self%sweep%keeps_cycles) then
+        group = 'sweep/cycles'
+        self%tables(1)%columns = [self%tables(1)%columns, column_t(quantity_t('count', '1', 'cycles that are kept of the case'), &
+          group, .true., 0.0_real64)]
+      end if
+      allocate (quantities, source=table_quantities(self%sweep))
+      deallocate (self%tables(2)%columns)
+      allocate (self%tables(2)%columns(size(quantities)))
+      do i = 1, size(quantities)
+        self%tables(2)%columns(i) = column_t(quantities(i), group, .false., nan)
+      end do
+      self%tables(2)%row_length = rows
+      self%tables(2)%is_inner = .true.
+      self%tables(2)%block_rows = max(1, min(self%rows, usual_chunk/rows))
+    end if
+    do i = 1, size(self%tables)
+      associate (table => self%tables(i))
+        allocate (table%blocks(max(1, min(blocks_of(table), &
+          most_bytes/(8*max(1, table%row_length*table%block_rows*size(table%columns)))))))
+        allocate (table%is_in_file(blocks_of(table)))
+        table%is_in_file = .false.
+      end associate
+    end do
+  end subroutine lay_out
+
+  !> Number of blocks of all rows.
+  pure integer function blocks_of(table)
+    type(table_t), intent(in) :: table
+
+    blocks_of = 0
+    if (size(table%columns) > 0) blocks_of = (table%rows - 1)/table%block_rows + 1
+  end function blocks_of
+
+  !> Which rows the file under the name has.
+  subroutine take_former(self, error)
+    class(sweep_file_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    type(sweep_head_t) :: head
+    character(:), allocatable :: reason
+    type(hdf5_t) :: h5
+    integer(hid_t) :: file
+    integer :: i, block, last, ignored
+
+    call read_head(self%file%former_path(), head, reason)
+    if (.not. allocated(reason)) then
+      if (head%identity /= self%head%identity .or. head%build /= self%head%build) reason = 'it was replaced meanwhile'
+    end if
+    if (.not. allocated(reason)) then
+      call start_hdf5(h5)
+      call open_file(self%file%former_path(), h5f_acc_rdonly, file, h5)
+      call read_codes(file, 1, self%code, h5)
+      call take_messages(self, file, self%share, h5)
+      if (h5%status < 0) reason = failure_reason()
+      if (file >= 0) ignored = h5fclose(file)
+    end if
+    if (allocated(reason)) then
+      call raise(error, file_error, self%file%name//': cannot go on: '//reason)
+      call self%file%discard()
+      return
+    end if
+    self%done = count(self%code /= not_run)
+    self%failed = count(self%code > 0)
+    do i = 1, size(self%tables)
+      associate (table => self%tables(i))
+        do block = 1, size(table%is_in_file)
+          last = min(block*table%block_rows, self%rows)
+          table%is_in_file(block) = any(self%code((block - 1)*table%block_rows + 1:last) /= not_run)
+        end do
+      end associate
+    end do
+  end subroutine take_former
+
+  !> The result codes of rows of a file.
+  subroutine read_codes(file, first, codes, h5)
+    integer(hid_t), intent(in) :: file
+    integer, intent(in) :: first
+    integer(int8), intent(out) :: codes(:)
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: dataset
+    real(real64), allocatable :: values(:)
+
+    allocate (values(size(codes)), source=real(not_run, real64))
+    call open_dataset(file, 'sweep/result_code', most_rows, dataset, h5)
+    call read_rows(dataset, first - 1_hsize_t, values, h5)
+    call release([dataset%id], h5)
+    if (h5%status >= 0) codes = nint(values, int8)
+  end subroutine read_codes
+
+  !> Why cases of a share failed, unless they are done here.
+  subroutine take_messages(self, file, share, h5)
+    class(sweep_file_t), intent(inout) :: self
+    integer(hid_t), intent(in) :: file
+    type(share_t), intent(in) :: share
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: cases, texts
+    type(path_t), allocatable :: text(:)
+    real(real64), allocatable :: number(:)
+    integer :: i, row
+
+    call open_dataset(file, 'sweep/failures/case', most_rows, cases, h5)
+    call open_dataset(file, 'sweep/failures/result_text', most_rows, texts, h5)
+    if (h5%status < 0) return
+    allocate (number(cases%rows))
+    call read_rows(cases, 0_hsize_t, number, h5)
+    call read_texts(texts, text, h5)
+    call release([cases%id, texts%id], h5)
+    do i = 1, min(size(text), size(number))
+      if (h5%status < 0 .or. modulo(nint(number(i)) - share%number, share%count) /= 0) cycle
+      row = (nint(number(i)) - self%share%number)/self%share%count + 1
+      if (row >= 1 .and. row <= self%rows) self%message(row)%text = text(i)%text
+    end do
+  end subroutine take_messages
+
+  !> Create the file with all its rows, and copy those that the former one has.
+  subroutine create(self, has_former, error)
+    class(sweep_file_t), intent(inout) :: self
+    logical, intent(in) :: has_former
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t) :: h5
+    integer(hid_t) :: former
+    integer :: i, ignored
+
+    self%is_changed = .false.
+    call start_hdf5(h5)
+    call open_file(self%file%path(), h5f_acc_trunc, self%id, h5)
+    call write_metadata(self%id, self%metadata, h5)
+    call create_columns(self, h5)
+    if (has_former) then
+      call open_file(self%file%former_path(), h5f_acc_rdonly, former, h5)
+      do i = 1, size(self%tables)
+        call self%tables(i)%copy_blocks(former, h5)
+      end do
+      if (h5%status >= 0) ignored = h5fclose(former)
+    end if
+    if (h5%status < 0) call give_up(self, failure_reason(), error)
+  end subroutine create
+
+  !> After a failure HDF5 cannot be trusted to close its file: it is abandoned, and the former one stays.
+  subroutine give_up(self, reason, error)
+    class(sweep_file_t), intent(inout) :: self
+    character(*), intent(in) :: reason
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, file_error, self%file%name//': cannot write: '//reason)
+    self%id = -1
+    call self%file%discard()
+  end subroutine give_up
+
+  subroutine create_columns(self, h5)
+    class(sweep_file_t), intent(inout) :: self
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: case, inner
+    integer(hid_t) :: sweep, summary, group
+    integer :: i, k
+
+    call create_group(self%id, 'sweep', sweep, h5)
+    call create_group(sweep, 'summary', summary, h5)
+    call put_attribute(sweep, 'grid', grid_text(self), h5)
+    call put_attribute(sweep, 'parameters', self%sweep%parameters(), h5)
+    call create_coordinates(self, sweep, case, h5)
+    group = sweep
+    if (self%tables(2)%is_inner) call create_inner_scale(self, sweep, group, inner, h5)
+    do k = 1, size(self%tables)
+      associate (table => self%tables(k))
+        do i = 1, size(table%columns)
+          associate (column => table%columns(i))
+            select case (column%group)
+            case ('sweep')
+              call create_column(sweep)
+            case ('sweep/summary')
+              call create_column(summary)
+            case default
+              call create_column(group)
+            end select
+            call attach_scale(column%dataset, case, 1, h5)
+            if (table%is_inner) call attach_scale(column%dataset, inner, 2, h5)
+          end associate
+        end do
+      end associate
+    end do
+
+  contains
+
+    subroutine create_column(parent)
+      integer(hid_t), intent(in) :: parent
+
+      associate (table => self%tables(k))
+        call create_dataset(parent, table%columns(i)%quantity, table%block_rows, table%columns(i)%dataset, h5, &
+          merge(h5t_std_i32le, h5t_ieee_f64le, table%columns(i)%is_integer), &
+          merge(table%row_length, 0, table%is_inner), .true., self%rows, table%columns(i)%fill)
+      end associate
+    end subroutine create_column
   end subroutine create_columns
+
+  !> The number of each case, which is the scale of all columns, and its parameters.
+  subroutine create_coordinates(self, group, case, h5)
+    class(sweep_file_t), intent(in) :: self
+    integer(hid_t), intent(in) :: group
+    type(dataset_t), intent(out) :: case
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: parameters(size(self%sweep%axes))
+    real(real64) :: values(min(self%rows, most_rows), size(self%sweep%axes))
+    integer :: first, i, rows
+
+    call create_dataset(group, quantity_t('case', '1', 'number of the case'), size(values, 1), case, h5, h5t_std_i32le, &
+      whole_chunks=.true.)
+    call make_scale(case, 'case', h5)
+    do i = 1, size(parameters)
+      call create_dataset(group, parameter_of(self%sweep%axes(i)), size(values, 1), parameters(i), h5, h5t_ieee_f64le, &
+        whole_chunks=.true.)
+      call attach_scale(parameters(i), case, 1, h5)
+    end do
+    do first = 0, self%rows - 1, size(values, 1)
+      rows = min(size(values, 1), self%rows - first)
+      associate (cases => self%share%case_of([(first + i, i=1, rows)]))
+        do i = 1, rows
+          values(i, :) = real(self%sweep%coordinates(cases(i)), real64)
+        end do
+        call append(case, rows, real(cases, real64), h5)
+      end associate
+      do i = 1, size(parameters)
+        call append(parameters(i), rows, values(:, i), h5)
+      end do
+    end do
+  end subroutine create_coordinates
 
   type(quantity_t) function parameter_of(axis) result(parameter)
     type(axis_t), intent(in) :: axis
@@ -207,246 +426,361 @@ contains
     end associate
   end function parameter_of
 
-  subroutine create_series(output, sweep, group, h5)
-    type(output_t), intent(inout) :: output
-    type(sweep_t), intent(in) :: sweep
-    integer(hid_t), intent(in) :: group
+  !> The group of the samples or cycles of all cases, and its scale: time, or the number of the cycle among those that are kept; the
+  !> last cycle that was run is in the last place that has one.
+  subroutine create_inner_scale(self, parent, group, scale, h5)
+    class(sweep_file_t), intent(in) :: self
+    integer(hid_t), intent(in) :: parent
+    integer(hid_t), intent(out) :: group
+    type(dataset_t), intent(out) :: scale
     type(hdf5_t), intent(inout) :: h5
-    type(dataset_t) :: time
-    integer(hid_t) :: series
-
-    call create_group(group, 'series', series, h5)
-    call create_dataset(series, quantity_t('time', 's', 'time of the samples'), min(8192, sweep%table_rows()), time, h5, &
-      h5t_ieee_f64le)
-    call make_scale(time, 'time', h5)
-    call append(time, sweep%table_rows(), real(sweep%series_times(), real64), h5)
-    call create_table(output, sweep, series, time, h5)
-  end subroutine create_series
-
-  !> The cycles of a case in a row; the last one that was run is in the last place that has one.
-  subroutine create_cycles(output, sweep, group, h5)
-    type(output_t), intent(inout) :: output
-    type(sweep_t), intent(in) :: sweep
-    integer(hid_t), intent(in) :: group
-    type(hdf5_t), intent(inout) :: h5
-    type(dataset_t) :: cycle
-    integer(hid_t) :: cycles
     integer :: i
 
-    associate (rows => sweep%table_rows())
-      call create_group(group, 'cycles', cycles, h5)
-      call create_dataset(cycles, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), rows, cycle, h5, &
-        h5t_std_i32le)
-      call make_scale(cycle, 'cycle', h5)
-      call append(cycle, rows, [(real(i, real64), i=1, rows)], h5)
+    associate (rows => self%tables(2)%row_length)
+      if (self%sweep%keeps_series) then
+        call create_group(parent, 'series', group, h5)
+        call create_dataset(group, quantity_t('time', 's', 'time of the samples'), min(8192, rows), scale, h5, h5t_ieee_f64le)
+        call make_scale(scale, 'time', h5)
+        call append(scale, rows, real(self%sweep%series_times(), real64), h5)
+      else
+        call create_group(parent, 'cycles', group, h5)
+        call create_dataset(group, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), rows, scale, h5, &
+          h5t_std_i32le)
+        call make_scale(scale, 'cycle', h5)
+        call append(scale, rows, [(real(i, real64), i=1, rows)], h5)
+      end if
     end associate
-    call create_dataset(cycles, quantity_t('count', '1', 'cycles that are kept of the case'), block_of(sweep), output%count, h5, &
-      h5t_std_i32le, whole_chunks=.true.)
-    call attach_scale(output%count, output%columns(1), 1, h5)
-    call create_table(output, sweep, cycles, cycle, h5)
-  end subroutine create_cycles
+  end subroutine create_inner_scale
 
-  !> The samples or cycles of the cases, a row for each case.
-  subroutine create_table(output, sweep, group, scale, h5)
-    type(output_t), intent(inout) :: output
-    type(sweep_t), intent(in) :: sweep
-    integer(hid_t), intent(in) :: group
-    type(dataset_t), intent(in) :: scale          !! of the samples or cycles
-    type(hdf5_t), intent(inout) :: h5
-    integer, parameter :: usual_chunk = 16384     ! values
-    type(quantity_t), allocatable :: columns(:)
-    integer :: i, rows
-
-    rows = sweep%table_rows()
-    allocate (columns, source=table_quantities(sweep))
-    deallocate (output%table)
-    allocate (output%table(size(columns)))
-    do i = 1, size(columns)
-      call create_dataset(group, columns(i), max(1, usual_chunk/rows), output%table(i), h5, h5t_ieee_f64le, row_length=rows)
-      call attach_scale(output%table(i), output%columns(1), 1, h5)
-      call attach_scale(output%table(i), scale, 2, h5)
-    end do
-  end subroutine create_table
-
-  !> '40 40', or 'list'.
-  function grid_text(sweep) result(text)
-    type(sweep_t), intent(in) :: sweep
+  !> '40 40', or 'list', as the cases of a share are none of a grid.
+  function grid_text(self) result(text)
+    class(sweep_file_t), intent(in) :: self
     character(:), allocatable :: text
     integer :: i
 
     text = 'list'
-    if (sweep%is_list) return
+    if (self%sweep%is_list .or. self%share%count > 1) return
     text = ''
-    do i = 1, size(sweep%axes)
-      text = text//integer_text(size(sweep%axes(i)%values))//' '
+    do i = 1, size(self%sweep%axes)
+      text = text//integer_text(size(self%sweep%axes(i)%values))//' '
     end do
     text = trim(text)
   end function grid_text
 
-  subroutine copy_cases(output, sweep, files, index, h5, error)
-    type(output_t), intent(inout) :: output
-    type(sweep_t), intent(in) :: sweep
-    type(path_t), intent(in) :: files(:)
-    type(index_t), intent(in) :: index
-    type(hdf5_t), intent(inout) :: h5
+  !> A finished case gets its row.
+  subroutine put(self, case, error)
+    class(sweep_file_t), intent(inout) :: self
+    type(case_t), intent(in) :: case
     type(error_t), allocatable, intent(out) :: error
-    type(block_t) :: block
-    type(layout_t) :: layout
-    integer :: first, length, no_memory
+    real(real64) :: values(size(self%tables(1)%columns))
+    real(real64), allocatable :: table(:, :)
+    type(hdf5_t) :: h5
+    integer :: row
 
-    layout = layout_of(sweep)
-    length = index%block
-    allocate (block%message(length), block%columns(length, size(output%columns)), block%rows(length))
-    allocate (block%table(sweep%table_rows(), length, size(output%table)), stat=no_memory)
-    if (no_memory /= 0) then
-      call raise(error, out_of_memory, 'no memory for the '//merge('cycles', 'series', sweep%keeps_cycles)//' of '// &
-        integer_text(length)//' cases: the shards keep all finished cases: merge them on a machine with more')
-      return
-    end if
-    do first = 1, sweep%cases, length
-      if (h5%status < 0) return
-      if (is_told_to_end()) then
-        call raise(error, stopped_early, stopped_by()//' while the result was written: the shards '// &
-          'keep all finished cases: start it again')
-        return
+    row = (case%number - self%share%number)/self%share%count + 1
+    values(:value_count) = real(case%values, real64)
+    values(value_count + 1) = real(case%result_code, real64)
+    if (self%tables(2)%is_inner) then
+      allocate (table(self%tables(2)%row_length, size(self%tables(2)%columns)), source=real(absent(), real64))
+      if (allocated(case%table)) table(:size(case%table, 2), :) = real(transpose(case%table), real64)
+      if (self%sweep%keeps_cycles) then
+        values(value_count + 2) = 0.0_real64
+        if (allocated(case%table)) values(value_count + 2) = real(size(case%table, 2), real64)
       end if
-      block%first = first
-      block%count = min(length, sweep%cases - first + 1)
-      call clear(block, sweep)
-      call read_block(files, index, layout, block, error)
-      if (allocated(error)) return
-      call write_block(output, block, h5)
-    end do
-  end subroutine copy_cases
+      call self%tables(2)%put_row(row, table, h5)
+    end if
+    call self%tables(1)%put_row(row, reshape(values, [1, size(values)]), h5)
+    call note(self, row, case%result_code)
+    if (case%result_code /= result_done) self%message(row)%text = case%result_text
+    if (h5%status < 0) call give_up(self, failure_reason(), error)
+  end subroutine put
 
-  !> Reset a block to cases that have not been run.
-  subroutine clear(block, sweep)
-    type(block_t), intent(inout) :: block
-    type(sweep_t), intent(in) :: sweep
-    real(real64) :: nan
+  !> A row has a case with this result.
+  subroutine note(self, row, result_code)
+    class(sweep_file_t), intent(inout) :: self
+    integer, intent(in) :: row, result_code
+
+    if (self%code(row) == not_run) self%done = self%done + 1
+    if (self%code(row) > 0) self%failed = self%failed - 1
+    if (result_code > 0) self%failed = self%failed + 1
+    self%code(row) = int(result_code, int8)
+    self%is_changed = .true.
+    if (result_code == result_done .and. allocated(self%message(row)%text)) deallocate (self%message(row)%text)
+  end subroutine note
+
+  !> Copy the numbers of a row into its block.
+  subroutine put_row(self, row, values, h5)
+    class(table_t), intent(inout) :: self
+    integer, intent(in) :: row
+    real(real64), intent(in) :: values(:, :)      !! (number, column)
+    type(hdf5_t), intent(inout) :: h5
+    integer :: slot, first
+
+    call self%block_at((row - 1)/self%block_rows + 1, slot, h5)
+    first = modulo(row - 1, self%block_rows)*self%row_length
+    self%blocks(slot)%values(first + 1:first + self%row_length, :) = values
+  end subroutine put_row
+
+  !> The place in memory of a block; that which was not used for longest is written if there is no other.
+  subroutine block_at(self, number, slot, h5)
+    class(table_t), intent(inout) :: self
+    integer, intent(in) :: number
+    integer, intent(out) :: slot
+    type(hdf5_t), intent(inout) :: h5
     integer :: i
 
-    nan = absent()
-    block%columns = nan
-    block%table = nan
-    block%rows = 0
-    do i = 1, block%count
-      associate (number => block%first + i - 1, axes => size(sweep%axes))
-        block%columns(i, :axes + 1) = [real(number, real64), real(sweep%coordinates(number), real64)]
-      end associate
-    end do
-    block%columns(:, size(block%columns, 2)) = not_run
-  end subroutine clear
-
-  !> Read the records of a block, shard by shard: there may be more shards than a process can have open. If a case has several
-  !> records, the first counts.
-  subroutine read_block(files, index, layout, block, error)
-    type(path_t), intent(in) :: files(:)
-    type(index_t), intent(in) :: index
-    type(layout_t), intent(in) :: layout
-    type(block_t), intent(inout) :: block
-    type(error_t), allocatable, intent(out) :: error
-    type(case_t) :: case
-    type(shard_t), target :: reader
-    integer(int64) :: place
-    integer :: stretch, shard, i
-    logical :: is_possible
-
-    shard = 0
-    is_possible = .true.
-    stretch = index%first((block%first - 1)/index%block + 1)
-    do while (stretch > 0 .and. is_possible)
-      associate (from => index%stretches(stretch))
-        if (from%shard /= shard) then
-          if (shard > 0) call reader%close()
-          shard = from%shard
-          call open_records(files(shard)%text, reader, error)
-          if (allocated(error)) return
-        end if
-        place = from%first
-        do i = 1, from%records
-          call read_record(reader, place, layout, case, is_possible)
-          if (is_possible) is_possible = case%number >= block%first .and. case%number < block%first + block%count
-          if (.not. is_possible) exit
-          call take_case(case, layout, block)
+    slot = findloc(self%blocks%number, number, dim=1)
+    self%uses = self%uses + 1
+    if (slot == 0) then
+      slot = findloc(self%blocks%number, 0, dim=1)
+      if (slot == 0) slot = minloc(self%blocks%last_used, dim=1)
+      call self%write_block(slot, h5)
+      associate (block => self%blocks(slot))
+        block%number = number
+        if (.not. allocated(block%values)) allocate (block%values(self%block_rows*self%row_length, size(self%columns)))
+        do i = 1, size(self%columns)
+          block%values(:, i) = self%columns(i)%fill
         end do
-        stretch = from%next
+        if (self%is_in_file(number)) call read_block(self, self%columns%dataset, number, block%values, h5)
       end associate
+    end if
+    self%blocks(slot)%last_used = self%uses
+  end subroutine block_at
+
+  subroutine open_columns(self, file, datasets, h5)
+    type(table_t), intent(in) :: self
+    integer(hid_t), intent(in) :: file
+    type(dataset_t), intent(out) :: datasets(:)
+    type(hdf5_t), intent(inout) :: h5
+    integer :: i
+
+    do i = 1, size(datasets)
+      call open_dataset(file, trim(self%columns(i)%group)//'/'//trim(self%columns(i)%quantity%name), self%block_rows, &
+        datasets(i), h5, merge(self%row_length, 0, self%is_inner))
     end do
-    if (shard > 0) call reader%close()
-    if (.not. is_possible) call raise(error, file_error, files(shard)%text//': was changed meanwhile: start again')
+  end subroutine open_columns
+
+  subroutine read_block(self, datasets, number, values, h5)
+    class(table_t), intent(in) :: self
+    type(dataset_t), intent(in) :: datasets(:)
+    integer, intent(in) :: number
+    real(real64), intent(inout) :: values(:, :)
+    type(hdf5_t), intent(inout) :: h5
+    integer :: i, first
+
+    first = (number - 1)*self%block_rows
+    do i = 1, size(datasets)
+      call read_rows(datasets(i), int(first, hsize_t), values(:min(self%block_rows, self%rows - first)*self%row_length, i), h5)
+    end do
   end subroutine read_block
 
-  subroutine take_case(case, layout, block)
-    type(case_t), intent(in) :: case
-    type(layout_t), intent(in) :: layout
-    type(block_t), intent(inout) :: block
-    integer :: j, n, last
-
-    n = case%number - block%first + 1
-    last = size(block%columns, 2)
-    if (nint(block%columns(n, last)) /= not_run) return
-    block%columns(n, last - value_count:last - 1) = real(case%values, real64)
-    block%columns(n, last) = real(case%result_code, real64)
-    if (case%result_code /= result_done) block%message(n)%text = case%result_text
-    if (layout%columns > 0) block%rows(n) = size(case%table, 2)
-    do j = 1, layout%columns
-      block%table(:size(case%table, 2), n, j) = real(case%table(j, :), real64)
-    end do
-  end subroutine take_case
-
-  subroutine write_block(output, block, h5)
-    type(output_t), intent(inout) :: output
-    type(block_t), intent(in) :: block
+  !> Write a block that is in memory, if there is one in this place.
+  subroutine write_block(self, slot, h5)
+    class(table_t), intent(inout) :: self
+    integer, intent(in) :: slot
     type(hdf5_t), intent(inout) :: h5
-    integer, allocatable :: failed(:)
-    type(path_t), allocatable :: messages(:)
-    integer :: i, last
+    integer :: i, first
 
-    last = size(output%columns)
-    do i = 1, last
-      call append(output%columns(i), block%count, block%columns(:block%count, i), h5)
-    end do
-    if (output%count%id >= 0) call append(output%count, block%count, real(block%rows(:block%count), real64), h5)
-    do i = 1, size(output%table)
-      call append(output%table(i), block%count, block%table(:, :, i), h5)
-    end do
-    failed = pack([(i, i=1, block%count)], block%columns(:block%count, last) > 0.0_real64)
-    allocate (messages(size(failed)))
-    do i = 1, size(failed)
-      messages(i)%text = block%message(failed(i))%text
-    end do
-    call append(output%failed, size(failed), real(failed + block%first - 1, real64), h5)
-    call append_texts(output%failure, messages, h5)
+    associate (block => self%blocks(slot))
+      if (block%number == 0) return
+      first = (block%number - 1)*self%block_rows
+      do i = 1, size(self%columns)
+        call write_rows(self%columns(i)%dataset, int(first, hsize_t), min(self%block_rows, self%rows - first), &
+          block%values(:, i), h5)
+      end do
+      self%is_in_file(block%number) = .true.
+    end associate
   end subroutine write_block
 
-  !> How much of the sweep is finished.
-  subroutine describe_sweep(output, sweep, head, index, h5)
-    type(output_t), intent(in) :: output
-    type(sweep_t), intent(in) :: sweep
-    type(head_t), intent(in) :: head
-    type(index_t), intent(in) :: index
+  !> Copy the blocks that a former file has, except those in memory.
+  subroutine copy_blocks(self, former, h5)
+    class(table_t), intent(inout) :: self
+    integer(hid_t), intent(in) :: former
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: datasets(size(self%columns))
+    integer :: number, slot
+
+    call open_columns(self, former, datasets, h5)
+    do number = 1, size(self%is_in_file)
+      if (.not. self%is_in_file(number) .or. any(self%blocks%number == number)) cycle
+      if (h5%status < 0) exit
+      self%is_in_file(number) = .false.
+      call self%block_at(number, slot, h5)
+      call read_block(self, datasets, number, self%blocks(slot)%values, h5)
+      self%blocks(slot)%last_used = 0
+    end do
+    call release(datasets%id, h5)
+  end subroutine copy_blocks
+
+  !> Copy those cases of a share's file that are missing here, or failed here and not there, if their rows are from `first` to
+  !> `last`. Only `window` rows are in memory at once.
+  subroutine take_rows(self, file_name, share, first, last, error)
+    class(sweep_file_t), intent(inout) :: self
+    character(*), intent(in) :: file_name
+    type(share_t), intent(in) :: share
+    integer, intent(in) :: first, last
+    type(error_t), allocatable, intent(out) :: error
+    integer(int8), allocatable :: codes(:)
+    logical, allocatable :: is_wanted(:)
+    integer, allocatable :: rows(:)
+    type(hdf5_t) :: h5
+    integer(hid_t) :: file
+    integer :: i, begin, ignored
+
+    begin = share%size(first - 1) + 1
+    allocate (rows, source=share%case_of([(i, i=begin, share%size(last))]))
+    if (size(rows) == 0) return
+    allocate (codes(size(rows)))
+    call start_hdf5(h5)
+    call open_file(file_name, h5f_acc_rdonly, file, h5)
+    call read_codes(file, begin, codes, h5)
+    if (h5%status >= 0) then
+      is_wanted = codes /= not_run .and. (self%code(rows) == not_run .or. (self%code(rows) > 0 .and. codes == 0))
+      if (any(is_wanted .and. codes > 0)) call take_messages(self, file, share, h5)
+      do i = 1, size(self%tables)
+        call copy_rows(self%tables(i), file, begin, rows, is_wanted, h5)
+      end do
+      do i = 1, size(rows)
+        if (is_wanted(i)) call note(self, rows(i), int(codes(i)))
+      end do
+      ignored = h5fclose(file)
+    end if
+    if (h5%status < 0) then
+      call raise(error, file_error, file_name//': cannot be read: '//failure_reason()//': run this share again with --overwrite')
+      call self%discard()
+    end if
+  end subroutine take_rows
+
+  !> Copy wanted rows of a file, from its row `begin` on, to `rows`.
+  subroutine copy_rows(table, file, begin, rows, is_wanted, h5)
+    type(table_t), intent(inout) :: table
+    integer(hid_t), intent(in) :: file
+    integer, intent(in) :: begin, rows(:)
+    logical, intent(in) :: is_wanted(:)
+    type(hdf5_t), intent(inout) :: h5
+    type(dataset_t) :: datasets(size(table%columns))
+    real(real64), allocatable :: values(:, :)
+    integer :: i
+
+    allocate (values(table%row_length*size(rows), size(datasets)))
+    call open_columns(table, file, datasets, h5)
+    do i = 1, size(datasets)
+      call read_rows(datasets(i), begin - 1_hsize_t, values(:, i), h5)
+    end do
+    call release(datasets%id, h5)
+    do i = 1, size(rows)
+      if (is_wanted(i) .and. h5%status >= 0 .and. size(datasets) > 0) &
+        call table%put_row(rows(i), values((i - 1)*table%row_length + 1:i*table%row_length, :), h5)
+    end do
+  end subroutine copy_rows
+
+  !> Number of consecutive rows whose blocks fit into the memory of the file.
+  pure integer function window(self)
+    class(sweep_file_t), intent(in) :: self
+    integer :: i
+
+    window = self%rows
+    do i = 1, size(self%tables)
+      if (size(self%tables(i)%columns) > 0) window = min(window, size(self%tables(i)%blocks)*self%tables(i)%block_rows)
+    end do
+  end function window
+
+  !> Write everything that is known, and give the file its name. Then it goes on, or is closed.
+  subroutine make_whole(self, error)
+    class(sweep_file_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t) :: h5
+    integer :: i, slot
+
+    do i = 1, size(self%tables)
+      do slot = 1, size(self%tables(i)%blocks)
+        call self%tables(i)%write_block(slot, h5)
+      end do
+    end do
+    call write_failures(self, h5)
+    call describe_sweep(self, h5)
+    if (h5%status >= 0) h5%status = h5fclose(self%id)
+    if (h5%status < 0) then
+      call give_up(self, failure_reason(), error)
+    else
+      self%id = -1
+      call self%file%put_in_place(error)
+    end if
+  end subroutine make_whole
+
+  !> Which cases failed, and why.
+  subroutine write_failures(self, h5)
+    class(sweep_file_t), intent(in) :: self
+    type(hdf5_t), intent(inout) :: h5
+    integer, parameter :: chunk = 1024
+    type(dataset_t) :: cases, texts
+    integer(hid_t) :: group
+    integer, allocatable :: rows(:)
+    integer :: i, first
+
+    call create_group(self%id, 'sweep/failures', group, h5)
+    call create_dataset(group, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, h5t_std_i32le)
+    call make_scale(cases, 'case', h5)
+    call create_dataset(group, quantity_t('result_text', '1', 'why it failed'), chunk, texts, h5)
+    call attach_scale(texts, cases, 1, h5)
+    rows = pack([(i, i=1, self%rows)], self%code > 0)
+    do first = 1, size(rows), chunk
+      associate (some => rows(first:min(first + chunk - 1, size(rows))))
+        call append(cases, size(some), real(self%share%case_of(some), real64), h5)
+        call append_texts(texts, self%message(some), h5)
+      end associate
+    end do
+  end subroutine write_failures
+
+  !> How much of the sweep or share is finished.
+  subroutine describe_sweep(self, h5)
+    class(sweep_file_t), intent(in) :: self
     type(hdf5_t), intent(inout) :: h5
     character(:), allocatable :: text
     integer :: code
 
     text = 'done'
     code = result_done
-    if (index%failed > 0) then
+    if (self%failed > 0) then
       code = some_failed
-      text = integer_text(index%failed)//' of '//integer_text(sweep%cases)//' cases failed'
+      text = integer_text(self%failed)//' of '//integer_text(self%rows)//' cases failed'
     end if
-    if (index%done < sweep%cases) then
+    if (self%done < self%rows) then
       code = stopped_early
-      text = integer_text(sweep%cases - index%done)//' of '//integer_text(sweep%cases)// &
-        ' cases have not been run'
+      text = integer_text(self%rows - self%done)//' of '//integer_text(self%rows)//' cases have not been run'
     end if
-    call put_attribute(output%file, 'sweep_identity', head%identity, h5)
-    call put_attribute(output%file, 'cases_done', index%done, h5)
-    call put_attribute(output%file, 'cases_failed', index%failed, h5)
-    call put_attribute(output%file, 'begun', utc_at(index%begun), h5)
-    call put_attribute(output%file, 'ended', utc_at(index%ended), h5)
-    call put_ending(output%file, code, text, h5)
-    call put_attribute(output%file, 'complete', merge(1, 0, index%done == sweep%cases), h5)
+    call put_attribute(self%id, 'sweep_identity', self%head%identity, h5)
+    call put_attribute(self%id, 'sweep_build', self%head%build, h5)
+    call put_attribute(self%id, 'share', self%share%text(), h5)
+    call put_attribute(self%id, 'cases_done', self%done, h5)
+    call put_attribute(self%id, 'cases_failed', self%failed, h5)
+    call put_ending(self%id, code, text, h5)
+    call put_attribute(self%id, 'complete', merge(1, 0, self%done == self%rows), h5)
   end subroutine describe_sweep
+
+  !> After the file was made whole: go on in a new one.
+  subroutine go_on(self, error)
+    class(sweep_file_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+
+    call self%file%begin_next(error)
+    if (.not. allocated(error)) call create(self, .true., error)
+  end subroutine go_on
+
+  !> Let go of the file that was made whole.
+  subroutine close_sweep_file(self)
+    class(sweep_file_t), intent(inout) :: self
+
+    call self%file%release()
+  end subroutine close_sweep_file
+
+  !> The file under the name, if there is one, stays as it is.
+  subroutine discard(self)
+    class(sweep_file_t), intent(inout) :: self
+    integer :: ignored
+
+    if (self%id >= 0) ignored = h5fclose(self%id)
+    self%id = -1
+    call self%file%discard()
+  end subroutine discard
 end module dst_sweep_file

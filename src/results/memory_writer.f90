@@ -19,7 +19,6 @@ module dst_memory_writer
   contains
     procedure :: write_samples
     procedure :: write_events
-    procedure :: flush
     procedure :: finish
   end type memory_writer_t
 
@@ -99,15 +98,6 @@ contains
     self%event_kind(self%events + 1:self%events + size(time)) = kind
     self%events = self%events + size(time)
   end subroutine write_events
-
-  !> Memory need not be flushed.
-  subroutine flush(self, error)
-    class(memory_writer_t), intent(inout) :: self
-    type(error_t), allocatable, intent(out) :: error
-
-    associate (unused => self)
-    end associate
-  end subroutine flush
 
   !> The caller reads the outcome directly.
   subroutine finish(self, outcome, error)

@@ -5,25 +5,25 @@
 module dst_disk
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_char, c_f_pointer, c_loc, nul => c_null_char
   use dst_clock, only: utc_now, utc_at, seconds_now, wait_seconds
-  use dst_file_locks, only: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, is_locked_elsewhere, &
+  use dst_file_locks, only: lock_attempt, locked, held, without_locks, is_in_use, is_locked_elsewhere, &
     process_with_lock
   use dst_kinds, only: wp, int64
   use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  use dst_posix, only: c_close, c_errno, c_free_space, c_fsync, c_link, c_look_up, c_open, c_read, c_reason, c_rename, c_reserve, &
-    c_unlink, c_write, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, &
-    dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
+  use dst_posix, only: c_close, c_errno, c_free_space, c_fsync, c_keep_mode, c_link, c_look_up, c_open, c_read, c_reason, &
+    c_rename, c_reserve, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_o_append, dst_o_creat, dst_o_excl, &
+    dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
   implicit none
   private
 
   public :: identity_t, identity_of, operator(==)
   public :: reserve_space, free_space, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, create_file, open_own_file, make_durable, make_name_durable
-  public :: open_for_appending, open_for_reading, append_words, read_words, close_descriptor
+  public :: lock_new_file, keep_mode, open_for_appending, open_for_reading, append_words, read_words, close_descriptor
   public :: system_reason, locked_by_a_reader, with_remedy
   ! From other modules.
   public :: set_file_size
   public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path, unique_word
-  public :: lock_attempt, locked, held, without_locks, lock_file, unlock_file, is_in_use, is_locked_elsewhere, process_with_lock
+  public :: lock_attempt, locked, held, without_locks, is_in_use, is_locked_elsewhere, process_with_lock
   public :: utc_now, utc_at, seconds_now, wait_seconds
 
   !> HDF5's lock cannot be taken.
@@ -133,6 +133,60 @@ contains
     descriptor = c_open(file_name//nul, dst_o_rdwr + dst_o_creat + dst_o_excl)
     if (descriptor < 0) reason = system_reason()
   end subroutine create_file
+
+  !> Open the file with this name, which is created if necessary, for reading and writing, and lock it until it is closed.
+  subroutine lock_new_file(file_name, descriptor, is_held, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor
+    logical, intent(out) :: is_held                    !! another process has locked it: the reason
+    character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer(int64) :: ignored
+    logical :: is_new
+
+    is_held = .false.
+    do
+      descriptor = c_open(file_name//nul, dst_o_rdwr + dst_o_creat + dst_o_excl)
+      is_new = descriptor >= 0
+      if (.not. is_new) then
+        if (c_errno() == dst_eexist) then
+          call open_regular(file_name, dst_o_rdwr, descriptor, ignored, reason)
+          ! The process that had it may have removed it meanwhile.
+          if (allocated(reason) .and. .not. is_there(file_name)) cycle
+        else
+          reason = system_reason()
+        end if
+        if (allocated(reason)) return
+      end if
+      select case (lock_attempt(descriptor))
+      case (held)
+        is_held = .true.
+        reason = 'another process has locked it'
+      case (without_locks)
+        if (.not. is_new) reason = 'this file system has no locks, and '//file_name//' is there: if no process writes it, remove it'
+      end select
+      if (.not. allocated(reason)) then
+        if (identity_of(file_name) == identity_of(descriptor)) return
+      end if
+      call close_descriptor(descriptor)
+      if (allocated(reason)) return
+    end do
+  end subroutine lock_new_file
+
+  logical function is_there(file_name)
+    character(*), intent(in) :: file_name
+    type(identity_t) :: file
+
+    file = identity_of(file_name)
+    is_there = file%exists
+  end function is_there
+
+  !> Give an open file the permissions of the file with this name.
+  subroutine keep_mode(file_name, descriptor)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(in) :: descriptor
+
+    call c_keep_mode(file_name//nul, descriptor)
+  end subroutine keep_mode
 
   !> Open the file `identity` for reading and writing, if it still has this name.
   subroutine open_own_file(file_name, identity, descriptor, reason)

@@ -1,15 +1,15 @@
-!> Locks of open files (flock): those of shards, and HDF5's. The locks of a process end with it.
+!> Locks of open files (flock). The locks of a process end with it.
 module dst_file_locks
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, nul => c_null_char
   use dst_clock, only: wait_seconds
   use dst_kinds, only: wp
   use dst_posix, only: c_close, c_errno, c_flock, c_look_up, c_open, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_lock_sh, &
-    dst_lock_un, dst_o_nonblock, dst_o_rdonly
+    dst_o_nonblock, dst_o_rdonly
   implicit none
   private
 
   public :: lock_attempt, locked, held, without_locks, is_locked_elsewhere, process_with_lock
-  public :: lock_file, unlock_file, is_in_use
+  public :: is_in_use
 
   !> Outcomes of an attempt to lock.
   integer, parameter :: locked = 0, held = 1, without_locks = 2
@@ -68,41 +68,15 @@ contains
     close (unit)
   end function process_with_lock
 
-  !> Take HDF5's lock again; if a reader took it in between, continue without it.
-  subroutine lock_file(descriptor)
-    integer(c_int), intent(in) :: descriptor
-    integer :: ignored
-
-    if (are_files_locked()) ignored = lock_attempt(descriptor)
-  end subroutine lock_file
-
-  !> Give up the lock that HDF5 has on an open file.
-  subroutine unlock_file(descriptor)
-    integer(c_int), intent(in) :: descriptor
-    integer(c_int) :: ignored
-
-    if (are_files_locked()) ignored = c_flock(descriptor, dst_lock_un)
-  end subroutine unlock_file
-
-  !> Whether another process has HDF5's lock of a file: for writing, or of any kind.
-  logical function is_in_use(file_name, for_writing)
+  !> Whether another process has a file open and locked for writing.
+  logical function is_in_use(file_name)
     character(*), intent(in) :: file_name
-    logical, intent(in) :: for_writing
     integer(c_int) :: descriptor, ignored
 
     is_in_use = .false.
-    if (.not. are_files_locked()) return
     descriptor = c_open(file_name//nul, dst_o_rdonly + dst_o_nonblock)
     if (descriptor < 0) return
-    is_in_use = lock_attempt(descriptor, shared=for_writing) /= locked
+    is_in_use = lock_attempt(descriptor, shared=.true.) == held
     ignored = c_close(descriptor)
   end function is_in_use
-
-  !> Whether HDF5 locks files, according to its environment variable.
-  logical function are_files_locked()
-    character(16) :: value
-
-    call get_environment_variable('HDF5_USE_FILE_LOCKING', value)
-    are_files_locked = value /= 'FALSE' .and. value /= '0'
-  end function are_files_locked
 end module dst_file_locks

@@ -184,6 +184,12 @@ int dst_reserve(int descriptor, int64_t present, int64_t length) {
   return write_zeros(descriptor, length);
 }
 
+/* Give an open file the permissions of the one with a name, as far as that is allowed. */
+void dst_keep_mode(const char *path, int descriptor) {
+  struct stat found;
+  if (stat(path, &found) == 0 && fchmod(descriptor, found.st_mode & 07777)) return;
+}
+
 int dst_fsync(int descriptor) {
   while (fsync(descriptor)) if (errno != EINTR) return -1;
   return 0;

@@ -10,8 +10,8 @@ be in the right state unless an event is as near as an event may be off.
 C costs the reference six runs more, so it is measured only where an error is above 30 rtol; elsewhere C = 0 is printed.
 
 There is one excuse: the truth itself. Where a run fails, the reference does the scene again with its parameters changed by
-30 rtol. If the number of sticks depends on that, it is not judged. If a column leaves what C foretells, C means nothing from there on, and
-the run is judged up to there; it then counts as excused.
+30 rtol. If the number of sticks depends on that, neither it nor whether a sample sticks is judged. If a column leaves what C foretells,
+C means nothing from there on, and the run is judged up to there; it then counts as excused.
 
 The cycle map is off, unless it is asked for: what it changes is tested by itself (docs/testing.md, "What must not matter").
 
@@ -140,7 +140,7 @@ def excuse(case: Case, verdict: Verdict, result: ds.Result) -> None:
                     until = min(until, float(case.truth.time[np.argmax(beyond)]))
     if until < np.inf or not count:
         verdict.excused = True
-        look(case, verdict, result, case.conditioning, until, count=count and until == np.inf)
+        look(case, verdict, result, case.conditioning, until, count=count and until == np.inf, states=count)
 
 
 def look(
@@ -150,8 +150,9 @@ def look(
     conditioning: Mapping[str, np.ndarray | float],
     until: float = np.inf,
     count: bool = True,
+    states: bool = True,
 ) -> None:
-    """The worst error before the time `until`."""
+    """The worst error before the time `until`; whether the number of sticks is judged, and whether the samples' states are."""
     truth, rtol, scene = case.truth, verdict.rtol, case.scene
     verdict.column, verdict.error, verdict.fault = "", 0.0, ""
 
@@ -181,6 +182,8 @@ def look(
     if np.array_equal(kind[begun:], truth.event_kind):
         raw = np.abs(time[begun:] - truth.event_time) / scene.t_end
         worst(EVENT, truth.event_time, raw, conditioning[EVENT], time[begun:], truth.event_time)
+    if not states:
+        return
     near = (FACTOR * rtol * (1 + np.max(conditioning[EVENT], initial=0.0)) + ROUNDOFF) * scene.t_end
     events = np.concatenate([truth.event_time, truth.touches, time])
     for t in truth.time[(result["sticking"] != truth.sticking) & (truth.time < until)]:

@@ -15,7 +15,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from .._native import Lock
 from ..errors import Error, FileError, UsageError, printable
 from ..scene import Scene
 from . import begin
@@ -43,14 +42,13 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
 
         comparison = begin(Scene.of_command(options.deck, options.set), accuracy, options.budget, quantity)
         place = os.path.realpath(output) if os.path.islink(output) else output
-        with Lock(place):
-            _save.refuse_to_replace(place, overwrite=overwrite)
-            fault = _watch(comparison, received, "" if options.quiet else printable(options.deck))
-            table = comparison.table() if comparison.has_reference else None
-            try:
-                _save.write(comparison.record(fault), place, overwrite=overwrite, trade=table)
-            except FileError as error:
-                fault = fault or error
+        _save.refuse_to_replace(place, overwrite=overwrite)
+        fault = _watch(comparison, received, "" if options.quiet else printable(options.deck))
+        table = comparison.table() if comparison.has_reference else None
+        try:
+            _save.write(comparison.record(fault), place, overwrite=overwrite, trade=table)
+        except FileError as error:
+            fault = fault or error
     if fault is not None:
         raise fault
     if not options.quiet:
