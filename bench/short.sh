@@ -1,12 +1,10 @@
 #!/usr/bin/env bash
-# bench/short.sh [FOLDER]: every benchmark in its short form, a few seconds each, to see that it still runs; nothing is measured.
-# One that fails, or prints nothing, is named, with the end of what it printed. FOLDER is where tests/mpi/run.sh has built the
-# program with MPI, build/mpi by default; without such a build the benchmark of dealing over MPI is skipped, with a line that says so.
+# bench/short.sh: every benchmark in its short form, a few seconds each, to see that it still runs; nothing is measured.
+# One that fails, or prints nothing, is named, with the end of what it printed.
 
 source "$(dirname "${BASH_SOURCE[0]}")/../tools/setup.sh"
 
 help_if_wanted "$@"
-mpi=${1:-$checkout/build/mpi}/openmpi
 passed=0
 failed=0
 skipped=0
@@ -41,13 +39,6 @@ for file in bench/*.py; do
   short "${file##*/}" python "$file" --short
 done
 short linear_solve.f90 in_build "$release" bench_linear_solve "$release/bench/bench_linear_solve" --short
-if [[ -e $mpi/build.ninja ]]; then
-  short dealer.f90 in_build "$mpi" bench_dealer \
-    mpirun.openmpi --allow-run-as-root --oversubscribe -n 3 "$mpi/bench/bench_dealer" 64 2000
-else
-  skipped=$((skipped + 1))
-  say "skip  dealer.f90: $mpi has not been built: tests/mpi/run.sh build/mpi"
-fi
 short peers/run.sh bench/peers/run.sh --short
 if [[ -e ${AUTO_DIR:-/usr/lib/auto-07p}/lib/libauto_c.a ]]; then
   short peers/continuation.py python bench/peers/continuation.py --short

@@ -1,21 +1,19 @@
 """How well sweeps use the cores, and the needs of a large one, for readers to repeat.
 
-    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--mpi "mpirun -n 2 EXE"] [--short]
+    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--short]
 
-efficiency: two threads, and two ranks if --mpi names a launcher and a build with MPI, compared with one thread; cases with equal
-costs, and with costs that differ by a factor of 1000, the expensive ones in a row. full: a map of model `full` compared with
-single runs. million: a summary sweep of a million cases in one process, and its merge.
+efficiency: two threads compared with one; cases with equal costs, and with costs that differ by a factor of 1000, the expensive
+ones in a row. full: a map of model `full` compared with single runs. million: a summary sweep of a million cases, in two shares,
+and its merge.
 
 The efficiency consists of two numbers that do not depend on other work of the machine: `busy`, the share of the wall time of all
 cores that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of
-all. `apart` is `busy` without the time in which the same launcher and program start and end, measured with `version` before each
-run. `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
+all. `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
 """
 
 import argparse
 import os
 import resource
-import shlex
 import statistics
 import subprocess
 import tempfile
@@ -26,7 +24,6 @@ import h5py
 
 INPUTS = Path(__file__).parents[1] / "inputs"
 SCENE = (INPUTS / "low_frequency.nml").read_text()
-ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 CORES = 2
 
 
@@ -37,7 +34,6 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", default=["efficiency", "full", "million"])
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--exe", default="dynstiction")
-    parser.add_argument("--mpi")
     parser.add_argument(
         "--short", action="store_true", help="a short form of some seconds, to check that it runs"
     )
@@ -45,18 +41,15 @@ def main() -> None:
     share = 1
     if options.short:
         options.repeat, share = 1, 20
-    ways = {"1 thread": ([options.exe], 1), "2 threads": ([options.exe], CORES)}
-    if options.mpi:
-        ways["2 ranks"] = (shlex.split(options.mpi), 1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if "efficiency" in options.parts:
             for costs in ("equal", "1000 times"):
                 deck = costs_deck(folder, costs, share)
-                print_efficiency(f"low_frequency, costs {costs}", deck, ways, options.repeat)
+                print_efficiency(f"low_frequency, costs {costs}", deck, options.exe, options.repeat)
         if "full" in options.parts:
             angles = ANGLES[::share]
-            print_efficiency("full", full_deck(folder, angles), ways, options.repeat)
+            print_efficiency("full", full_deck(folder, angles), options.exe, options.repeat)
             print_singles(folder, options.exe, options.repeat, angles)
         if "million" in options.parts:
             print_million(folder, options.exe, 1000 // share)
@@ -87,38 +80,30 @@ def full_deck(folder: Path, angles: list[float]) -> Path:
 def measure(command: list[str], threads: int) -> tuple[float, float]:
     """Wall and processor time [s]."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    environment = os.environ | ALLOWED | {"OMP_NUM_THREADS": str(threads)}
+    environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
     subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     passed, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     return passed, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def print_efficiency(title: str, deck: Path, ways: dict[str, tuple[list[str], int]], repeat: int) -> None:
+def print_efficiency(title: str, deck: Path, exe: str, repeat: int) -> None:
     output = deck.with_suffix(".h5")
-    walls: dict[str, list[float]] = {name: [] for name in ways}
-    processor: dict[str, list[float]] = {name: [] for name in ways}
-    busy: dict[str, list[float]] = {name: [] for name in ways}
-    apart: dict[str, list[float]] = {name: [] for name in ways}
+    command = [exe, "run", str(deck), "-o", str(output), "--quiet", "--overwrite"]
+    measured: dict[int, list[tuple[float, float, float]]] = {1: [], CORES: []}
     for _ in range(repeat):
-        for name, (launcher, threads) in ways.items():
-            command = [*launcher, "run", str(deck), "-o", str(output), "--quiet", "--overwrite"]
-            start, _ = measure([*launcher, "version"], threads)
+        for threads, found in measured.items():
             wall, cpu = measure(command, threads)
             with h5py.File(output) as file:
                 in_cases = float(file["sweep/wall_time"][:].sum())
-            walls[name].append(wall)
-            processor[name].append(cpu)
-            cores = 1 if name == "1 thread" else CORES
-            busy[name].append(in_cases / wall / cores)
-            apart[name].append(in_cases / (wall - start) / cores)
+            found.append((wall, cpu, in_cases / wall / threads))
     print(f"{title}: {repeat} runs of each, alternating")
-    for name in ways:
-        cores = 1 if name == "1 thread" else CORES
-        wall_ratio = [one / (cores * many) for one, many in zip(walls["1 thread"], walls[name], strict=True)]
-        cpu_ratio = [one / many for one, many in zip(processor["1 thread"], processor[name], strict=True)]
+    for threads, found in measured.items():
+        pairs = list(zip(measured[1], found, strict=True))
+        cpu_ratio = [one[1] / many[1] for one, many in pairs]
+        wall_ratio = [one[0] / (threads * many[0]) for one, many in pairs]
         print(
-            f"{name:>10}: {statistics.median(walls[name]):7.2f} s, busy {spread(busy[name])}, apart {spread(apart[name])}, cpu {spread(cpu_ratio)}, "
-            f"wall {spread(wall_ratio)}",
+            f"{threads} threads: {statistics.median(many[0] for many in found):7.2f} s, busy {spread([many[2] for many in found])}, "
+            f"cpu {spread(cpu_ratio)}, wall {spread(wall_ratio)}",
             flush=True,
         )
 
@@ -167,16 +152,17 @@ def print_million(folder: Path, exe: str, side: int) -> None:
         + "&sweep parameter = 'system.misalignment_deg', 'drive.velocity', first = 1.0, 1e-3, last = 8.0, 4e-3, "
         f"count = {side}, {side} /\n"
     )
-    wall, cpu = measure([exe, "run", str(deck), "-o", str(output), "--quiet", "--shard", "1/1"], CORES)
-    shard = next(folder.glob("million.h5.shard-*"))
-    print(f"{cases} cases: {wall:.1f} s, {1e6 * cpu / cases:.1f} us of processor time a case, {memory()} MB")
-    written = shard.stat().st_size
+    command = [exe, "run", str(deck), "-o", str(output), "--quiet", "--share"]
+    walls, cpus = zip(*(measure([*command, f"{i}/2"], CORES) for i in (1, 2)), strict=True)
+    print(
+        f"{cases} cases: {sum(walls):.1f} s, {1e6 * sum(cpus) / cases:.1f} us of processor time a case, {memory()} MB"
+    )
     wall, cpu = measure([exe, "merge", str(deck), "-o", str(output)], 1)
     with h5py.File(output) as file:
         values = sum(item.size for name, item in datasets(file["sweep"]) if not name.startswith("failures"))
     print(
-        f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {memory()} MB at most so far; shard {written / 1e6:.0f} MB, "
-        f"{written / values:.2f} bytes a value; result {output.stat().st_size / values:.2f} bytes a value"
+        f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {memory()} MB at most so far; "
+        f"{output.stat().st_size / values:.2f} bytes a value"
     )
 
 

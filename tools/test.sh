@@ -11,7 +11,7 @@
 #
 # In addition to any of these:
 #
-#   --cluster    sweeps on real MPI and Slurm
+#   --cluster    shares of sweeps through a real Slurm; executors over MPI and dask
 #   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
 #                with --full also recipes of distributors, hostile environments, and every compiler
 #   --bench      the short forms of all benchmarks
@@ -39,7 +39,6 @@ debug=$checkout/build/debug
 quad=$checkout/build/quad
 sanitized=$checkout/build/sanitized
 threaded=$checkout/build/threaded
-mpi=$checkout/build/mpi
 checks='-fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace'
 results=$checkout/build/tests
 python_summary='^=+ .*(passed|failed|error|skipped|no tests ran).* =+$'
@@ -49,7 +48,7 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=7 [package]=16 [bench]=3 [mutation]=4)
+declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=3 [package]=15 [bench]=3 [mutation]=4)
 
 say_how_long() {
   local part total first=0 second=0
@@ -160,18 +159,18 @@ memcheck() {
     "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
 
-# Sweeps over real MPI processes and through a real Slurm, on this machine.
+# Shares of sweeps through a real Slurm on this machine; executors, unless all Python tests run anyway.
 cluster_tests() {
-  run_tests 'Sweeps over MPI' "($python_summary)|skipped" "$checkout/tests/mpi/run.sh" "$mpi"
-  run_tests 'Sweeps through Slurm' "($python_summary)|skipped:" "$checkout/tests/slurm/run.sh" \
-    "$DYNSTICTION_EXE" "$mpi/openmpi/src/dynstiction" pmix "$mpi/mpich/src/dynstiction" pmi2
+  run_tests 'Sweeps through Slurm' "($python_summary)|skipped:" "$checkout/tests/slurm/run.sh" "$DYNSTICTION_EXE"
+  [[ $level != proof && $level != sanitize ]] ||
+    python_tests 'Executors' -m 'not full' "$checkout"/tests/python/test_{executors,many_tasks}.py
 }
 
-benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh" "$mpi"; }
+benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh"; }
 
 # The packages that users install. The newest versions are those of this environment.
 package_tests() {
-  local script scripts=(sdist meson_install wheel parallel_hdf5 without_hdf5) bound=lowest matrix=()
+  local script scripts=(sdist meson_install wheel without_hdf5) bound=lowest matrix=()
   if [[ $level == full ]]; then
     scripts+=(recipes hostile)
     bound=''
@@ -230,7 +229,6 @@ tests_with_sanitizers() {
 first_list() {
   ! is_wanted cluster || cluster_tests
   ! is_wanted mutation || mutation_tests
-  # After the cluster: one of them uses the program for MPI that it has built.
   ! is_wanted bench || benchmarks
 }
 second_list() {
@@ -245,7 +243,7 @@ main() {
   local sets=(test) failed
   [[ $level == proof || $level == sanitize ]] || sets+=(manual)
   if is_wanted cluster; then
-    debian_packages+=(libopenmpi-dev openmpi-bin libmpich-dev mpich slurm-wlm munge parallel)
+    debian_packages+=(openmpi-bin slurm-wlm munge parallel)
   fi
   if is_wanted package; then
     debian_packages+=(patch musl-tools)
@@ -254,7 +252,7 @@ main() {
   fi
   ! is_wanted bench || debian_packages+=(g++ libboost-dev)
   prepare "${sets[@]}"
-  ! is_wanted cluster || (add_requirements cluster) || say 'No engines for shards: their tests are skipped'
+  ! is_wanted cluster || (add_requirements cluster) || say 'No dask or mpi4py: their tests are skipped'
   if is_wanted package; then
     # Without a browser the report is not opened, and without other compilers the program is built only by gfortran.
     have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'

@@ -93,7 +93,7 @@ spack_options() {
 }
 check 'Spack: its options are those of the build' spack_options
 if have spack; then
-  check 'Spack: a specification' bash -c "spack repo add '$packaging/spack' && spack spec dynstiction +mpi"
+  check 'Spack: a specification' bash -c "spack repo add '$packaging/spack' && spack spec dynstiction"
 else
   skip 'Spack: spack is not installed'
 fi

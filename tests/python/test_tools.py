@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 from programs import ROOT, Program
 
-NOT_STARTED = {"tools/setup.sh", "tests/package/checks.sh", "tests/slurm/rank.sh"}
-"""Sourced, or what srun starts."""
+NOT_STARTED = {"tools/setup.sh", "tests/package/checks.sh"}
+"""Sourced."""
 
 
 def scripts() -> list[str]:

@@ -12,7 +12,6 @@ class Dynstiction(MesonPackage):
     # Built from a checkout or an unpacked source archive, by `spack dev-build`: there is no address to fetch one from.
     version("0.1.0")
 
-    variant("mpi", default=False, description="Sweeps over several processes")
     variant("openmp", default=True, description="Sweeps over several threads")
 
     extends("python@3.11:")
@@ -29,14 +28,8 @@ class Dynstiction(MesonPackage):
     depends_on("hdf5~mpi")
     depends_on("lapack")
     depends_on("zlib-api")
-    depends_on("mpi", when="+mpi")
 
     def meson_args(self) -> list[str]:
         """Options of meson.options; Spack gives prefix and kind of build itself."""
-        spec = self.spec
-        return [
-            "-Dtests=false",
-            "-Dpython.install_env=prefix",
-            f"-Dmpi={'enabled' if '+mpi' in spec else 'disabled'}",
-            f"-Dopenmp={'enabled' if '+openmp' in spec else 'disabled'}",
-        ]
+        openmp = "enabled" if "+openmp" in self.spec else "disabled"
+        return ["-Dtests=false", "-Dpython.install_env=prefix", f"-Dopenmp={openmp}"]
