@@ -118,8 +118,7 @@ def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]
         fills = info.name.startswith(ERROR)
         if fills:
             stored = np.nan_to_num(stored, nan=NOT_APPLICABLE)
-        # With a checksum, so that damage is found when the data are read.
-        _describe(group.create_dataset(info.name, data=stored, chunks=True, fletcher32=True), info)
+        _describe(group.create_dataset(info.name, data=stored, chunks=True), info)
         if fills:
             group[info.name].attrs["_FillValue"] = NOT_APPLICABLE
     group[scale].make_scale(scale)

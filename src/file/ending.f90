@@ -13,7 +13,7 @@ module dst_ending
   implicit none
   private
 
-  public :: append_ending, check_ending, read_state
+  public :: append_ending, has_ending, check_ending, read_state
 
   character(*), parameter :: checksum_mark = 'dynstiction CRC-32 ', state_mark = 'dynstiction state '
   character, parameter :: line_end = achar(10)
@@ -76,31 +76,44 @@ contains
     call write_bytes(descriptor, bytes, reason, place)
   end subroutine write_words
 
-  !> Whether a file that has an ending is as it was when that was written.
-  subroutine check_ending(file_name, has_ending, reason)
+  !> Whether the last line of a file is that of an ending: then this program has written it.
+  logical function has_ending(file_name)
     character(*), intent(in) :: file_name
-    logical, intent(out) :: has_ending
-    character(:), allocatable, intent(out) :: reason   !! unallocated if it is, or if there is no ending
+    character(:), allocatable :: reason
     integer(c_int) :: descriptor
     integer(int64) :: bytes
 
     has_ending = .false.
     call open_for_reading(file_name, descriptor, bytes, reason)
     if (allocated(reason)) return
-    call check_descriptor(descriptor, bytes, has_ending, reason)
+    has_ending = index(text_at(descriptor, bytes - checksum_bytes, int(checksum_bytes)), checksum_mark) == 1
+    call close_descriptor(descriptor)
+  end function has_ending
+
+  !> Whether a file that has an ending is as it was when that was written.
+  subroutine check_ending(file_name, reason)
+    character(*), intent(in) :: file_name
+    character(:), allocatable, intent(out) :: reason   !! unallocated if it is, or if there is no ending
+    integer(c_int) :: descriptor
+    integer(int64) :: bytes
+    logical :: ignored
+
+    call open_for_reading(file_name, descriptor, bytes, reason)
+    if (allocated(reason)) return
+    call check_descriptor(descriptor, bytes, ignored, reason)
     call close_descriptor(descriptor)
   end subroutine check_ending
 
-  subroutine check_descriptor(descriptor, bytes, has_ending, reason)
+  subroutine check_descriptor(descriptor, bytes, is_whole, reason)
     integer(c_int), intent(in) :: descriptor
     integer(int64), intent(in) :: bytes
-    logical, intent(out) :: has_ending
+    logical, intent(out) :: is_whole                   !! it has an ending
     character(:), allocatable, intent(out) :: reason
     character(:), allocatable :: line
 
     line = text_at(descriptor, bytes - checksum_bytes, int(checksum_bytes))
-    has_ending = index(line, checksum_mark) == 1
-    if (.not. has_ending) return
+    is_whole = index(line, checksum_mark) == 1
+    if (.not. is_whole) return
     if (line /= checksum_mark//checksum_of(descriptor, bytes - checksum_bytes)//line_end) &
       reason = 'the file is damaged: its checksum is not that of its bytes'
   end subroutine check_descriptor
@@ -114,13 +127,13 @@ contains
     integer(c_int) :: descriptor
     integer(int64) :: bytes, length, place
     integer :: io_status
-    logical :: has_ending
+    logical :: is_whole
 
     allocate (state(0))
     call open_for_reading(file_name, descriptor, bytes, reason)
     if (allocated(reason)) return
-    call check_descriptor(descriptor, bytes, has_ending, reason)
-    if (has_ending .and. .not. allocated(reason)) then
+    call check_descriptor(descriptor, bytes, is_whole, reason)
+    if (is_whole .and. .not. allocated(reason)) then
       place = bytes - checksum_bytes - state_line_bytes
       line = text_at(descriptor, place, int(state_line_bytes))
       io_status = 1

@@ -21,7 +21,7 @@ module dst_hdf5_library
 
   !> Classes of types, character sets, layouts, filters, orders.
   integer(c_int), parameter :: h5t_integer = 0, h5t_float = 1, h5t_string = 3, h5t_cset_utf8 = 1, &
-    h5s_select_set = 0, h5d_virtual = 3, h5z_filter_shuffle = 2, h5z_filter_fletcher32 = 3, h5_index_name = 0, h5_iter_inc = 0, &
+    h5s_select_set = 0, h5d_virtual = 3, h5_index_name = 0, h5_iter_inc = 0, &
     h5e_walk_upward = 0
 
   !> Sizes without an upper bound.
@@ -226,22 +226,10 @@ module dst_hdf5_library
       import :: c_int, hid_t
       integer(hid_t), value :: object
     end function h5pget_external_count
-    integer(c_int) function h5pget_filter(creation, place, flags, parameters, values, length, name, config) &
-      bind(c, name='H5Pget_filter2')
-      import :: c_int, c_ptr, c_size_t, hid_t
-      integer(hid_t), value :: creation
-      integer(c_int), value :: place
-      type(c_ptr), value :: flags, parameters, values, name, config
-      integer(c_size_t), value :: length
-    end function h5pget_filter
     integer(c_int) function h5pget_layout(object) bind(c, name='H5Pget_layout')
       import :: c_int, hid_t
       integer(hid_t), value :: object
     end function h5pget_layout
-    integer(c_int) function h5pget_nfilters(object) bind(c, name='H5Pget_nfilters')
-      import :: c_int, hid_t
-      integer(hid_t), value :: object
-    end function h5pget_nfilters
     integer(c_int) function h5pset_buffer(transfer, bytes, conversion, background) bind(c, name='H5Pset_buffer')
       import :: c_int, c_ptr, c_size_t, hid_t
       integer(hid_t), value :: transfer
@@ -270,10 +258,6 @@ module dst_hdf5_library
       integer(hid_t), value :: object
       integer(c_int), value :: choice
     end function h5pset_fclose_degree
-    integer(c_int) function h5pset_fletcher32(object) bind(c, name='H5Pset_fletcher32')
-      import :: c_int, hid_t
-      integer(hid_t), value :: object
-    end function h5pset_fletcher32
     integer(c_int) function h5pset_libver_bounds(access, lowest, highest) bind(c, name='H5Pset_libver_bounds')
       import :: c_int, hid_t
       integer(hid_t), value :: access

@@ -1,7 +1,7 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
   use, intrinsic :: iso_c_binding, only: nul => c_null_char
-  use dst_ending, only: check_ending
+  use dst_ending, only: check_ending, has_ending
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_library, only: hid_t, h5fclose, h5gopen, h5lexists, h5p_default
   use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, get_number, names_in, read_list, open_dataset, &
@@ -40,18 +40,16 @@ contains
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: reason   !! unallocated if it is
     character(*), parameter :: remedy = ': use another name or remove it'
-    character(:), allocatable :: program, damage
+    character(:), allocatable :: program
     type(hdf5_t) :: h5
     integer(hid_t) :: file
     integer :: ignored
-    logical :: has_ending
 
     if (.not. is_hdf5(file_name)) then
       reason = 'the file exists and is not an HDF5 file'//remedy
       return
     end if
-    call check_ending(file_name, has_ending, damage)
-    if (has_ending) return
+    if (has_ending(file_name)) return
     call open_existing(file_name, file, h5)
     call get_attribute(file, 'program', program, h5)
     if (h5%status < 0 .or. program /= this_program) reason = 'the file exists and is no result of this program'//remedy
@@ -82,10 +80,9 @@ contains
     type(hdf5_t) :: h5
     integer(hid_t) :: file
     integer :: ignored
-    logical :: has_ending
 
     if (.not. is_hdf5(file_name)) return
-    call check_ending(file_name, has_ending, damage)
+    call check_ending(file_name, damage)
     if (allocated(damage)) return
     call open_existing(file_name, file, h5)
     call get_attribute(file, 'sweep_identity', identity, h5)
@@ -104,11 +101,10 @@ contains
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    logical :: has_ending
 
     text = ''
     if (is_hdf5(file_name)) then
-      call check_ending(file_name, has_ending, reason)
+      call check_ending(file_name, reason)
       if (allocated(reason)) return
       text = description(file_name)
     end if

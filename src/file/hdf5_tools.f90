@@ -17,10 +17,10 @@ module dst_hdf5_tools
     h5dcreate, h5dopen, h5dget_type, h5dread, h5dwrite, h5dset_extent, h5dget_space, h5dget_create_plist, &
     h5dget_storage_size, h5dsset_scale, h5dsattach_scale, h5d_virtual, h5gcreate, h5gget_info, h5g_info_t, &
     h5lget_val, h5lget_name_by_idx, h5_index_name, h5_iter_inc, &
-    h5pcreate, h5pset_chunk, h5pset_chunk_cache, h5pset_buffer, h5pset_fill_value, h5pset_fletcher32, h5pset_fclose_degree, &
+    h5pcreate, h5pset_chunk, h5pset_chunk_cache, h5pset_buffer, h5pset_fill_value, h5pset_fclose_degree, &
     h5pset_libver_bounds, &
-    h5pget_layout, h5pget_nfilters, h5pget_filter, h5pget_external_count, h5p_default, h5p_dataset_create, h5p_dataset_access, &
-    h5p_dataset_xfer, h5p_file_access, h5z_filter_shuffle, h5z_filter_fletcher32
+    h5pget_layout, h5pget_external_count, h5p_default, h5p_dataset_create, h5p_dataset_access, &
+    h5p_dataset_xfer, h5p_file_access
   use dst_kinds, only: wp, real64
   use dst_disk, only: path_t, with_remedy
   use dst_posix, only: c_set_environment, fortran_text, ignore_size_limit_signal
@@ -426,8 +426,7 @@ contains
   end subroutine create_group
 
   !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`: empty, or with `rows` that are
-  !> `fill`. For columns of numbers the cache has room for one chunk, or for none if `whole_chunks` are written. Each chunk of
-  !> numbers has a checksum, by which damage is found when the chunk is read.
+  !> `fill`. For columns of numbers the cache has room for one chunk, or for none if `whole_chunks` are written.
   subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, row_length, whole_chunks, rows, fill)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
@@ -455,7 +454,6 @@ contains
       call h5%take(h5screate_simple(rank, extent(dataset, dataset%rows), extent(dataset, h5s_unlimited)), space)
     if (h5%status >= 0) call h5%take(h5pcreate(h5p_dataset_create), creation)
     if (h5%status >= 0) h5%status = h5pset_chunk(creation, rank, chunk)
-    if (h5%status >= 0 .and. present(stored_as)) h5%status = h5pset_fletcher32(creation)
     if (h5%status >= 0 .and. present(fill)) h5%status = h5pset_fill_value(creation, h5t_native_double, c_loc(fill))
     call create_access(merge(cached_rows, -1, present(stored_as) .and. rank == 1), access, h5)
     if (present(stored_as)) then
@@ -514,8 +512,7 @@ contains
     call release([access, space], h5)
   end subroutine open_dataset
 
-  !> Open a dataset whose data are directly in the file: reached by hard links only, not in another file, not composed of other
-  !> datasets, not compressed.
+  !> Open a dataset whose data are in the file: reached by hard links only, not in another file, not composed of other datasets.
   subroutine open_own(object, name, dataset, h5, access)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -535,7 +532,6 @@ contains
     if (h5%status == h5d_virtual) call h5%refuse(name, 'is made of other datasets')
     if (h5%status >= 0) h5%status = h5pget_external_count(creation)
     if (h5%status > 0) call h5%refuse(name, 'has its data in another file')
-    call check_filters(name, creation, h5)
     call release([creation], h5)
   end subroutine open_own
 
@@ -556,23 +552,6 @@ contains
     end do
   end subroutine check_links
 
-  !> Refuse a compressed dataset: a few bytes could fill the memory, or a filter could be code from a plugin.
-  subroutine check_filters(name, creation, h5)
-    character(*), intent(in) :: name
-    integer(hid_t), intent(in) :: creation
-    type(hdf5_t), intent(inout) :: h5
-    integer :: i, n
-
-    if (h5%status >= 0) h5%status = h5pget_nfilters(creation)
-    n = h5%status
-    do i = 0, n - 1
-      if (h5%status >= 0) h5%status = h5pget_filter(creation, i, c_null_ptr, c_null_ptr, c_null_ptr, 0_c_size_t, c_null_ptr, &
-        c_null_ptr)
-      if (h5%status >= 0 .and. h5%status /= h5z_filter_shuffle .and. h5%status /= h5z_filter_fletcher32) &
-        call h5%refuse(name, 'is compressed (h5repack -f NONE undoes that)')
-    end do
-  end subroutine check_filters
-
   !> Refuse a dataset that claims more values than it has, or more than fit into the file.
   subroutine check_size(name, dataset, points, h5)
     character(*), intent(in) :: name
@@ -580,13 +559,15 @@ contains
     integer(hsize_t), intent(in) :: points   !! number of values claimed
     type(hdf5_t), intent(inout) :: h5
     integer(hid_t) :: file, stored_as
+    !> More bytes than this for one byte in the file no filter of HDF5 gives back.
+    integer(hsize_t), parameter :: most_compressed = 1100
     integer(hsize_t) :: file_bytes, room
 
     if (h5%status >= 0) call h5%take(h5iget_file_id(dataset), file)
     if (h5%status >= 0) h5%status = h5fget_filesize(file, file_bytes)
     if (h5%status >= 0) call h5%take(h5dget_type(dataset), stored_as)
     if (h5%status < 0) return
-    room = min(h5dget_storage_size(dataset), file_bytes)/max(1_c_size_t, h5tget_size(stored_as))
+    room = most_compressed*min(h5dget_storage_size(dataset), file_bytes)/max(1_c_size_t, h5tget_size(stored_as))
     call release([stored_as, file], h5)
     if (h5%status >= 0 .and. points > room) call h5%refuse(name, 'claims more than it has')
   end subroutine check_size

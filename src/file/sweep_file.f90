@@ -105,14 +105,13 @@ contains
     type(sweep_head_t), intent(out) :: head
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     character(:), allocatable :: identity, build
-    logical :: has_ending
     type(dataset_t) :: codes
     type(hdf5_t) :: h5
     integer(hid_t) :: file
     integer :: complete, ignored
 
     head%share = ''
-    call check_ending(file_name, has_ending, reason)
+    call check_ending(file_name, reason)
     if (allocated(reason)) return
     call start_hdf5(h5)
     call open_file(file_name, h5f_acc_rdonly, file, h5)

@@ -4,7 +4,7 @@ program test_result_file
   use checks, only: check, finish
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, &
     matching_files, path_t, write_bytes
-  use dst_ending, only: check_ending, read_state
+  use dst_ending, only: check_ending, has_ending, read_state
   use dst_errors, only: error_t
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_kinds, only: wp, int64
@@ -141,24 +141,23 @@ contains
     type(error_t), allocatable :: error
     integer(int64), allocatable :: state(:)
     character(:), allocatable :: reason
-    logical :: has_ending
     integer :: unit
 
     call write_result(name, 'dynstiction')
-    call check_ending(name, has_ending, reason)
-    call check('without an ending', .not. (has_ending .or. allocated(reason)))
+    call check_ending(name, reason)
+    call check('without an ending', .not. (has_ending(name) .or. allocated(reason)))
     call read_state(name, state, reason)
     call check('has no state', allocated(reason))
     call file%claim(name, .true., error)
     call replace_contents('something longer')
     call file%put_in_place(error, [1_int64])
-    call check_ending(name, has_ending, reason)
-    call check('with an ending', has_ending .and. .not. allocated(reason))
+    call check_ending(name, reason)
+    call check('with an ending', has_ending(name) .and. .not. allocated(reason))
     open (newunit=unit, file=name, access='stream', form='unformatted', status='old', action='readwrite')
     write (unit, pos=5) 'X'
     close (unit)
-    call check_ending(name, has_ending, reason)
-    call check('a damaged byte', has_ending .and. allocated(reason))
+    call check_ending(name, reason)
+    call check('a damaged byte', has_ending(name) .and. allocated(reason))
     call remove_all()
   end subroutine test_damage
 
