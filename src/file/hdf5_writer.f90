@@ -264,7 +264,13 @@ contains
     if (.not. allocated(self%failure)) then
       do i = 1, size(self%columns)
         associate (column => self%columns(i), waiting => self%waiting(self%columns(i)%group))
-          call append(column%dataset, waiting%count, as_double(waiting%values(:waiting%count, column%place), column%part), h5)
+          associate (values => waiting%values(:waiting%count, column%place))
+            if (column%part == 1) then
+              call append(column%dataset, size(values), real(values, real64), h5)
+            else
+              call append(column%dataset, size(values), rounding_error(values), h5)
+            end if
+          end associate
         end associate
       end do
       if (h5%status < 0) call self%fail(failure_reason())
@@ -274,14 +280,12 @@ contains
     if (allocated(self%failure)) error = self%failure
   end subroutine write_waiting
 
-  !> A number as a double, or its rounding error.
-  elemental real(real64) function as_double(value, part)
+  !> What a number as a double lacks.
+  elemental real(real64) function rounding_error(value)
     real(wp), intent(in) :: value
-    integer, intent(in) :: part
 
-    as_double = real(value, real64)
-    if (part > 1) as_double = real(value - real(as_double, wp), real64)
-  end function as_double
+    rounding_error = real(value - real(real(value, real64), wp), real64)
+  end function rounding_error
 
   !> The path of a column in the file; of `part`, if it is given.
   function path_of_column(self, part) result(path)
