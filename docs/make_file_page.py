@@ -28,8 +28,8 @@ languages: [howto/read_files.md](howto/read_files.md).
 
 * Texts are variable-length UTF-8. Numbers are 64-bit floats and integers; `sticking` and `kind` are bytes.
 * Every dataset has the attributes `units` and `long_name`. `/time_series/time` is the dimension scale of the other columns.
-* The last sample is at `t_end` exactly. Columns grow in chunks with Fletcher-32 checksums, and are flushed every `output.flush_seconds`: a killed run
-  leaves a readable file.
+* The last sample is at `t_end` exactly. Behind HDF5's end are the state of a run that can be resumed and a checksum of the whole
+  file: [checkpoints.md](checkpoints.md).
 * A value of `/summary` that has no meaning, such as the mean of a cycle that did not occur, is left out.
 """
 
@@ -41,15 +41,13 @@ ROOT = {
     "build_flags": "flags of the compiler",
     "host": "machine on which the file was written",
     "job": "job of the scheduler (Slurm, PBS, LSF); empty without one",
-    "mpi": "name and version of the program's MPI; empty without one",
-    "processes": "number of processes that shared a sweep; 1 for a run",
-    "threads": "number of threads of each process",
+    "threads": "number of threads of the process",
     "created": "time at which the run began, ISO 8601, UTC",
     "deck_sha256": "SHA-256 of the deck as read",
     "model": "model that was integrated",
     "model_choice": "with `model = 'auto'`: which model was taken, and why",
     "method": "method of integration; `closed form` for the models that have one",
-    "result_code": "0: done; -1: still running, or killed; else why the run ended: [errors.md](errors.md)",
+    "result_code": "0: done; else why the run ended: [errors.md](errors.md)",
     "result_text": "the same in words",
     "complete": "1 when the run reached its end; written last",
 }
@@ -76,8 +74,7 @@ ELSEWHERE = """\
 ## Other files
 
 The file of `dynstiction trade` has the group `/trade` in place of the time series: [trade.md](trade.md). For every column, the file of `dynstiction-quad` also has
-`/remainder/time_series/<name>`, the difference of the quadruple number from the double. The checkpoint of an unfinished run, `FILE.h5.checkpoint`, is not an HDF5 file:
-[checkpoints.md](checkpoints.md).
+`/remainder/time_series/<name>`, the difference of the quadruple number from the double. `FILE.part` belongs to a process that writes `FILE`: [checkpoints.md](checkpoints.md).
 """
 
 
