@@ -169,7 +169,7 @@ def _has_lock(descriptor: int) -> bool:
 
 def _name(name: str, part: str, place: str, former: os.stat_result | None) -> None:
     """Give the file its name, if no other one has taken it meanwhile."""
-    if former is None:
+    if former is None or not os.path.lexists(place):
         try:
             # Unlike renaming, this does not replace a file that was created in the meantime.
             os.link(part, place)
