@@ -39,7 +39,11 @@ def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overw
     """
     taken = {_place(path): f"the file {os.fspath(path)} is read" for path in inputs}
     for output in outputs:
-        name, place = os.fspath(output), _place(output)
+        name = os.fspath(output)
+        try:
+            place = _place(output)
+        except ValueError as error:
+            raise FileError(f"{name}: cannot be written: {error}: choose another name") from None
         _check_name(name, overwrite=overwrite)
         if place in taken:
             raise FileError(f"{name}: cannot be written: {taken[place]}: choose another name")
@@ -101,8 +105,9 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     FileError
         If the file cannot be written, or may not be replaced.
     """
-    name, place = os.fspath(path), _place(path)
+    name = os.fspath(path)
     check_outputs([name], overwrite=overwrite)
+    place = _place(path)
     part = f"{place}.part"
     try:
         former = os.stat(place) if os.path.exists(place) else None
@@ -177,7 +182,7 @@ def _name(name: str, part: str, place: str, former: os.stat_result | None) -> No
             pass
         except OSError:  # no links in this file system
             if not os.path.lexists(place):
-                os.rename(part, place)
+                os.replace(part, place)
                 return
         else:
             os.unlink(part)
@@ -186,7 +191,7 @@ def _name(name: str, part: str, place: str, former: os.stat_result | None) -> No
     else:
         with contextlib.suppress(FileNotFoundError):
             if os.path.samestat(os.lstat(place), former):
-                os.rename(part, place)
+                os.replace(part, place)
                 _make_durable(place)
                 return
     kept = f"{place}.kept"

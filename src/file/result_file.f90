@@ -214,11 +214,12 @@ contains
     class(result_file_t), intent(inout) :: self
     character(:), allocatable, intent(out) :: reason
     character(:), allocatable :: kept, failure
-    type(identity_t) :: there
+    type(identity_t) :: there, own
     logical :: placed
     integer :: i
 
     there = identity_of(self%place)
+    own = identity_of(self%descriptor)
     placed = .false.
     if (.not. there%exists) then
       call place_file(self%path(), self%place, placed)
@@ -227,7 +228,7 @@ contains
       call move_file(self%path(), self%place, placed)
     end if
     if (placed) then
-      self%former = identity_of(self%descriptor)
+      self%former = own
       ! At once: a reader that uses locks finds the file locked until then.
       call close_descriptor(self%descriptor)
       call make_name_durable(folder_of(self%place))
