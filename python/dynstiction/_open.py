@@ -18,7 +18,16 @@ from .record import Info, si_units
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["SEAL", "check_seal", "dataset_in", "groups_in", "info_of", "open_file", "own_datasets", "values_in"]
+__all__ = [
+    "SEAL",
+    "check_seal",
+    "dataset_in",
+    "groups_in",
+    "info_of",
+    "open_file",
+    "own_datasets",
+    "values_in",
+]
 
 SEAL = b"dynstiction CRC-32 %08X\n"
 """The last line of a whole file: CRC-32 of all bytes before it. Who changes a file with HDF5 takes it away."""
