@@ -48,7 +48,7 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=3 [package]=15 [bench]=3 [mutation]=4)
+declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3 [mutation]=4)
 
 say_how_long() {
   local part total first=0 second=0

@@ -44,7 +44,11 @@ def check_outputs(
     """
     taken = {_place(path): f"the file {os.fspath(path)} is read" for path in inputs}
     for output in outputs:
-        name, place = os.fspath(output), _place(output)
+        name = os.fspath(output)
+        try:
+            place = _place(output)
+        except ValueError as error:
+            raise FileError(f"{name}: cannot be written: {error}: choose another name") from None
         _check_name(name, overwrite=overwrite)
         if not hdf5 and os.path.exists(place) and _starts_with(place, HDF5):
             raise FileError(f"{name}: cannot be written: it is an HDF5 file: choose another name")
@@ -108,8 +112,9 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     FileError
         If the file cannot be written, or may not be replaced.
     """
-    name, place = os.fspath(path), _place(path)
+    name = os.fspath(path)
     check_outputs([name], overwrite=overwrite, hdf5=data.startswith(HDF5))
+    place = _place(path)
     part = f"{place}.part"
     try:
         former = os.stat(place) if os.path.exists(place) else None
@@ -185,7 +190,7 @@ def _lock(name: str, part: str, descriptor: int, *, is_new: bool) -> None:
 
 def _name(name: str, part: str, place: str, former: os.stat_result | None) -> None:
     """Give the file its name, if no other one has taken it meanwhile."""
-    if former is None:
+    if former is None or not os.path.lexists(place):
         try:
             # Unlike renaming, this does not replace a file that was created in the meantime.
             os.link(part, place)
@@ -193,7 +198,7 @@ def _name(name: str, part: str, place: str, former: os.stat_result | None) -> No
             pass
         except OSError:  # no links in this file system
             if not os.path.lexists(place):
-                os.rename(part, place)
+                os.replace(part, place)
                 return
         else:
             os.unlink(part)
@@ -202,11 +207,11 @@ def _name(name: str, part: str, place: str, former: os.stat_result | None) -> No
     else:
         with contextlib.suppress(FileNotFoundError):
             if os.path.samestat(os.lstat(place), former):
-                os.rename(part, place)
+                os.replace(part, place)
                 _make_durable(place)
                 return
     kept = next(kept for kept in _names_beside(place) if not os.path.lexists(kept))
-    os.rename(part, kept)
+    os.replace(part, kept)
     raise FileError(f"{name}: another file has taken the name: what was to be written is in {kept}")
 
 

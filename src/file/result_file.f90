@@ -213,26 +213,31 @@ contains
   subroutine take_name(self, reason)
     class(result_file_t), intent(inout) :: self
     character(:), allocatable, intent(out) :: reason
-    character(:), allocatable :: kept
+    character(:), allocatable :: kept, failure
+    type(identity_t) :: there, own
     logical :: placed
     integer :: i
 
-    if (.not. self%former%exists) then
+    there = identity_of(self%place)
+    own = identity_of(self%descriptor)
+    placed = .false.
+    if (.not. there%exists) then
       call place_file(self%path(), self%place, placed)
-    else
+    else if (there == self%former) then
       call keep_mode(self%place, self%descriptor)
-      placed = identity_of(self%place) == self%former
-      if (placed) call move_file(self%path(), self%place, placed)
+      call move_file(self%path(), self%place, placed)
     end if
     if (placed) then
-      self%former = identity_of(self%descriptor)
+      self%former = own
       ! At once: a reader that uses locks finds the file locked until then.
       call close_descriptor(self%descriptor)
       call make_name_durable(folder_of(self%place))
       return
     end if
-    if (.not. identity_of(self%path()) == identity_of(self%descriptor)) then
-      reason = 'the file or its folder was removed, renamed or replaced during the run'
+    failure = system_reason()
+    there = identity_of(self%place)
+    if (.not. there%exists .or. there == self%former) then
+      reason = failure
       return
     end if
     reason = 'another file has taken the name'

@@ -23,21 +23,18 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from program import Call, Ended, Program, content, fault_of_unfinished, is_complete, is_sealed, rows_of, snapshot
+from program import Call, Ended, Program, content, fault_of_unfinished, is_complete, is_sealed, snapshot
 from programs import DONE, FILE_ERROR, INPUTS, STOPPED, executable
 
 DECK_ERROR = 2
 CLOCK = 0.05
 RESULT = "x.h5"
-OWN = {RESULT, f"{RESULT}.checkpoint"}
-BYSTANDERS = (
-    "x.h5~", "x.h5.bak", "x.h5.part", "x.h5.1234.part", "x.h5.checkpoint.old", "x.h5.lock.txt", "x.h5.shard-12345",
-    "x.h5.shard-abcdef", "x", "x.checkpoint",
-)  # fmt: skip
-LINKS = {"x.h5.checkpoint~": "victim", "y.h5": "x.h5.bak"}
+SHARE, LAST_SHARE = "x.1-of-2.h5", "x.2-of-2.h5"
+BYSTANDERS = ("x.h5~", "x.h5.bak", "x.h5.lock", "x.h5.checkpoint", "x.h5.part~", "x.2-of-2.h5.bak", "x.3-of-2.h5x", "x", "x.part")
+LINKS = {"x.h5.old": "victim", "y.h5": "x.h5.bak"}
 SCENE = (INPUTS / "low_frequency.nml").read_text().replace("t_end = 10.0", "t_end = 1.0")
 SCENE = SCENE.replace("interval = 1.0e-3", "fields = 'u_x', 'sticking', interval = 1.0e-2")
-DECK = SCENE.replace("interval =", "flush_seconds = 0.4, checkpoint_interval = 0.7, interval =")
+DECK = SCENE.replace("interval =", "checkpoint_interval = 0.7, interval =")
 DECK = DECK.replace("rtol = 1.0e-6", "rtol = 1.0e-6, step_max = 5.0e-3")
 OTHER_DECK = DECK.replace("misalignment_deg = 1.0", "misalignment_deg = 2.0")
 GRID = """
@@ -48,8 +45,8 @@ GRID = """
 DECKS = {
     "run.nml": DECK,
     "other.nml": OTHER_DECK,
-    "sweep.nml": SCENE + GRID + "/\n",
-    "series.nml": SCENE + GRID + "  keep = 'series'\n/\n",
+    "sweep.nml": DECK + GRID + "/\n",
+    "series.nml": DECK + GRID + "  keep = 'series'\n/\n",
 }
 
 
@@ -57,12 +54,9 @@ DECKS = {
 REMOVING = {"unlink", "unlinkat", "remove", "statx", "lstat"}
 
 # What may happen to a call: the fault of the shim, and the calls (by the letters of the log) whose failure is not yet covered by others.
-CHANGES = "cowtuRsxlfki"
+CHANGES = "cowtuRsxlki"
 KINDS: dict[str, tuple[str, str]] = {
     "kill": ("kill:all", CHANGES),
-    "kill group": ("group:all", CHANGES),
-    "kill everyone": ("everyone:all", CHANGES),
-    "kill parent of child": ("orphan:child", "wtsRi"),
     "ENOSPC": ("ENOSPC:all", "cwsR"),
     "ENOSPC from there on": ("ENOSPC+:all", "cwsR"),
     "EDQUOT from there on": ("EDQUOT+:all", "cwsR"),
@@ -73,8 +67,7 @@ KINDS: dict[str, tuple[str, str]] = {
     "EACCES": ("EACCES:all", "cOu?"),
     "EBADF": ("EBADF:all", "rwsxtli"),
     "short write": ("short:all", "wi"),
-    "EMFILE": ("EMFILE:all", "Of"),
-    "no fork from there on": ("EAGAIN+:all", "f"),
+    "EMFILE": ("EMFILE:all", "O"),
     "no hard links": ("EPERM+:all", "k"),
     "no locks (ENOLCK)": ("ENOLCK+:all", "l"),
     "no locks (EOPNOTSUPP)": ("EOPNOTSUPP+:all", "l"),
@@ -83,11 +76,11 @@ KINDS: dict[str, tuple[str, str]] = {
     "SIGINT": ("INT:parent", CHANGES + "O?r"),
     "SIGUSR1": ("USR1:parent", CHANGES + "O?r"),
 }
-# Only the first one differs from the others: a file system has no locks or links, a process no children, at all.
-ONCE = ("no fork from there on", "no hard links", "no locks (ENOLCK)", "no locks (EOPNOTSUPP)")
-# A device that fails in the middle of a flush tears the file: then a refusal is honest, but a wrong number is not.
-TEARING = ("EIO", "EROFS", "EBADF")
+# Only the first one differs from the others: a file system has no locks or links at all.
+ONCE = ("no hard links", "no locks (ENOLCK)", "no locks (EOPNOTSUPP)")
 SIGNALS = {"SIGTERM": -15, "SIGHUP": -1, "SIGINT": -2, "SIGUSR1": -10}
+SECOND = ("kill", "ENOSPC from there on", "EIO", "SIGTERM")
+"""Faults that strike again when the operation is done again."""
 
 
 def write_decks(folder: Path) -> None:
@@ -106,21 +99,25 @@ def write_bystanders(folder: Path) -> None:
 OTHERS = {*BYSTANDERS, *LINKS, "victim", *DECKS}
 
 
+Command = tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Operation:
     """A command in a folder that is prepared by other commands, each with the fault that ends it, and at which part of its calls."""
 
-    command: tuple[str, ...]
-    prepared: tuple[tuple[tuple[str, ...], str, float], ...] = ()
+    command: Command
+    prepared: tuple[tuple[Command, str, float], ...] = ()
     stop: float = 0.0  # at which part of its calls it is itself asked to stop
     status: int = DONE
-    clock: float = CLOCK
-    resumable: bool = True  # the result of a run
-    repeated: bool = False  # the same command continues
+    file: str = RESULT
+    again: Command = ()  # how a user continues, besides `resume` of a run
 
     @property
-    def begins_anew(self) -> bool:
-        return self.command[0] != "resume"
+    def reference(self) -> Command:
+        """The command that gives the same without a fault."""
+        whole = RUN if self.command[0] == "resume" else ("run", *self.command[1:])
+        return tuple(word for word in whole if word not in ("--overwrite", "--retry"))
 
 
 RUN = ("run", "run.nml", "-o", RESULT, "--quiet")
@@ -131,22 +128,27 @@ OTHER_RUN = ("run", "other.nml", "-o", RESULT, "--quiet")
 OTHER, OTHER_STOPPED = (OTHER_RUN, "", 1.0), (OTHER_RUN, *STOP_RUN[1:])
 SWEEP = ("run", "sweep.nml", "-o", RESULT, "--quiet")
 SERIES = ("run", "series.nml", "-o", RESULT, "--quiet")
-KILL_SWEEP = (SWEEP, "kill:parent:write@5", 0.0)
+FIRST, LAST = ((*SWEEP, "--share", share) for share in ("1/2", "2/2"))
+MERGE = ("merge", *SWEEP[1:])
 OPERATIONS = {
     "run": Operation(RUN),
     "run, name is taken": Operation(RUN, (OTHER,), status=FILE_ERROR),
     "run --overwrite": Operation((*RUN, "--overwrite"), (OTHER,)),
     "run --overwrite of a stopped run": Operation((*RUN, "--overwrite"), (OTHER_STOPPED,)),
     "run, stopped": Operation(RUN, stop=0.5, status=STOPPED),
+    "run after a kill": Operation((*RUN, "--overwrite"), (KILL_RUN,)),
     "resume after a stop": Operation(RESUME, (STOP_RUN,)),
     "resume after a kill": Operation(RESUME, (KILL_RUN,)),
     "resume, stopped": Operation(RESUME, (STOP_RUN,), stop=0.3, status=STOPPED),
     "resume after resume and stop": Operation(RESUME, (STOP_RUN, STOP_RESUME)),
     "resume after resume and kill": Operation(RESUME, (STOP_RUN, KILL_RESUME)),
-    "merge": Operation(("merge", *SWEEP[1:]), (KILL_SWEEP,), status=STOPPED,
-                       clock=0.0, resumable=False, repeated=True),
-    "sweep": Operation(SWEEP, clock=0.0, resumable=False, repeated=True),
-    "sweep with series": Operation(SERIES, clock=0.0, resumable=False, repeated=True),
+    "sweep": Operation(SWEEP, again=SWEEP),
+    "sweep with series": Operation(SERIES, again=SERIES),
+    "sweep after a kill": Operation(SWEEP, ((SWEEP, "kill:parent", 0.7),), again=SWEEP),
+    "sweep --retry after a stop": Operation((*SWEEP, "--retry"), ((SWEEP, "TERM:parent", 0.4),), again=SWEEP),
+    "share": Operation(FIRST, file=SHARE, again=FIRST),
+    "merge": Operation(MERGE, ((FIRST, "", 1.0), (LAST, "", 1.0)), again=MERGE),
+    "merge of a part": Operation(MERGE, ((FIRST, "", 1.0),), status=STOPPED, again=MERGE),
 }  # fmt: skip
 
 
@@ -156,6 +158,7 @@ class Case:
     kind: str
     call: int
     name: str = ""
+    second: str = ""  # the fault that strikes when it is done again
 
 
 class Laboratory:
@@ -164,7 +167,7 @@ class Laboratory:
     def __init__(self, program: Program, room: Path) -> None:
         self.program, self.room = program, room
         self.prepared: dict[tuple, Path] = {}
-        self.expected: dict[str, dict[str, tuple]] = {}
+        self.expected: dict[Command, dict[str, tuple]] = {}
         self.stops: dict[str, str] = {}
         self.count = 0
 
@@ -177,7 +180,7 @@ class Laboratory:
             folder.mkdir()
             write_decks(folder)
             for command, fault, part in operation.prepared:
-                self.prepare(folder, command, fault, part, operation.clock)
+                self.prepare(folder, command, fault, part)
             self.prepared[operation.prepared] = folder
         self.count += 1
         folder = self.room / f"case-{self.count}"
@@ -185,19 +188,19 @@ class Laboratory:
         write_bystanders(folder)
         return folder
 
-    def prepare(self, folder: Path, command: tuple[str, ...], fault: str, part: float, clock: float) -> None:
+    def prepare(self, folder: Path, command: Command, fault: str, part: float) -> None:
         """Run a command until it is stopped or killed."""
-        at = fault if "@" in fault or not fault else f"{fault}:{self.call_at(folder, command, part, clock)}"
-        ended = self.program.run(folder, *command, fault=at, clock=clock)
+        at = f"{fault}:{self.call_at(folder, command, part)}" if fault else ""
+        ended = self.program.run(folder, *command, fault=at, clock=CLOCK)
         wanted = -9 if "kill" in fault else STOPPED if fault else DONE
         if ended.status != wanted:
             raise RuntimeError(f"cannot prepare: {command} with {at}: {ended.status} {ended.text}")
 
-    def call_at(self, folder: Path, command: tuple[str, ...], part: float, clock: float) -> int:
+    def call_at(self, folder: Path, command: Command, part: float) -> int:
         """Number of the call of the first process at this part of all in a command; tried in a copy of the folder."""
         copy = folder.with_name(f"{folder.name}-copy")
         shutil.copytree(folder, copy, symlinks=True)
-        calls = self.program.run(copy, *command, clock=clock, log=True).calls
+        calls = self.program.run(copy, *command, clock=CLOCK, log=True).calls
         shutil.rmtree(copy)
         return round(part * sum(call.who == "parent" for call in calls))
 
@@ -208,26 +211,27 @@ class Laboratory:
             return ""
         if name not in self.stops:
             folder = self.folder(name)
-            self.stops[name] = f"TERM:parent:{self.call_at(folder, operation.command, operation.stop, operation.clock)}"
+            self.stops[name] = f"TERM:parent:{self.call_at(folder, operation.command, operation.stop)}"
             shutil.rmtree(folder)
         return self.stops[name]
 
-    def reference(self, deck: str) -> dict[str, tuple]:
-        """What the file holds after a run of the deck without faults."""
-        if deck not in self.expected:
-            folder = self.room / f"reference-{deck}"
+    def reference(self, operation: Operation) -> dict[str, tuple]:
+        """What the file holds after the operation without faults."""
+        command = operation.reference
+        if command not in self.expected:
+            folder = self.room / f"reference-{len(self.expected)}"
             folder.mkdir()
             write_decks(folder)
-            ended = self.program.run(folder, "run", deck, "-o", RESULT, "--quiet", clock=CLOCK if deck == "run.nml" else 0.0)
+            ended = self.program.run(folder, *command, clock=CLOCK)
             assert ended.status == DONE, ended
-            self.expected[deck] = content(folder / RESULT)
-        return self.expected[deck]
+            self.expected[command] = content(folder / operation.file)
+        return self.expected[command]
 
     def calls(self, name: str) -> list[Call]:
         """The calls of the operation without a fault."""
         operation = OPERATIONS[name]
         folder = self.folder(name)
-        ended = self.program.run(folder, *operation.command, fault=self.stop_of(name), clock=operation.clock, log=True)
+        ended = self.program.run(folder, *operation.command, fault=self.stop_of(name), clock=CLOCK, log=True)
         shutil.rmtree(folder)
         if ended.status != operation.status:
             raise RuntimeError(f"{name} ends with {ended.status} without a fault: {ended.text}")
@@ -240,8 +244,9 @@ class Laboratory:
             fault, letters = KINDS[kind]
             who = fault.split(":")[1]
             struck = [c for c in calls if set(c.letters) & set(letters) and who in ("all", c.who)]
-            for call in struck[:1] if kind in ONCE else struck:
-                yield Case(name, kind, call.all if who == "all" else call.own, call.name)
+            for i, call in enumerate(struck[:1] if kind in ONCE else struck):
+                second = SECOND[i % len(SECOND)] if kind in SECOND and i % 3 == 0 else ""
+                yield Case(name, kind, call.all if who == "all" else call.own, call.name, second)
 
     def try_case(self, case: Case) -> list[str]:
         """What is wrong after the fault; empty if all is well."""
@@ -251,20 +256,12 @@ class Laboratory:
             before = snapshot(folder)
             fault = f"{KINDS[case.kind][0]}:{case.call}"
             ended = self.program.run(folder, *operation.command, fault=";".join(filter(None, (self.stop_of(case.operation), fault))),
-                                     clock=operation.clock, seconds=20.0)  # fmt: skip
+                                     clock=CLOCK, seconds=20.0)  # fmt: skip
             return [*self.faults_of_end(case, ended, before, folder), *self.faults_of_sequel(case, ended, before, folder)]
         finally:
             shutil.rmtree(folder)
 
     # What must hold whatever happened.
-
-    def is_right(self, operation: Operation, file: Path) -> bool:
-        """Whether a complete file holds what the operation without a fault gives."""
-        return content(file) == self.reference(self.deck_of(operation))
-
-    @staticmethod
-    def deck_of(operation: Operation) -> str:
-        return operation.command[1] if operation.begins_anew else "run.nml"
 
     def faults_of_end(self, case: Case, ended: Ended, before: dict, folder: Path) -> Iterator[str]:
         """How the operation may end, and what may be there then."""
@@ -274,20 +271,26 @@ class Laboratory:
         yield from self.faults_of_status(case, ended)
         if killed and case.kind in SIGNALS and snapshot(folder) != before:
             yield f"{case.kind} ends it as if it were no request to stop"
-        file = folder / RESULT
+        file = folder / operation.file
         if ended.status == DONE:
             yield from self.faults_of_result(operation, file)
-        elif file.exists() and operation.resumable and not self.is_old(file, before):
-            what = fault_of_unfinished(file, self.reference("run.nml"))
-            if what and case.kind != "kill everyone" and not self.is_torn(case, ended):
-                yield f"the file {what}"
+        elif file.exists() and not self.is_old(file, before):
+            yield from self.faults_of_part(operation, file)
         if operation.status == FILE_ERROR and not self.is_old(file, before):
             yield "the existing result is touched"
+        if file.name in before and not file.exists():
+            yield "the former file is gone"
         yield from self.faults_of_bystanders(before, folder)
-        # What cannot be removed or looked at stays; and the lock of one that was killed before, when it is not taken over.
-        may_stay = killed or any(hit.name in REMOVING for hit in struck)
-        if not may_stay and f"{RESULT}.lock" not in before:
-            yield from (f"{name} is left behind" for name in self.litter(folder, shards=True))
+        # What cannot be removed or looked at stays, and what was there before.
+        if not (killed or any(hit.name in REMOVING for hit in struck)):
+            yield from (f"{name} is left behind" for name in self.litter(folder) if name not in before)
+
+    def faults_of_part(self, operation: Operation, file: Path) -> Iterator[str]:
+        """What is wrong with a file that is new and not the end: it is whole all the same, and has a part of the rows."""
+        if not is_sealed(file):
+            yield "the file is not whole"
+        elif not operation.again and (what := fault_of_unfinished(file, self.reference(operation))):
+            yield f"the file {what}"
 
     @staticmethod
     def faults_of_status(case: Case, ended: Ended) -> Iterator[str]:
@@ -310,18 +313,14 @@ class Laboratory:
             yield "internal errors are printed"
 
     @staticmethod
-    def is_torn(case: Case, ended: Ended) -> bool:
-        return case.kind.startswith(TEARING) and any(hit.name == "pwrite" for hit in ended.hits)
-
-    @staticmethod
     def is_old(file: Path, before: dict) -> bool:
-        return file.exists() and RESULT in before and file.read_bytes() == before[RESULT][2]
+        return file.exists() and file.name in before and file.read_bytes() == before[file.name][2]
 
     def faults_of_result(self, operation: Operation, file: Path) -> Iterator[str]:
         """What is wrong with the file of an operation that says that all is well."""
         if not is_complete(file):
             yield "all seems well, but the file is not complete"
-        elif not self.is_right(operation, file):
+        elif content(file) != self.reference(operation):
             yield "all seems well, but the numbers differ"
         elif not is_sealed(file):
             yield "all seems well, but the file is not sealed"
@@ -334,64 +333,51 @@ class Laboratory:
                 yield f"the file of others {name} is {'changed' if name in after else 'gone'}"
 
     @staticmethod
-    def litter(folder: Path, shards: bool) -> list[str]:
-        """Names without what differs from run to run."""
-        names = {path.name for path in folder.iterdir()} - OTHERS - OWN
-        if shards:
-            names = {name for name in names if not name.startswith(f"{RESULT}.shard-0")}
-        return ["a lock" if name.endswith(".lock") else "a scratch file" for name in sorted(names)]
+    def litter(folder: Path) -> list[str]:
+        """Names that are of nobody else, and no results."""
+        return sorted({path.name for path in folder.iterdir()} - OTHERS - {RESULT, SHARE, LAST_SHARE})
 
     def faults_of_sequel(self, case: Case, ended: Ended, before: dict, folder: Path) -> Iterator[str]:
-        """Without further faults it must continue to the end that it would have had."""
+        """Done again, it must come to the end that it would have had."""
         operation = OPERATIONS[case.operation]
-        if operation.status == FILE_ERROR:
+        if operation.status == FILE_ERROR or (operation.command == MERGE and operation.status == STOPPED):
             return
-        file = folder / RESULT
+        file = folder / operation.file
         if ended.status != DONE:
-            why = self.go_on(operation, file, before)
-            if "is damaged" in why and (self.is_torn(case, ended) or case.kind == "kill everyone"):
-                return
-            if why:
+            if case.second:
+                self.go_on(operation, file, before, f"{KINDS[case.second][0]}:{max(1, case.call // 2)}")
+                if file.exists() and not self.is_old(file, before):
+                    yield from self.faults_of_part(operation, file)
+            if why := self.went(self.go_on(operation, file, before)):
                 yield why
                 return
             yield from (f"afterwards {what}" for what in self.faults_of_result(operation, file))
         if not any(hit.name in REMOVING for hit in ended.hits):
-            yield from (f"{name} is never removed" for name in self.litter(folder, shards=False))
-            if operation.resumable and (folder / f"{RESULT}.checkpoint").exists() and is_complete(file):
-                yield "the checkpoint is never removed"
+            yield from (f"{name} is never removed" for name in self.litter(folder))
         yield from (f"afterwards {what}" for what in self.faults_of_bystanders(before, folder))
 
-    def go_on(self, operation: Operation, file: Path, before: dict) -> str:
-        """Continue as a user would; why that is not possible, or ''."""
+    def go_on(self, operation: Operation, file: Path, before: dict, fault: str = "") -> Ended | None:
+        """Continue as a user would; None if there is nothing to do."""
 
         def tried(*command: str) -> Ended:
-            return self.program.run(file.parent, *command, clock=operation.clock, seconds=20.0)
+            return self.program.run(file.parent, *command, clock=CLOCK, seconds=20.0, fault=fault)
 
-        if operation.repeated:
-            again = tried("run", *operation.command[1:])
-            if again.status == FILE_ERROR and file.exists():
-                again = tried("run", *operation.command[1:], "--overwrite")
-            return self.went(again, "the same again")
-        if not file.exists() and operation.begins_anew:
-            return self.went(tried(*operation.command), "the same again")
-        if not operation.resumable or (self.is_old(file, before) and operation.begins_anew):
-            return self.went(tried(*operation.command[:5], *operation.command[5:], "--overwrite"), "the same again")
-        resumed = tried(*RESUME)
-        if resumed.status == DONE or ("the run is complete" in resumed.text and not self.is_old(file, before)):
-            return ""
-        nothing_lost = operation.begins_anew and rows_of(file) == 0
-        if resumed.status == FILE_ERROR and nothing_lost:
-            return self.went(tried(*RUN, "--overwrite"), "run --overwrite")
-        return self.went(resumed, "resume")
+        if operation.again:
+            again = tried(*operation.again)
+            # What stands under the name after a stop of a merge is complete, or a part.
+            return tried(*operation.again, "--overwrite") if again.status == FILE_ERROR and file.exists() and not fault else again
+        if operation.command[0] == "resume" or (file.exists() and not self.is_old(file, before)):
+            return None if is_complete(file) and not self.is_old(file, before) else tried(*RESUME)
+        return tried(*operation.command) if not file.exists() or "--overwrite" in operation.command else tried(*RUN, "--overwrite")
 
     @staticmethod
-    def went(ended: Ended, what: str) -> str:
-        if ended.status == DONE:
+    def went(ended: Ended | None) -> str:
+        if ended is None or ended.status == DONE:
             return ""
         if ended.hung:
-            return f"{what} hangs"
+            return "done again, it hangs"
         message = ended.text.strip().splitlines()[-1:] or [""]
-        return f"{what} ends with {ended.status}: {message[0].removeprefix('dynstiction: ')[:110]}"
+        return f"done again, it ends with {ended.status}: {message[0].removeprefix('dynstiction: ')[:110]}"
 
 
 def room_for_files() -> str | None:

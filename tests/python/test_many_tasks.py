@@ -21,10 +21,7 @@ def has_gnu_parallel() -> bool:
     return shutil.which("parallel") is not None and Program(("parallel",))("--version", input="").stdout.startswith("GNU parallel")
 
 
-ENGINES = {
-    "GNU parallel": has_gnu_parallel,
-    "dask": lambda: importlib.util.find_spec("distributed") is not None,
-}
+ENGINES = {"GNU parallel": has_gnu_parallel, "dask": lambda: importlib.util.find_spec("distributed") is not None}
 
 
 def sections() -> dict[str, str]:

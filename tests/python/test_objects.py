@@ -591,9 +591,9 @@ def test_files_of_others_are_never_replaced(tmp_path: Path, fig3_result: ds.Resu
     for name in ("foreign", "text", "link", "folder", "pipe"):
         path = tmp_path / f"{name}.h5"
         before = path.read_bytes() if path.is_file() else path.stat().st_ino
-        with pytest.raises(ds.FileError, match="pass overwrite=True"):
+        with pytest.raises(ds.FileError, match=r"overwrite=True|it is a folder"):
             fig3_result.save(path)
-        with pytest.raises(ds.FileError, match="is no result of dynstiction"):
+        with pytest.raises(ds.FileError, match=r"is no result of dynstiction|not a regular file|it is a folder"):
             fig3_result.save(path, overwrite=True)
         assert before == (path.read_bytes() if path.is_file() else path.stat().st_ino)
     assert len(list(tmp_path.iterdir())) == 5

@@ -660,7 +660,7 @@ def test_the_command_compares(executable: Path, measured: ds.Trace, tmp_path: Pa
     assert (tmp_path / "rig_compared.png").stat().st_size > 10000
     counts = []
     for more in ((), ("--from", 20), ("--to", 20)):
-        counts.append(int(call(*how, *more, status=0).stdout.split("rig.csv: ")[1].split()[0]))
+        counts.append(int(call(*how, *more, "--overwrite", status=0).stdout.split("rig.csv: ")[1].split()[0]))
     assert min(counts) > 5
     assert 0 < counts[0] - counts[1] - counts[2] <= 2
     own = call(*how, "-o", "own.svg", status=0).stdout

@@ -548,7 +548,7 @@ def begun(executable, folder, *arguments: str, budget: str = "60") -> subprocess
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGUSR1])
 def test_a_signal_keeps_what_was_measured(command, executable, tmp_path, number):
     process = begun(executable, tmp_path)
-    time.sleep(2.0)
+    time.sleep(0.5)
     process.send_signal(number)
     said, errors = process.communicate(timeout=60)
     assert (process.returncode, said) == (75, "")

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # tests/slurm/run.sh EXE [PYTEST OPTION]...: sweeps with the program EXE through a Slurm of one node (cluster.sh), with the scripts of
 # jobs/ as they are (test_jobs.py). Where Slurm cannot be started it is skipped, with a line that says why.
-# Needs root, the Debian packages slurm-wlm and munge, and python with h5py and pytest. Takes two to three minutes.
+# Needs root, the Debian packages slurm-wlm and munge, and python with h5py and pytest. Takes three to four minutes.
 set -euo pipefail
 if [[ ${1:-} == --help || ${1:-} == -h ]]; then
   awk 'NR > 1 { if (!/^#/) exit; sub(/^# ?/, ""); print }' "$0"

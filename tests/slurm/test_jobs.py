@@ -32,7 +32,7 @@ case $1/$share in run/{KILLED}) signal=KILL ;; run/{FULL}) signal= ;; run/{STOPP
 touch "fault.$share"
 [[ -n $signal ]] || exec unshare --mount sh -c 'mount -t tmpfs -o size=4k none out && exec "$REAL" "$@"' sh "$@"
 "$REAL" "$@" &
-until (($(awk '{{ print $14 }}' /proc/$!/stat) >= 40)); do sleep 0.02; done
+while kill -0 $! && (($(awk '{{ print $14 }}' /proc/$!/stat) < 40)); do sleep 0.02; done
 kill -s "$signal" $!
 wait $!
 """
@@ -80,8 +80,8 @@ class Job:
 
     def wait(self, seconds: float = 120.0) -> Job:
         end = time.monotonic() + seconds
-        while Program(("squeue", "-h", "-j", self.number))().stdout:
-            assert time.monotonic() < end, f"the job does not end:\n{self.text()}"
+        while queue := Program(("squeue", "-h", "-j", self.number))().stdout:
+            assert time.monotonic() < end, f"the job does not end:\n{queue}\n{self.text()}"
             time.sleep(0.1)
         return self
 
