@@ -161,13 +161,24 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         where = f"{error.filename}: " if error.filename else ""
         status, words = FileError.exit_status, f"{where}{error.strerror or error}"
     except _EndedError as error:
-        status, words = error.number, f"stopped by {signal.Signals(error.number).name}"
-        print(f"dynstiction: {words}", file=sys.stderr)
-        # So that the shell that called sees how the command ended.
-        signal.signal(error.number, signal.SIG_DFL)
-        os.kill(os.getpid(), error.number)
+        _end(error.number)
     print(f"dynstiction: {printable(words) if status != DeckError.exit_status else words}", file=sys.stderr)
     return status
+
+
+def _end(number: int) -> NoReturn:
+    """End by a signal, so that the shell that called sees how the command ended."""
+    print(f"dynstiction: stopped by {signal.Signals(number).name}", file=sys.stderr, flush=True)
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+    raise SystemExit(128 + number)
+
+
+def _end_all_the_same(lost: sys.UnraisableHookArgs) -> None:
+    """Python drops what is raised while it deletes an object, or in a function that C has called; a signal ends the command there."""
+    if isinstance(lost.exc_value, _EndedError):
+        _end(lost.exc_value.number)
+    sys.__unraisablehook__(lost)
 
 
 @contextmanager
@@ -182,6 +193,7 @@ def _signals_raised() -> Iterator[None]:
         yield
         return
     before = {number: signal.getsignal(number) for number in numbers}
+    sys.unraisablehook = _end_all_the_same
     for number in numbers:
         # What the caller ignores stays ignored.
         if before[number] != signal.SIG_IGN:
@@ -189,6 +201,7 @@ def _signals_raised() -> Iterator[None]:
     try:
         yield
     finally:
+        sys.unraisablehook = sys.__unraisablehook__
         for number in numbers:
             signal.signal(number, before[number])
 
@@ -359,6 +372,8 @@ def _report(options: argparse.Namespace) -> None:
     from .report import write_report  # noqa: PLC0415
 
     output = options.output or options.file.with_suffix(".html")
+    if output.suffix.lower() not in PAGES:
+        raise FileError(f"{output}: cannot be written: a report is a page: call it {output.stem}.html")
     check_outputs([output], [options.file], overwrite=options.overwrite)
     result = _open(options.file)
     write_report(result, output, options.file.name, overwrite=options.overwrite)
@@ -502,6 +517,9 @@ TYPES: dict[str, Callable[[str], object]] = {
     "T": float,
 }
 """Types of the arguments of options; other arguments are paths."""
+
+PAGES = (".html", ".htm")
+"""Suffixes of a report."""
 
 COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
     "plot": (_plot, {}),

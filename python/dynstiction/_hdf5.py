@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._open import dataset_in, info_of, open_file, own_datasets
+from ._open import dataset_in, info_of, open_file, own_datasets, values_in
 from .errors import FileError, IncompleteWarning
 from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
 
@@ -82,7 +82,7 @@ def _read_columns(file: h5py.File, path: str) -> dict[Info, NDArray[np.float64]]
     group, time = file[path], dataset_in(file, f"{path}/time")
     columns = own_datasets(group, 1)
     return {
-        info_of(name, dataset): dataset.astype(np.float64)[:]
+        info_of(name, dataset): dataset[:].astype(np.float64, copy=False)
         for name, dataset in columns
         if time is not None and dataset.shape == time.shape and dataset.dtype.kind in "iuf"
     }
@@ -108,5 +108,4 @@ def _in_order(
 
 
 def _read_text(file: h5py.File, name: str) -> str:
-    dataset = dataset_in(file, name)
-    return "" if dataset is None else dataset[()].decode("utf-8", "surrogateescape")
+    return "" if dataset_in(file, name) is None else values_in(file, name)

@@ -9,7 +9,8 @@ import errno
 import fcntl
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import count
 
 from .errors import FileError
 
@@ -22,7 +23,9 @@ BEGINNING = 16
 """Bytes by which a part that a killed process has left is known: those of the file that is written."""
 
 
-def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overwrite: bool) -> None:
+def check_outputs(
+    outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overwrite: bool, hdf5: bool = False
+) -> None:
     """Refuse names of files that are to be written, before anything is computed.
 
     Parameters
@@ -31,6 +34,8 @@ def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overw
         Files that will be written, and files that are read.
     overwrite : bool
         Whether existing files may be replaced.
+    hdf5 : bool
+        Whether the outputs are HDF5 files; others never replace one.
 
     Raises
     ------
@@ -45,6 +50,8 @@ def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overw
         except ValueError as error:
             raise FileError(f"{name}: cannot be written: {error}: choose another name") from None
         _check_name(name, overwrite=overwrite)
+        if not hdf5 and os.path.exists(place) and _starts_with(place, HDF5):
+            raise FileError(f"{name}: cannot be written: it is an HDF5 file: choose another name")
         if place in taken:
             raise FileError(f"{name}: cannot be written: {taken[place]}: choose another name")
         for input_place, what in taken.items():
@@ -106,13 +113,11 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
         If the file cannot be written, or may not be replaced.
     """
     name = os.fspath(path)
-    check_outputs([name], overwrite=overwrite)
+    check_outputs([name], overwrite=overwrite, hdf5=data.startswith(HDF5))
     place = _place(path)
     part = f"{place}.part"
     try:
         former = os.stat(place) if os.path.exists(place) else None
-        if former is not None and not data.startswith(HDF5) and _starts_with(place, HDF5):
-            raise FileError(f"{name}: cannot be written: it is an HDF5 file: choose another name")
         descriptor = _locked(name, part, data[:BEGINNING])
         try:
             with open(descriptor, "wb", closefd=False) as stream:
@@ -137,25 +142,30 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
 
 
 def _starts_with(name: str, beginning: bytes) -> bool:
-    with open(name, "rb") as stream:
-        return stream.read(len(beginning)) == beginning
+    try:
+        with open(name, "rb") as stream:
+            return stream.read(len(beginning)) == beginning
+    except OSError:  # what cannot be read is no result of ours
+        return False
 
 
 def _locked(name: str, part: str, beginning: bytes) -> int:
     """The descriptor of NAME.part, which this process has alone."""
+    how = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     while True:
-        descriptor = os.open(
-            part, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666
-        )
-        if not _has_lock(descriptor):
-            os.close(descriptor)
-            raise FileError(
-                f"{name}: another process is writing this file: wait until it ends, or use another name"
-            )
         with contextlib.suppress(FileNotFoundError):
-            if os.path.samestat(os.lstat(part), os.fstat(descriptor)):
-                break
-        os.close(descriptor)
+            try:
+                descriptor, is_new = os.open(part, how | os.O_CREAT | os.O_EXCL, 0o666), True
+            except FileExistsError:
+                descriptor, is_new = os.open(part, how), False
+            try:
+                _lock(name, part, descriptor, is_new=is_new)
+                if os.path.samestat(os.lstat(part), os.fstat(descriptor)):
+                    break
+            except FileError:
+                os.close(descriptor)
+                raise
+            os.close(descriptor)
     left = os.pread(descriptor, BEGINNING, 0)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode) or not beginning.startswith(left):
         os.close(descriptor)
@@ -163,13 +173,19 @@ def _locked(name: str, part: str, beginning: bytes) -> int:
     return descriptor
 
 
-def _has_lock(descriptor: int) -> bool:
-    """Take the lock; a file system without locks is trusted."""
+def _lock(name: str, part: str, descriptor: int, *, is_new: bool) -> None:
+    """Take a lock. Where a file system has none, the file itself is the lock of the process that made it."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        return error.errno not in (errno.EWOULDBLOCK, errno.EAGAIN)
-    return True
+        if error.errno in (errno.EWOULDBLOCK, errno.EAGAIN):
+            raise FileError(
+                f"{name}: another process is writing this file: wait until it ends, or use another name"
+            ) from None
+        if not is_new:
+            raise FileError(
+                f"{name}: this file system has no locks, and {part} is there: if no process writes it, remove it"
+            ) from None
 
 
 def _name(name: str, part: str, place: str, former: os.stat_result | None) -> None:
@@ -194,9 +210,15 @@ def _name(name: str, part: str, place: str, former: os.stat_result | None) -> No
                 os.replace(part, place)
                 _make_durable(place)
                 return
-    kept = f"{place}.kept"
-    os.link(part, kept)
+    kept = next(kept for kept in _names_beside(place) if not os.path.lexists(kept))
+    os.replace(part, kept)
     raise FileError(f"{name}: another file has taken the name: what was to be written is in {kept}")
+
+
+def _names_beside(place: str) -> Iterator[str]:
+    """FILE.kept, FILE.kept2, …: as the executable."""
+    yield f"{place}.kept"
+    yield from (f"{place}.kept{i}" for i in count(2))
 
 
 def _make_durable(place: str) -> None:

@@ -60,7 +60,7 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
 
 def refuse_to_replace(path: str, *, overwrite: bool) -> None:
     """Raise if a result cannot have this name because of an existing file."""
-    check_outputs([path], overwrite=overwrite)
+    check_outputs([path], overwrite=overwrite, hdf5=True)
     if not os.path.exists(path) or os.path.getsize(path) == 0:
         return
     try:

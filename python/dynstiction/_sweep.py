@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import flag, path_name, reals, shown, whole
 from ._interrupt import held_back, interrupted
-from ._open import dataset_in, open_file, own_datasets
+from ._open import info_of, open_file, own_datasets, values_in
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
 from .errors import DeckError, FileError, IncompleteWarning, StiffnessWarning, UsageError
 from .groups import Changes
-from .record import Info, si_units
+from .record import Info
 from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
@@ -276,27 +276,29 @@ def _read_sweep(file: h5py.File) -> xarray.Dataset:
     shape = () if is_list else tuple(int(size) for size in grid.split())
     axes = []
     for i, name in enumerate(str(group.attrs["parameters"]).split()):
-        values = group[name][:]
+        values = values_in(group, name)
         if not is_list:
             # Along its own side, at the first place of the others.
             values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
-        axes.append((_info(group, name), np.ascontiguousarray(values)))
+        axes.append((info_of(name, group[name]), np.ascontiguousarray(values)))
     summary = group["summary"]
-    codes = dataset_in(group, "result_code")[:].astype(np.int32)
+    codes = values_in(group, "result_code").astype(np.int32)
     columns = [
-        (_info(summary, name), data[:]) for name, data in own_datasets(summary, 1) if data.size == codes.size
+        (info_of(name, data), data[:])
+        for name, data in own_datasets(summary, 1)
+        if data.shape == codes.shape and data.dtype.kind in "iuf"
     ]
-    columns.append((_info(group, "wall_time"), group["wall_time"][:]))
+    columns.append((info_of("wall_time", group["wall_time"]), values_in(group, "wall_time")))
     if "cycles" in group:
         cycles = group["cycles"]
-        columns.append((CYCLE_COUNT, cycles["count"][:].astype(np.int32)))
-        columns += [(_of_cycle(_info(cycles, name)), data[:]) for name, data in own_datasets(cycles, 2)]
+        columns.append((CYCLE_COUNT, values_in(cycles, "count").astype(np.int32)))
+        shape = (codes.size, values_in(cycles, "cycle").size)
+        columns += [
+            (_of_cycle(info_of(name, data)), data[:])
+            for name, data in own_datasets(cycles, 2)
+            if data.shape == shape and data.dtype.kind in "iuf"
+        ]
     failures = group["failures"]
-    messages = dict(zip(failures["case"][:] - 1, failures["result_text"].asstr()[:], strict=True))
-    deck = file["deck/resolved"][()].decode("utf-8", "surrogateescape")
+    messages = dict(zip(values_in(failures, "case") - 1, values_in(failures, "result_text"), strict=True))
+    deck = values_in(file, "deck/resolved")
     return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
-
-
-def _info(group: h5py.Group, name: str) -> Info:
-    about = group[name].attrs
-    return Info(name, si_units(str(about["units"])), str(about["long_name"]))

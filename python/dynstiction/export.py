@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ._open import info_of, open_file, own_datasets
-from ._output import make_folder, put
+from ._open import info_of, open_file, own_datasets, values_in
+from ._output import check_outputs, make_folder, put
 from ._trade import Trade
 from .record import EVENTS, Info, headed, unit_shown
 from .result import Result
@@ -19,6 +19,9 @@ from .result import Result
 __all__ = ["export_csv", "export_sweep_csv"]
 
 FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
+Table = tuple[Sequence[str], Iterable[Sequence[object]]]
+"""Headings and rows."""
+
 ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
@@ -45,14 +48,14 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
     FileError
         If a file exists already or cannot be written.
     """
-    make_folder(folder)
     if isinstance(result, Trade):
-        yield _write(folder / f"{name}_trade.csv", *_table(result.columns.info()), overwrite)
-        return
-    events = ((info, result.events[info.name]) for info in EVENTS.values())
-    yield _write(folder / f"{name}_time_series.csv", *_table(result.columns.info()), overwrite)
-    yield _write(folder / f"{name}_events.csv", *_table(events), overwrite)
-    yield _write(folder / f"{name}_summary.csv", ABOUT, _summary_rows(result), overwrite)
+        return _write({folder / f"{name}_trade.csv": lambda: _table(result.columns.info())}, overwrite)
+    tables: dict[str, Callable[[], Table]] = {
+        "time_series": lambda: _table(result.columns.info()),
+        "events": lambda: _table((info, result.events[info.name]) for info in EVENTS.values()),
+        "summary": lambda: (ABOUT, _summary_rows(result)),
+    }
+    return _write({folder / f"{name}_{table}.csv": make for table, make in tables.items()}, overwrite)
 
 
 def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
@@ -81,17 +84,15 @@ def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = F
     """
     with open_file(path) as file:
         group = file["sweep"]
-        tables = {"sweep": _table(_sweep_columns(group))}
+        tables = {folder / f"{name}_sweep.csv": lambda: _table(_sweep_columns(group))}
         if "cycles" in group:
-            tables["cycles"] = _table(_cycle_columns(group))
-    make_folder(folder)
-    for table, (head, rows) in tables.items():
-        yield _write(folder / f"{name}_{table}.csv", head, rows, overwrite)
+            tables[folder / f"{name}_cycles.csv"] = lambda: _table(_cycle_columns(group))
+        yield from _write(tables, overwrite)
 
 
 def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
     """Columns with one number for each case: case, parameters, result code, wall time, then the summary."""
-    cases = group["case"].shape
+    cases = values_in(group, "case").shape
     for table in (group, group["summary"]):
         # Sorted by name, except the number of the case.
         for name, dataset in sorted(own_datasets(table, 1), key=lambda named: named[0] != "case"):
@@ -102,16 +103,18 @@ def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
 def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
     """Columns with one number for each kept cycle: case, parameters, number of the cycle, then its quantities."""
     cycles = group["cycles"]
-    counts = cycles["count"][...]
+    counts = values_in(cycles, "count")
     for name in ("case", *str(group.attrs["parameters"]).split()):
-        yield info_of(name, group[name]), np.repeat(group[name][...], counts)
-    there = np.arange(cycles["cycle"].size) < counts[:, np.newaxis]
-    yield info_of("cycle", cycles["cycle"]), np.broadcast_to(cycles["cycle"][...], there.shape)[there]
+        yield info_of(name, group[name]), np.repeat(values_in(group, name), counts)
+    numbers = values_in(cycles, "cycle")
+    there = np.arange(numbers.size) < counts[:, np.newaxis]
+    yield info_of("cycle", cycles["cycle"]), np.broadcast_to(numbers, there.shape)[there]
     for name, dataset in own_datasets(cycles, 2):
-        yield info_of(name, dataset), dataset[...][there]
+        if dataset.shape == there.shape and dataset.dtype.kind in "iuf":
+            yield info_of(name, dataset), dataset[...][there]
 
 
-def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Sequence[object]]]:
+def _table(columns: Iterable[tuple[Info, Any]]) -> Table:
     """Headings and rows of a table of columns."""
     infos, values = zip(*columns, strict=True)
     head = [headed(info.name, info.units) for info in infos]
@@ -119,13 +122,19 @@ def _table(columns: Iterable[tuple[Info, Any]]) -> tuple[list[str], Iterable[Seq
     return head, zip(*(np.asarray(column).tolist() for column in values), strict=True)
 
 
-def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]], overwrite: bool) -> Path:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(map(_harmless, head))
-    writer.writerows(map(_harmless, row) for row in rows)
-    put(path, text.getvalue().encode(), overwrite=overwrite)
-    return path
+def _write(tables: Mapping[Path, Callable[[], Table]], overwrite: bool) -> Iterator[Path]:
+    """Write tables, which are made one after the other; all names are checked before."""
+    for folder in {path.parent for path in tables}:
+        make_folder(folder)
+    check_outputs(tables, overwrite=overwrite)
+    for path, make in tables.items():
+        head, rows = make()
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(map(_harmless, head))
+        writer.writerows(map(_harmless, row) for row in rows)
+        put(path, text.getvalue().encode(), overwrite=overwrite)
+        yield path
 
 
 def _harmless(cell: object) -> object:

@@ -62,12 +62,16 @@ contains
       'Python 3.11 or later, or set '//variable//' to the one that has the package dynstiction')
   end subroutine hand_over
 
-  !> The program for Python. A folder named dynstiction in the current folder is not the package.
+  !> The program for Python. Nothing in the current folder is imported. Ctrl-C while modules are imported
+  !> ends the process without a traceback.
   function bootstrap() result(text)
     character(:), allocatable :: text
     character, parameter :: n = new_line('a')
 
-    text = 'import sys'//n// &
+    ! _signal and sys are within the interpreter, unlike signal, which takes time and is looked for in folders.
+    text = 'import _signal, sys'//n// &
+      'if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:'//n// &
+      '    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)'//n// &
       'sys.path = [folder for folder in sys.path if folder]'//n// &
       'try:'//n// &
       '    from dynstiction.__main__ import main'//n// &

@@ -82,8 +82,10 @@ def test_frames_without_ffmpeg(fig4_result: ds.Result, tmp_path: Path) -> None:
     first, *_, last = (image.imread(file) for file in files)
     assert first.shape[:2] == (520, 800)
     assert np.abs(first - last).mean() > 1e-3
-    with pytest.raises(ds.FileError, match="holds frames already"):
-        animate(fig4_result, tmp_path / "frames")
+    with pytest.raises(ds.FileError, match="frame_0001.png: the file exists"):
+        animate(fig4_result, tmp_path / "frames", frames_per_second=3, seconds=1.0, overwrite=False)
+    with pytest.raises(ds.FileError, match="holds frames of another animation"):
+        animate(fig4_result, tmp_path / "frames", frames_per_second=2, seconds=1.0)
 
 
 def test_gif(fig4_result: ds.Result, tmp_path: Path) -> None:
@@ -104,7 +106,7 @@ def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
 def test_mp4_gets_every_frame(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
     """A program of that name which counts what it gets, or reads nothing."""
     encoder = tmp_path / "ffmpeg"
-    body = "exit 1" if fails else 'for last in "$@"; do :; done; echo "$*" > "$last.words"; cat > "$last"'
+    body = "exit 1" if fails else 'for last in "$@"; do :; done; echo "$*" > "$0.words"; cat > "$last"'
     encoder.write_text(f"#!/bin/sh\n{body}\n")
     encoder.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
@@ -114,7 +116,7 @@ def test_mp4_gets_every_frame(fig4_result: ds.Result, tmp_path: Path, monkeypatc
         return
     animate(fig4_result, tmp_path / "run.mp4", frames_per_second=4, seconds=1.0)
     assert (tmp_path / "run.mp4").stat().st_size == 4 * 800 * 520 * 3
-    assert "-s 800x520 -r 4 " in (tmp_path / "run.mp4.words").read_text()
+    assert "-s 800x520 -r 4 " in (tmp_path / "ffmpeg.words").read_text()
 
 
 def test_mp4_without_ffmpeg_names_the_ways_out(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +153,7 @@ def test_unfit_outputs_and_results_are_refused(fig4_result: ds.Result, tmp_path:
     with pytest.raises(ds.FileError, match="does not exist"):
         animate(fig4_result, tmp_path / "no" / "film.gif")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ds.FileError, match="cannot be written"):
+    with pytest.raises(ds.FileError, match="cannot be made"):
         animate(fig4_result, tmp_path / "file")
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "X")]
     with pytest.raises(ds.ColumnError, match=r"lacks Y, .*output\.fields"):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +121,16 @@ def test_a_folder_of_the_package_s_name_is_not_the_package(program: Program, fol
     (folder / "dynstiction").mkdir()
     (folder / "dynstiction" / "__main__.py").write_text("raise SystemExit(99)")
     program("plot", "it's a run.h5", status=0)
+
+
+def test_ctrl_c_while_modules_are_imported_is_no_traceback(program: Program, folder: Path) -> None:
+    for wait in (0.05, 0.1, 0.15, 0.2, 0.3, 0.4):
+        process = program.start("validate-creep", "-o", f"{wait}")
+        time.sleep(wait)
+        process.send_signal(signal.SIGINT)
+        errors = process.communicate(timeout=60)[1]
+        assert process.returncode == -signal.SIGINT
+        assert errors in ("", "dynstiction: stopped by SIGINT\n"), errors
 
 
 def test_trade_is_understood_before_python_and_carried_out_by_it(

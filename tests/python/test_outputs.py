@@ -63,12 +63,19 @@ def assert_refused(folder: Path, *command: str, words: str = "") -> None:
         ("compare", "rig.nml", "trace.svg", "-o", "trace.svg", "--overwrite"),
         ("animate", "run.gif", "-o", "run.gif", "--overwrite"),
         ("plot", "rig.h5", "-o", "../x/rig.h5", "--overwrite"),
+        ("fit", "rig.nml", "trace.csv", *FREE, "--fitted", "other.h5", "--overwrite"),
+        ("report", "rig.h5", "-o", "page.png"),
+        ("export", "rig.h5", "-o", "tables"),
     ],
 )
 def test_no_output_replaces_an_input(folder: Path, command: tuple[str, ...]) -> None:
     (folder / "link.csv").symlink_to("trace.csv")
     (folder / "x").mkdir()
+    shutil.copy(folder / "rig.h5", folder / "other.h5")
+    (folder / "tables").mkdir()
+    (folder / "tables" / "rig_summary.csv").write_text("mine")
     assert_refused(folder, *command)
+    assert [file.name for file in (folder / "tables").iterdir()] == ["rig_summary.csv"]
 
 
 @pytest.mark.parametrize(
@@ -147,7 +154,8 @@ def catches(process: int, number: int) -> bool:
     return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 
-STRANGERS = ("json", "numpy", "h5py", "matplotlib", "csv", "argparse", "xarray", "scipy", "dynstiction", "typing", "struct", "mmap")
+STRANGERS = ("json", "numpy", "h5py", "matplotlib", "csv", "argparse", "xarray", "scipy", "dynstiction", "typing", "struct", "mmap",
+             "_signal", "signal", "enum")  # fmt: skip
 
 
 def test_nothing_in_a_working_folder_is_imported(folder: Path, executable: Path) -> None:

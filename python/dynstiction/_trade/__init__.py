@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._arguments import number, path_name, shown, text
-from .._open import info_of, open_file
+from .._open import info_of, open_file, own_datasets, values_in
 from .._progress import progress_bar
 from ..errors import Error, FileError, UsageError, printable
 from ..groups import Changes
@@ -259,17 +259,18 @@ def open_trade(path: str | os.PathLike[str]) -> Trade:
     UsageError
         If `path` is not a path.
     """
-    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
-
     path = path_name(path)
     with open_file(path) as file:
         if "trade" not in file:
             raise FileError(f"{path}: holds no comparison of dynstiction trade")
         entries = []
-        for name, dataset in file["trade"].items():
-            info = info_of(name, dataset)
-            is_text = h5py.check_string_dtype(dataset.dtype) is not None
-            values = np.array(list(dataset.asstr()[:])) if is_text else dataset[:]
+        points = values_in(file, "trade/point").shape
+        for name, dataset in own_datasets(file["trade"], 1):
+            if dataset.shape != points:
+                continue
+            info, values = info_of(name, dataset), values_in(file["trade"], name)
+            if values.dtype.kind == "O":
+                values = values.astype(np.str_)
             if name.startswith("error_"):
                 values = np.where(values < 0.0, np.nan, values)
             entries.append((info, values))

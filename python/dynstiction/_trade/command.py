@@ -41,7 +41,7 @@ def compare(options: Namespace, say: Callable[[str], None]) -> None:
         from .. import _save  # noqa: PLC0415  (h5py is slow to import)
 
         comparison = begin(Scene.of_command(options.deck, options.set), accuracy, options.budget, quantity)
-        check_outputs([output], [options.deck], overwrite=overwrite)
+        check_outputs([output], [options.deck], overwrite=overwrite, hdf5=True)
         _save.refuse_to_replace(output, overwrite=overwrite)
         fault = _watch(comparison, received, "" if options.quiet else printable(options.deck))
         table = comparison.table() if comparison.has_reference else None

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
-from .._output import make_folder, put
+from .._output import check_outputs, make_folder, put
 from ..errors import FileError, UsageError
 from ..result import Result
 from .notation import label_of
@@ -86,10 +86,13 @@ def animate(
     UsageError
         If an argument is not valid, or a column or ffmpeg is missing.
     FileError
-        If the animation cannot be written, or the folder holds frames already.
+        If the animation cannot be written, or the folder holds frames of another animation.
     """
     times = _frame_times(result, start, end, frames_per_second, seconds)
     suffix = _kind_of(output)
+    outputs = [output] if suffix else _frame_names(output, times.size)
+    if suffix or output.is_dir():
+        check_outputs(outputs, overwrite=overwrite)
     with rc_context(STYLE):
         figure, show = view_from_above(result, times)
         pictures = _pictures(figure, show, times.size, progress)
@@ -99,7 +102,7 @@ def animate(
             elif suffix == ".mp4":
                 put(output, _mp4(pictures, frames_per_second), overwrite=overwrite)
             else:
-                _write_frames(output, pictures, times.size)
+                _write_frames(outputs, pictures, overwrite=overwrite)
         except subprocess.CalledProcessError as error:
             raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
 
@@ -173,13 +176,22 @@ def _encode(
         raise subprocess.CalledProcessError(encoder.returncode, command)
 
 
-def _write_frames(output: Path, pictures: Iterator[Image.Image], count: int) -> None:
-    make_folder(output)
+def _frame_names(folder: Path, count: int) -> list[Path]:
+    """Names of the frames; refuses a folder with frames that would stay there among them."""
     digits = max(4, len(str(count)))
-    for frame, picture in enumerate(pictures, 1):
+    names = [folder / f"frame_{frame:0{digits}d}.png" for frame in range(1, count + 1)]
+    others = set(folder.glob("frame_*.png")).difference(names)
+    if others:
+        raise FileError(f"{folder}: holds frames of another animation: name another folder, or remove them")
+    return names
+
+
+def _write_frames(names: Sequence[Path], pictures: Iterator[Image.Image], *, overwrite: bool) -> None:
+    make_folder(names[0].parent)
+    for name, picture in zip(names, pictures, strict=True):
         image = io.BytesIO()
         picture.save(image, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
-        put(output / f"frame_{frame:0{digits}d}.png", image.getvalue(), overwrite=False)
+        put(name, image.getvalue(), overwrite=overwrite)
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
@@ -347,8 +359,6 @@ def _kind_of(output: Path) -> str:
     """Suffix of an animation, empty for a folder of frames; refuses a bad name before anything is computed."""
     suffix = output.suffix.lower()
     if suffix == "" or output.is_dir():
-        if next(output.glob("frame_*.png"), None) is not None:
-            raise FileError(f"{output}: holds frames already: name another folder, or remove them")
         return ""
     if suffix not in FILMS:
         raise UsageError(f"{output}: an animation is X.gif, X.mp4, or a folder for PNG frames")
