@@ -82,7 +82,7 @@ def test_frames_without_ffmpeg(fig4_result: ds.Result, tmp_path: Path) -> None:
     first, *_, last = (image.imread(file) for file in files)
     assert first.shape[:2] == (520, 800)
     assert np.abs(first - last).mean() > 1e-3
-    with pytest.raises(ds.FileError, match="frame_0001.png: the file exists"):
+    with pytest.raises(ds.FileError, match=r"frame_0001\.png: the file exists"):
         animate(fig4_result, tmp_path / "frames", frames_per_second=3, seconds=1.0, overwrite=False)
     with pytest.raises(ds.FileError, match="holds frames of another animation"):
         animate(fig4_result, tmp_path / "frames", frames_per_second=2, seconds=1.0)

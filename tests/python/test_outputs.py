@@ -131,7 +131,7 @@ def test_a_film_that_nobody_has_room_for_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("command", [("fit", "rig.nml", "trace.csv", "--free", "system.misalignment_deg,friction.mu_0,drive.velocity"),
+@pytest.mark.parametrize("command", [("fit", "rig.nml", "trace.csv", "--free", "system.misalignment_deg,friction.mu_0,friction.v_f"),
                                      ("animate", "rig.h5", "-o", "x.gif", "--seconds", "100"), ("paper", "-o", "figures")])  # fmt: skip
 def test_a_signal_ends_a_command_with_one_line(folder: Path, command: tuple[str, ...], number: signal.Signals) -> None:
     process = Program(PACKAGE.first, folder).start(*command)
