@@ -30,8 +30,8 @@ FILES = """\
 .I FILE.h5
 The results: time series, events, summary, statistics, every parameter, and the deck.
 .TP
-.I FILE.h5.checkpoint
-The state of a run that is not complete; removed at its end.
+.I FILE.h5.part
+The file while a process writes it.
 """
 
 

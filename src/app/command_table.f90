@@ -49,7 +49,7 @@ module dst_command_table
     command_entry_t('run', 'DECK...', ours, 'run decks and write their results', &
       'Run each deck and write its results to an HDF5 file: FILE, else output.file of the deck, else the deck''s name with .h5 '// &
       'in the current directory. All decks are checked before the first runs. Ctrl-C, SIGTERM, SIGUSR1 and output.wall_limit '// &
-      'stop the run with a checkpoint: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
+      'stop the run with a whole file: dynstiction resume continues it. A deck with &sweep runs all its cases, on all cores; '// &
       'started again after a stop or a kill, it runs the remaining cases. With --share it runs a part of them.', &
       'dynstiction run inputs/fig3.nml'//n// &
       'dynstiction run inputs/fig3.nml -o phi2.h5 --set system.misalignment_deg=2'//n// &
@@ -61,9 +61,8 @@ module dst_command_table
       'dynstiction sweep my.nml --vary system.misalignment_deg=0.5:20:40'//n// &
       'dynstiction sweep my.nml --vary drive.velocity=1e-4:1e-1:30:log -o velocity.h5'), &
     command_entry_t('resume', 'FILE.h5...', ours, 'continue a run that was stopped or killed', &
-      'Continue a run that was stopped or killed from the checkpoint next to its result file, FILE.h5.checkpoint. '// &
-      'The deck is that in FILE.h5. The finished file has the same numbers as the file of a run without a stop, '// &
-      'except the wall time.', &
+      'Continue a run that was stopped or killed from the state in its last whole file, with the deck in it. The finished file '// &
+      'has the same numbers as the file of a run without a stop, except the wall time.', &
       'dynstiction resume fig3.h5'), &
     command_entry_t('merge', 'DECK...', ours, 'join the shares of a sweep', &
       'Write the finished cases of a sweep from the files of its shares, like phi.3-of-16.h5, to FILE, like phi.h5. Deck, -o, '// &
@@ -232,7 +231,7 @@ module dst_command_table
     exit_status_t(3, 'a file or the output could not be read or written, exists already, or cannot be resumed'), &
     exit_status_t(4, 'the solver gave up, or there was no memory'), &
     exit_status_t(5, 'some cases of a sweep failed'), &
-    exit_status_t(75, 'stopped early by a signal or at the wall-time limit, with a checkpoint')]
+    exit_status_t(75, 'stopped early by a signal or at the wall-time limit: can be continued')]
 
 contains
 

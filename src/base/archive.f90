@@ -1,4 +1,4 @@
-!> The state of a run as a row of 64-bit words: what a checkpoint keeps.
+!> The state of a run as a row of 64-bit words: from which it is resumed.
 !>
 !> A type that has a state has one procedure `serialise(archive)`, which names each field once. The archive either takes the fields'
 !> values or gives them back, so that saving and loading cannot differ in their order. A word with its kind and length precedes each

@@ -8,7 +8,7 @@
 !>     creep_motion_t         slow creep in closed form
 !>     cycle_map_t            a slip_stick_t with its fast cycles leapt
 !>
-!> The readers of a motion (columns, summary, samples, checkpoints) use the last piece and the state at any time in it; a leap is a
+!> The readers of a motion (columns, summary, samples, saved states) use the last piece and the state at any time in it; a leap is a
 !> piece with many events.
 module dst_motion
   use dst_archive, only: archive_t

@@ -39,7 +39,7 @@ module dst_simulation
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
     logical :: finished = .false.
-    !> Wall time so far [s], and the part of it before the checkpoint from which the run was resumed.
+    !> Wall time so far [s], and the part of it before the run was resumed.
     real(wp) :: elapsed = 0.0_wp
     real(wp) :: elapsed_before = 0.0_wp
     integer(int64) :: pieces = 0

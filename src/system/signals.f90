@@ -1,4 +1,4 @@
-!> The signals that ask a run to stop: it then writes a checkpoint and ends.
+!> The signals that ask a run to stop: it then makes its file whole and ends.
 !>
 !> A handler can do nothing but set a variable, which is in posix.c. The run loop of the executable reads it; nothing that Python
 !> uses does.

@@ -4,8 +4,7 @@
    processes. FAULT is a list of KIND[+]:WHO:[NAME@]N with ';' between: at the N-th call (of NAME) of the first process
    (WHO = parent), of its children together (child), or of both (all), and with '+' at each one after it, KIND happens:
 
-     kill, group, everyone   SIGKILL to the process, to its group, or to it and all its relatives
-     orphan                  SIGKILL to the parent of the child that calls
+     kill                    SIGKILL to the process
      TERM, HUP, INT, USR1    this signal, then the call goes on
      hold                    the call waits until the file FAULT_GATE exists, with the fault's place in the list (0, 1 ...) after it
      pause                   the call waits 20 ms
@@ -15,8 +14,7 @@
    FAULT_LOG gets a line for each call: who, number of the process' and of all calls, name, kind of the call, file; and a line
    'hit ...' for each fault. With FAULT_CLOCK=S each look at the monotonic clock finds it S seconds later, and waiting takes
    no time: what depends on it depends on the number of looks only. FAULT_FSIZE limits the size of files; FAULT_CLOSE=012 closes
-   descriptors; FAULT_PID is what getpid tells the program. With FAULT_STATUS=FILE the exit status is written there, and pipes are
-   not counted (MPI has some of its own). With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
+   descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
    from descriptor R; W gets its process id and, when it and all its children have ended, its wait status. That saves loading the
    libraries. */
 #define _GNU_SOURCE
@@ -60,10 +58,9 @@ static const struct { const char *name; int number; } signals[] = {
 enum { PARENT, CHILD, ALL, MOST_FAULTS = 8, MOST_PROCESSES = 256 };
 static struct { char kind[16], name[24]; int persists, who, error, calls, signal; long n; } faults[MOST_FAULTS];
 static int fault_count, log_file = -1, armed;
-static pid_t first, pretended;
+static pid_t first;
 static char folder[4096];
 static double clock_step;
-static const char *status_file;
 static struct { long count[3], seen[MOST_FAULTS]; pid_t process[MOST_PROCESSES]; } *shared; /* by all processes of the run */
 
 #define REAL(name) ({ static __typeof__(&name) real_; if (!real_) real_ = dlsym(RTLD_NEXT, #name); real_; })
@@ -79,12 +76,6 @@ static void say(const char *format, ...) {
   va_end(values);
   if (length >= (int)sizeof line) length = sizeof line - 1;
   syscall(SYS_write, log_file, line, (size_t)length);
-}
-
-static void kill_everyone(void) {
-  for (int i = 0; i < MOST_PROCESSES; i++)
-    if (shared->process[i] && shared->process[i] != self()) kill(shared->process[i], SIGKILL);
-  kill(self(), SIGKILL);
 }
 
 static void wait_for_gate(int number) {
@@ -121,9 +112,6 @@ static int look(const char *call, int calls, const char *path) {
     const char *what = faults[i].kind;
     say("hit %s %ld %ld %s %s %s\n", who ? "child" : "parent", own, all, name, what, path);
     if (!strcmp(what, "kill")) kill(self(), SIGKILL);
-    else if (!strcmp(what, "group")) kill(0, SIGKILL);
-    else if (!strcmp(what, "everyone")) kill_everyone();
-    else if (!strcmp(what, "orphan")) kill(getppid(), SIGKILL);
     else if (!strcmp(what, "hold")) wait_for_gate(i);
     else if (!strcmp(what, "pause")) syscall(SYS_nanosleep, &(struct timespec){0, 20000000}, NULL);
     else if (!strcmp(what, "short")) result = HALF;
@@ -144,7 +132,7 @@ static const char *name_of(int file, char *path) {
   long length = file == log_file ? -1 : syscall(SYS_readlinkat, AT_FDCWD, link, path, 4095L);
   if (length < 0) return NULL;
   path[length] = 0;
-  return (!status_file && !strncmp(path, "pipe:", 5)) || (path[0] == '/' && is_ours(path)) ? path : NULL;
+  return !strncmp(path, "pipe:", 5) || (path[0] == '/' && is_ours(path)) ? path : NULL;
 }
 
 static int look_at(const char *name, int calls, const char *path) { return is_ours(path) ? look(name, calls, path) : GO_ON; }
@@ -297,24 +285,6 @@ pid_t waitpid(pid_t process, int *status, int options) {
 int pipe(int ends[2]) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe)(ends); }
 int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe2)(ends, flags); }
 
-pid_t getpid(void) { return pretended && self() == first ? pretended : self(); }
-
-/* SIGTERM has its usual effect again. */
-int sigaction(int number, const struct sigaction *action, struct sigaction *before) {
-  if (armed && number == SIGTERM && action && action->sa_handler == SIG_DFL) look("unlisten", 0, "-");
-  return REAL(sigaction)(number, action, before);
-}
-
-/* MPI, as a Fortran program calls it. */
-void mpi_init_thread_f08_(int *required, int *provided, int *error) {
-  if (armed) look("init", 0, "-");
-  REAL(mpi_init_thread_f08_)(required, provided, error);
-}
-void mpi_finalize_f08_(int *error) {
-  if (armed) look("finalize", 0, "-");
-  REAL(mpi_finalize_f08_)(error);
-}
-
 /* The clock. */
 static long looks, waited; /* microseconds */
 int clock_gettime(clockid_t which, struct timespec *now) {
@@ -335,23 +305,12 @@ int nanosleep(const struct timespec *time, struct timespec *left) {
   return usleep((useconds_t)(1000000 * time->tv_sec + time->tv_nsec / 1000));
 }
 
-static void write_status(int status, void *unused) {
-  char text[16];
-  (void)unused;
-  if (self() != first) return;
-  int file = (int)syscall(SYS_openat, AT_FDCWD, status_file, O_WRONLY | O_CREAT | O_TRUNC, 0644);
-  syscall(SYS_write, file, text, (size_t)snprintf(text, sizeof text, "%d\n", status));
-  syscall(SYS_close, file);
-}
-
 static void arm(void) {
   const char *text = getenv("FAULT_DIR"), *log = getenv("FAULT_LOG"), *step = getenv("FAULT_CLOCK"), *list = getenv("FAULT");
-  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE"), *number = getenv("FAULT_PID");
+  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE");
   if (!text) return;
-  status_file = getenv("FAULT_STATUS");
   snprintf(folder, sizeof folder, "%s", text);
   first = self();
-  pretended = number ? atoi(number) : 0;
   shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   shared->process[0] = first;
   clock_step = step ? atof(step) : 0.0;
@@ -378,7 +337,6 @@ static void arm(void) {
   }
   if (size) setrlimit(RLIMIT_FSIZE, &(struct rlimit){(rlim_t)atol(size), (rlim_t)atol(size)});
   for (; closed && *closed; closed++) syscall(SYS_close, *closed - '0');
-  if (status_file) on_exit(write_status, NULL);
   armed = 1;
 }
 
