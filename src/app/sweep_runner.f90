@@ -141,7 +141,6 @@ contains
     end if
     if (file%is_changed) then
       call file%make_whole(error)
-      if (.not. allocated(error)) call file%close()
     else
       call file%discard()
     end if
@@ -197,6 +196,7 @@ contains
 
     begun = wall_clock()
     report = ''
+    plan = to_begin
     call sweep_of_deck(deck, sweep, error)
     if (.not. allocated(error)) call look_at(result_file, head_of(sweep, share_t()), options, plan, found, error)
     if (plan == nothing_to_do .and. .not. allocated(error)) &

@@ -93,7 +93,6 @@ module dst_sweep_file
     procedure :: window
     procedure :: make_whole
     procedure :: go_on
-    procedure :: close => close_sweep_file
     procedure :: discard
   end type sweep_file_t
 
@@ -765,12 +764,6 @@ contains
     call self%file%begin_next(error)
     if (.not. allocated(error)) call create(self, .true., error)
   end subroutine go_on
-
-  !> Let go of the file that was made whole.
-  subroutine close_sweep_file(self)
-    class(sweep_file_t), intent(inout) :: self
-
-  end subroutine close_sweep_file
 
   !> The file under the name, if there is one, stays as it is.
   subroutine discard(self)
