@@ -189,6 +189,11 @@ def test_what_a_user_added_is_left_alone(sound: Path, tmp_path: Path, addition: 
         assert ds.open(tmp_path / "again.h5").attributes["sample"] == 21.7
 
 
+def test_a_file_that_is_open_already_is_read(sound: Path) -> None:
+    with h5py.File(sound):
+        assert ds.open(sound).summary == ds.open(sound).summary
+
+
 def test_nothing_leads_out_of_the_file(sound: Path, tmp_path: Path) -> None:
     """Neither a column nor the force of a trace is read from another file."""
     secret = tmp_path / "secret.bin"
