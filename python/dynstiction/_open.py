@@ -78,14 +78,26 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
             raise FileError(f"{name}: {_what_it_is(name)}")
         if not sealed:
             _check_texts(name)
-        # Nobody changes a file that has its name.
-        with h5py.File(name, "r", locking=False) as file:
+        with _opened(name) as file:
             yield file
     except Error:
         raise
     except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
         reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
         raise FileError(f"{name}: cannot be read: {reason}") from error
+
+
+def _opened(name: str) -> h5py.File:
+    """The file without a lock: nobody changes one that has its name."""
+    import h5py  # noqa: PLC0415
+
+    try:
+        return h5py.File(name, "r", locking=False)
+    except OSError as error:
+        # The caller has opened the file with a lock; HDF5 wants the same from all openings of a process.
+        if "locking" not in str(error):
+            raise
+        return h5py.File(name, "r")
 
 
 def groups_in(path: str | os.PathLike[str]) -> set[str]:

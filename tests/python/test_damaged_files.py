@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from damage import CHECKSUM_LENGTH, changed, flipped, without_checksum
-from programs import SCRIPT, Program
+from programs import INPUTS, SCRIPT, Program
 
 SHORT = {"t_end": 0.05}
 
@@ -187,6 +187,28 @@ def test_what_a_user_added_is_left_alone(sound: Path, tmp_path: Path, addition: 
         assert result.attributes["sample"] == 21.7
         result.save(tmp_path / "again.h5")
         assert ds.open(tmp_path / "again.h5").attributes["sample"] == 21.7
+
+
+@pytest.mark.parametrize("group", ["/", "sweep", "sweep/summary", "sweep/cycles"])
+def test_what_a_user_added_to_a_sweep_is_left_alone(executable: Path, tmp_path: Path, group: str) -> None:
+    pytest.importorskip("xarray")
+    program = Program((executable,), tmp_path)
+    angles = ("--vary", "system.misalignment_deg=1:4:4", "--set", "sweep.keep='cycles'")
+    program("sweep", INPUTS / "low_frequency.nml", "-o", "map.h5", "--quiet", *angles, status=0)
+    before = ds.open_sweep(tmp_path / "map.h5")
+    with h5py.File(tmp_path / "map.h5", "r+") as data:
+        mine = data[group]
+        mine["mask"], mine["cube"], mine["pairs"] = np.zeros(4, bool), np.zeros((2, 3, 4)), np.zeros((4, 50), complex)
+        mine["elsewhere"], mine["nowhere"] = h5py.ExternalLink("none.h5", "/"), h5py.SoftLink("/nowhere")
+        mine.create_dataset("later", (10**12,), "f8", chunks=(1000,))
+        mine.attrs["nothing"] = h5py.Empty("f8")
+    assert before.identical(ds.open_sweep(tmp_path / "map.h5"))
+    program("export", "map.h5", status=0)
+
+
+def test_a_file_that_is_open_already_is_read(sound: Path) -> None:
+    with h5py.File(sound):
+        assert ds.open(sound).summary == ds.open(sound).summary
 
 
 def test_nothing_leads_out_of_the_file(sound: Path, tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def test_a_film_that_nobody_has_room_for_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("command", [("fit", "rig.nml", "trace.csv", "--free", "system.misalignment_deg,friction.mu_0,friction.v_f"),
+@pytest.mark.parametrize("command", [("fit", "rig.nml", "trace.csv", "--free", "system.misalignment_deg,friction.mu_0,friction.v_f", "--starts", "99"),
                                      ("animate", "rig.h5", "-o", "x.gif", "--seconds", "100"), ("paper", "-o", "figures")])  # fmt: skip
 def test_a_signal_ends_a_command_with_one_line(folder: Path, command: tuple[str, ...], number: signal.Signals) -> None:
     process = Program(PACKAGE.first, folder).start(*command)
@@ -161,13 +161,14 @@ STRANGERS = ("json", "numpy", "h5py", "matplotlib", "csv", "argparse", "xarray",
 def test_nothing_in_a_working_folder_is_imported(folder: Path, executable: Path) -> None:
     for name in STRANGERS:
         (folder / f"{name}.py").write_text(f"open('imported_{name}', 'w')\nraise SystemExit(9)\n")
+    shutil.copy(INPUTS / "fig3.nml", folder)
     changed = folder / "changed.h5"
     changed.write_bytes((folder / "rig.h5").read_bytes()[:-28])
     commands = [
         ("plot", "changed.h5"), ("plot", "rig.h5"), ("report", "rig.h5"), ("export", "rig.h5"), ("validate-creep", "-o", "v"),
         ("compare", "rig.nml", "trace.csv"), ("fit", "rig.nml", "trace.csv", *FREE), ("animate", "rig.h5", "-o", "a.gif", "--seconds", "0.2"),
         ("trade", "rig.nml", "--budget", "2", "--quiet"), ("paper", "--help"), ("run", "rig.nml", "-o", "again.h5", "--quiet"),
-        ("cycles", "rig.nml"), ("stability", "rig.nml"), ("show", "rig.h5"), ("check", "rig.nml"),
+        ("cycles", "rig.nml"), ("stability", "fig3.nml"), ("show", "rig.h5"), ("check", "rig.nml"),
     ]  # fmt: skip
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     for command in commands:
