@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 # Tests that were started in the background would not hear Ctrl-C, nor would the programs that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# The same of nohup.
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # Random scenes are new in each run; the seed gives them again. The processes of pytest-xdist inherit it.
 SEED = os.environ.setdefault("DYNSTICTION_SEED", str(secrets.randbits(32)))

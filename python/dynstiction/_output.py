@@ -67,7 +67,7 @@ def make_folder(folder: Path) -> None:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
         raise FileError(
-            f"{os.fspath(folder)}: cannot be made: {error.strerror or error}: {_remedy(error)}"
+            f"{os.fspath(folder)}: cannot be written: {error.strerror or error}: {_remedy(error)}"
         ) from None
 
 

@@ -330,7 +330,7 @@ contains
       reason = 'the file-size limit is reached: raise it with "ulimit -f unlimited"'
     else if (index(system_reason, 'quota') > 0) then
       reason = 'the disk quota is used up: free some space or write to another disk'
-    else if (index(system_reason, 'No such file') > 0) then
+    else if (index(system_reason, 'No such file') > 0 .or. index(system_reason, 'stat info') > 0) then
       reason = 'the file or its folder was removed or renamed'
     else if (index(system_reason, 'Permission denied') > 0) then
       reason = 'no permission to write there: choose another folder with -o'

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+import h5py
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,6 +78,15 @@ def executable() -> Path:
     if found is None:
         pytest.fail("no executable: set DYNSTICTION_EXE or put dynstiction on the path")
     return Path(found)
+
+
+def opened(file: Path) -> h5py.File:
+    """An HDF5 file, also in the microseconds in which the program that has given it its name has it locked."""
+    for _ in range(100):
+        with contextlib.suppress(BlockingIOError):
+            return h5py.File(file)
+        time.sleep(0.01)
+    return h5py.File(file)
 
 
 def wait_until(condition: Callable[[], object], what: object = "that", seconds: float = 60.0) -> None:

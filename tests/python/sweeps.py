@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import h5py
-from programs import INPUTS, Program, executable
+from programs import INPUTS, Program, executable, opened
 
 SCENE = (INPUTS / "low_frequency.nml").read_text()
 GRID = """
@@ -65,5 +65,5 @@ def cases_in(path):
     """Numbers of the finished cases in a file, which need not exist."""
     if not path.exists():
         return []
-    with h5py.File(path) as file:
+    with opened(path) as file:
         return file["sweep/case"][:][file["sweep/result_code"][:] >= 0].tolist()

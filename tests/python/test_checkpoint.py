@@ -23,7 +23,7 @@ import numpy as np
 import programs
 import pytest
 from damage import CHECKSUM_LENGTH, changed, flipped, sealed, without_checksum
-from programs import FILE_ERROR, INPUTS, STOPPED, limited, small_disk
+from programs import FILE_ERROR, INPUTS, STOPPED, limited, opened, small_disk
 from programs import wait_until as wait_for
 
 pytestmark = pytest.mark.deck
@@ -125,16 +125,6 @@ def content(file: Path) -> dict[str, object]:
 def assert_same(file: Path, expected: dict[str, object]) -> None:
     actual = content(file)
     assert [name for name in sorted(actual.keys() | expected.keys()) if actual.get(name) != expected.get(name)] == []
-
-
-def opened(file: Path) -> h5py.File:
-    """The file, also in the microseconds in which the program that gave it its name has it locked."""
-    for _ in range(20):
-        try:
-            return h5py.File(file)
-        except BlockingIOError:
-            time.sleep(0.01)
-    return h5py.File(file)
 
 
 def assert_whole(file: Path) -> int:

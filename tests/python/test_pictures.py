@@ -331,7 +331,7 @@ def test_commands_name_what_they_wrote_and_what_is_wrong(
         ("own.h5", "coarse.h5", "--columns", "nonsense"): "own: no column 'nonsense'",
     }
     for arguments, message in refused.items():
-        done = package("plot", *arguments)
+        done = package("plot", *arguments, "--overwrite")
         assert done.returncode in (1, 3) and done.stdout == "", arguments
         assert message in done.stderr and done.stderr.count("\n") == 1, done.stderr
 

@@ -218,7 +218,7 @@ def test_command_compares_files(package: Program, tmp_path: Path, fig3: ds.Scene
     package("plot", "a/run.h5", "b/run.h5", status=0)
     pixels = image.imread(tmp_path / "comparison.png")
     assert pixels.shape[1] == pytest.approx((86.0 + 46.0) / MM_PER_INCH * plot.DOTS_PER_INCH, abs=1)
-    refused = package("plot", "a/run.h5", "b/run.h5", "--kind", "path", status=1)
+    refused = package("plot", "a/run.h5", "b/run.h5", "--kind", "path", "--overwrite", status=1)
     assert (
         refused.stderr
         == "dynstiction: --kind and --quantity are for one file: several are compared, with --columns and --overlay\n"
@@ -500,7 +500,7 @@ def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Pat
     done = package("plot", "few.h5", "--quantity", "period")
     assert (done.returncode, done.stdout, done.stderr) == (0, "few.png\n", "")
     assert (tmp_path / "few.png").exists()
-    refused = package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", status=1)
+    refused = package("plot", "few.h5", "--kind", "lambda", "--quantity", "period", "--overwrite", status=1)
     assert "for the map or the bifurcation diagram of a sweep only" in refused.stderr
 
 
