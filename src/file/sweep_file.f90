@@ -607,7 +607,7 @@ contains
       call read_block(self, datasets, number, self%blocks(slot)%values, h5)
       self%blocks(slot)%last_used = 0
     end do
-    call release(datasets%id, h5)
+    call release([datasets%id], h5)
   end subroutine copy_blocks
 
   !> Copy those cases of a share's file that are missing here, or failed here and not there, if their rows are from `first` to
@@ -665,7 +665,7 @@ contains
     do i = 1, size(datasets)
       call read_rows(datasets(i), begin - 1_hsize_t, values(:, i), h5)
     end do
-    call release(datasets%id, h5)
+    call release([datasets%id], h5)
     do i = 1, size(rows)
       if (is_wanted(i) .and. h5%status >= 0 .and. size(datasets) > 0) &
         call table%put_row(rows(i), values((i - 1)*table%row_length + 1:i*table%row_length, :), h5)

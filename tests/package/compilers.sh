@@ -97,7 +97,7 @@ newest() { # newest PATTERN: the newest installed program with such a name
 }
 
 for_aarch64() {
-  local folder=$checkout/build/aarch64 quick=(archive models numerics plain_numbers result_file seal sha256 stability)
+  local folder=$checkout/build/aarch64 quick=(archive models numerics plain_numbers result_file sha256 stability)
   is_wanted aarch64 || return 0
   if ! have aarch64-linux-gnu-gfortran || ! have qemu-aarch64 || ! have dpkg; then
     skip 'aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
