@@ -562,7 +562,7 @@ contains
     class(table_t), intent(in) :: self
     type(dataset_t), intent(in) :: datasets(:)
     integer, intent(in) :: number
-    real(real64), intent(inout) :: values(:, :)
+    real(real64), intent(inout), contiguous :: values(:, :)
     type(hdf5_t), intent(inout) :: h5
     integer :: i, first
 
