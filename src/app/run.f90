@@ -206,15 +206,14 @@ contains
 
     call run%writer%finish(outcome, error)
     if (allocated(error)) return
+    allocate (state(0))
     if (with_state) then
       format = state_format
       call archive%serialise(format)
       call run%simulation%serialise(archive)
       state = archive%words()
-      call run%file%put_in_place(error, state)
-    else
-      call run%file%put_in_place(error)
     end if
+    call run%file%put_in_place(state, error)
   end subroutine make_whole
 
   !> 'my.h5: 10 s, 125001 samples, 8 cycles: period 0.915 s, peak 1.993 N, valley 1.169 N, slip 0.8822 mm (0.3 s)', and what to look

@@ -127,7 +127,7 @@ contains
       options%overwrite, error)
   end subroutine open_file
 
-  !> Make the file whole if it has anything new. `stopped`: why not all cases were run.
+  !> Make the file whole if it has anything new, and let it go. `stopped`: why not all cases were run.
   subroutine finish(file, stopped, error)
     type(sweep_file_t), intent(inout) :: file
     type(error_t), allocatable, intent(inout) :: stopped
@@ -139,11 +139,8 @@ contains
         return
       end if
     end if
-    if (file%is_changed) then
-      call file%make_whole(error)
-    else
-      call file%discard()
-    end if
+    if (file%is_changed) call file%make_whole(error)
+    call file%discard()
     if (.not. allocated(error)) call move_alloc(stopped, error)
   end subroutine finish
 

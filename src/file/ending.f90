@@ -33,10 +33,10 @@ module dst_ending
 contains
 
   !> Append the ending to an open file that HDF5 has closed, which is read once for this.
-  subroutine append_ending(descriptor, reason, state)
+  subroutine append_ending(descriptor, state, reason)
     integer(c_int), intent(in) :: descriptor
-    character(:), allocatable, intent(out) :: reason                !! unallocated on success
-    integer(int64), intent(in), target, contiguous, optional :: state(:)   !! from which the run can be resumed
+    integer(int64), intent(in), target, contiguous :: state(:)   !! from which the run can be resumed; empty: none
+    character(:), allocatable, intent(out) :: reason             !! unallocated on success
     character(digits_of_bytes) :: count
     character(8) :: checksum
     type(identity_t) :: file
@@ -44,7 +44,7 @@ contains
 
     file = identity_of(descriptor)
     place = file%bytes
-    if (present(state)) then
+    if (size(state) > 0) then
       write (count, '(i16)') word_bytes*size(state, kind=int64)
       call write_words(descriptor, state, place, reason)
       place = place + word_bytes*size(state, kind=int64)

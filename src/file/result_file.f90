@@ -1,12 +1,12 @@
 !> A result file is never changed, only replaced: it is written as NAME.part, and gets its name NAME when it is whole.
 !>
 !> So under the name there is nothing, the former file, or a whole one, at every moment. NAME.part is also the lock: this process has
-!> it open and locked (flock) until the file has its name. One that no process has locked was left by a process that was killed, and
-!> is used again. docs/checkpoints.md has the states.
+!> it open and locked (flock), and the file that it becomes stays locked until the work ends or has a new NAME.part. One that no
+!> process has locked was left by a process that was killed, and is used again. docs/checkpoints.md has the states.
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, delete_own_file, file_exists, folder_of, is_folder, &
-    keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
+    is_locked, keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
     system_reason, wait_seconds
   use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
@@ -23,7 +23,7 @@ module dst_result_file
     character(:), allocatable :: name                !! as given by the user
     character(:), allocatable, private :: place      !! the file that links lead to
     type(identity_t), private :: former              !! the file that will be replaced
-    integer(c_int), private :: descriptor = -1       !! of NAME.part: the lock; -1 when the file has its name
+    integer(c_int), private :: descriptor = -1       !! of NAME.part, or of what it became: the lock
   contains
     procedure :: claim
     procedure :: claim_again
@@ -147,29 +147,46 @@ contains
 
     self%name = name
     self%place = place_of(name)
-    call open_part(self%path(), self%descriptor, reason)
-    if (.not. allocated(reason)) self%former = identity_of(self%place)
+    call open_part(self%place, self%descriptor, reason)
+    if (allocated(reason)) return
+    self%former = identity_of(self%place)
+    ! Its process has just made it whole, and goes on.
+    if (.not. is_locked(self%place)) return
+    reason = is_written
+    call self%discard()
   end subroutine take_part
 
-  !> Create a file that is locked and empty; one that a killed process has left is used again.
-  subroutine open_part(path, descriptor, reason)
-    character(*), intent(in) :: path
+  !> Create NAME.part, locked and empty; one that a killed process has left is used again.
+  subroutine open_part(name, descriptor, reason)
+    character(*), intent(in) :: name
     integer(c_int), intent(out) :: descriptor
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
+    integer, parameter :: most_tries = 2
+    character(:), allocatable :: part
     type(identity_t) :: there
     logical :: is_held
+    integer :: i
 
-    call lock_new_file(path, descriptor, is_held, reason)
-    if (is_held) reason = is_written
-    if (allocated(reason)) return
-    there = identity_of(descriptor)
-    if (there%bytes > 0) then
-      if (.not. is_hdf5(path)) reason = 'a file called '//path//' does not belong to this program: move it away'
-    end if
-    if (allocated(reason)) then
+    part = name//'.part'
+    do i = 1, most_tries
+      call lock_new_file(part, descriptor, is_held, reason)
+      if (is_held) reason = is_written
+      if (allocated(reason)) return
+      there = identity_of(descriptor)
+      if (.not. there == identity_of(name)) exit
+      ! The whole file has this name, too: its process was killed before it could take it away.
+      call delete_own_file(part, there)
       call close_descriptor(descriptor)
+    end do
+    if (descriptor < 0) then
+      reason = part//' is the same file, and cannot be removed'
     else if (there%bytes > 0) then
-      call set_file_size(descriptor, 0_int64)
+      if (.not. is_hdf5(part)) reason = 'a file called '//part//' does not belong to this program: move it away'
+      if (allocated(reason)) then
+        call close_descriptor(descriptor)
+      else
+        call set_file_size(descriptor, 0_int64)
+      end if
     end if
   end subroutine open_part
 
@@ -192,13 +209,13 @@ contains
 
   !> Give the file, which HDF5 has closed, its ending and its name. After an error NAME.part is gone. If another file has taken the
   !> name meanwhile, what was computed is kept beside it.
-  subroutine put_in_place(self, error, state)
+  subroutine put_in_place(self, state, error)
     class(result_file_t), intent(inout) :: self
+    integer(int64), intent(in), contiguous :: state(:)   !! from which the run can be resumed; empty: it can not
     type(error_t), allocatable, intent(out) :: error
-    integer(int64), intent(in), contiguous, optional :: state(:)   !! from which the run can be resumed
     character(:), allocatable :: reason
 
-    call append_ending(self%descriptor, reason, state)
+    call append_ending(self%descriptor, state, reason)
     if (.not. allocated(reason)) call make_durable(self%descriptor, reason)
     if (.not. allocated(reason)) then
       if (.not. identity_of(self%path()) == identity_of(self%descriptor)) &
@@ -229,8 +246,6 @@ contains
     end if
     if (placed) then
       self%former = own
-      ! At once: a reader that uses locks finds the file locked until then.
-      call close_descriptor(self%descriptor)
       call make_name_durable(folder_of(self%place))
       return
     end if
@@ -246,7 +261,6 @@ contains
       if (i > 1) kept = kept//integer_text(i)
       call place_file(self%path(), kept, placed)
       if (.not. placed) cycle
-      call close_descriptor(self%descriptor)
       reason = reason//': the result is in '//kept
       return
     end do
@@ -258,19 +272,24 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer, parameter :: most_tries = 200
     character(:), allocatable :: reason
+    integer(c_int) :: next
     integer :: i
 
     ! A process that may not have the name has looked at it, and lets go.
     do i = 1, most_tries
-      call open_part(self%path(), self%descriptor, reason)
-      if (.not. allocated(reason)) return
+      call open_part(self%place, next, reason)
+      if (.not. allocated(reason)) exit
       if (reason /= is_written) exit
       call wait_seconds(0.005_wp)
     end do
+    call close_descriptor(self%descriptor)
+    self%descriptor = next
+    if (.not. allocated(reason)) return
+    self%descriptor = -1
     call raise(error, file_error, self%name//': cannot go on: '//reason//'; everything so far is in the file')
   end subroutine begin_next
 
-  !> There will be no new file: remove NAME.part, and release the name.
+  !> There will be no new file: remove NAME.part, if there is one, and release the name.
   subroutine discard(self)
     class(result_file_t), intent(inout) :: self
 

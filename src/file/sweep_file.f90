@@ -13,7 +13,7 @@ module dst_sweep_file
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, get_attribute, create_group, release, &
     dataset_t, create_dataset, open_dataset, append, append_texts, read_rows, read_texts, write_rows, make_scale, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
-  use dst_kinds, only: wp, real64
+  use dst_kinds, only: wp, int64, real64
   use dst_result_file, only: result_file_t
   use dst_schema, only: schema
   use dst_share, only: share_t
@@ -688,6 +688,7 @@ contains
     class(sweep_file_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_t) :: h5
+    integer(int64), parameter :: no_state(0) = 0
     integer :: i, slot
 
     do i = 1, size(self%tables)
@@ -702,7 +703,7 @@ contains
       call give_up(self, failure_reason(), error)
     else
       self%id = -1
-      call self%file%put_in_place(error)
+      call self%file%put_in_place(no_state, error)
     end if
   end subroutine make_whole
 

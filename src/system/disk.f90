@@ -7,15 +7,15 @@ module dst_disk
   use dst_kinds, only: wp, int64
   use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
   use dst_posix, only: c_close, c_errno, c_flock, c_free_space, c_fsync, c_keep_mode, c_link, c_look_up, c_open, c_read, c_reason, &
-    c_rename, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_o_creat, &
-    dst_o_excl, dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
+    c_rename, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_lock_sh, &
+    dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
   implicit none
   private
 
   public :: identity_t, identity_of, operator(==)
   public :: free_space, move_file, place_file, delete_file, delete_own_file
   public :: read_bytes, read_at, write_bytes, create_file, make_durable, make_name_durable
-  public :: lock_new_file, keep_mode, open_for_reading, close_descriptor
+  public :: lock_new_file, is_locked, keep_mode, open_for_reading, close_descriptor
   public :: system_reason, with_remedy
   ! From other modules.
   public :: set_file_size
@@ -153,6 +153,20 @@ contains
       if (allocated(reason)) return
     end do
   end subroutine lock_new_file
+
+  !> Whether a process has locked this file for itself alone.
+  logical function is_locked(file_name)
+    character(*), intent(in) :: file_name
+    character(:), allocatable :: reason
+    integer(c_int) :: descriptor
+    integer(int64) :: ignored
+
+    is_locked = .false.
+    call open_regular(file_name, dst_o_rdonly, descriptor, ignored, reason)
+    if (allocated(reason)) return
+    if (c_flock(descriptor, dst_lock_sh + dst_lock_nb) /= 0) is_locked = c_errno() == dst_ewouldblock
+    call close_descriptor(descriptor)
+  end function is_locked
 
   logical function is_there(file_name)
     character(*), intent(in) :: file_name

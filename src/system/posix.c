@@ -23,7 +23,7 @@
 #include <unistd.h>
 
 const int dst_o_rdonly = O_RDONLY, dst_o_rdwr = O_RDWR, dst_o_creat = O_CREAT, dst_o_excl = O_EXCL,  dst_o_nonblock = O_NONBLOCK, dst_o_nofollow = O_NOFOLLOW;
-const int dst_lock_ex = LOCK_EX, dst_lock_nb = LOCK_NB;
+const int dst_lock_ex = LOCK_EX, dst_lock_sh = LOCK_SH, dst_lock_nb = LOCK_NB;
 const int dst_eexist = EEXIST, dst_eloop = ELOOP, dst_enoent = ENOENT, dst_ewouldblock = EWOULDBLOCK;
 const int dst_sighup = SIGHUP, dst_sigint = SIGINT, dst_sigterm = SIGTERM, dst_sigusr1 = SIGUSR1;
 

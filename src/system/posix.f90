@@ -9,7 +9,7 @@ module dst_posix
 
   !> Constants of the system, with the system's names.
   integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_nonblock, &
-    dst_o_nofollow, dst_lock_ex, dst_lock_nb, dst_eexist, dst_eloop, dst_enoent, &
+    dst_o_nofollow, dst_lock_ex, dst_lock_sh, dst_lock_nb, dst_eexist, dst_eloop, dst_enoent, &
     dst_ewouldblock, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
 
   interface

@@ -217,8 +217,8 @@ def differences(name: str, found: np.ndarray, true: np.ndarray) -> np.ndarray:
 def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     """The scale in which a column is judged, at each sample. This is the one place that says so.
 
-    * u_x, X, Y: their largest size among the samples; u_y: the same, but at least F_0/k_y; Y = u_x sin(phi) - u_y cos(phi) at least 1e-3
-      of the larger of its terms, because where the object never moved Y is nothing but their roundoff;
+    * u_x, X, Y: their largest size among the samples; u_y: the same, but at least F_0/k_y; Y = u_x sin(phi) - u_y cos(phi) at least what
+      its u_y is judged in, and 1e-3 of u_x sin(phi): where the object hardly moved, Y is what they leave of each other;
     * w_x, w_y, X_rate, Y_rate: the largest slip speed of the run (within steps, too);
     * spring_force_x, spring_force_y: k_x, k_y times the scale of u_x, u_y; friction, pull_force: F_0, or the largest friction or force;
     * theta, psi: 1 rad; zeta: what it is at theta = 90 degrees; for these three the direction must mean something: the slip speed is
@@ -231,7 +231,7 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
     speed = np.hypot(*truth.w)
     fastest = max(truth.notes["fastest"], float(speed.max()), 1e-300)
     u_y = max(largest["u_y"], limit / k_y)
-    across = max(largest["u_x"] * abs(scene.along[1]), largest["u_y"] * abs(scene.along[0]))
+    across = max(1e-3 * largest["u_x"] * abs(scene.along[1]), u_y * abs(scene.along[0]))
     told = np.where(truth.sticking == 1, truth.friction > 1e-3 * limit, speed > 1e-3 * fastest)
     angle = np.where(told, 1.0, np.inf)
     with np.errstate(divide="ignore"):
@@ -240,7 +240,7 @@ def scales(scene: Scene, truth: Truth) -> dict[str, np.ndarray]:
         "u_x": max(largest["u_x"], 1e-300),
         "u_y": u_y,
         "X": max(largest["X"], 1e-300),
-        "Y": max(largest["Y"], 1e-3 * across, 1e-300),
+        "Y": max(largest["Y"], across, 1e-300),
         "spring_force_x": max(k_x * largest["u_x"], 1e-300),
         "spring_force_y": k_y * u_y,
         "pull_force": max(largest["pull_force"], limit),

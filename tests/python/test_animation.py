@@ -153,7 +153,7 @@ def test_unfit_outputs_and_results_are_refused(fig4_result: ds.Result, tmp_path:
     with pytest.raises(ds.FileError, match="does not exist"):
         animate(fig4_result, tmp_path / "no" / "film.gif")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ds.FileError, match="cannot be made"):
+    with pytest.raises(ds.FileError, match="cannot be written"):
         animate(fig4_result, tmp_path / "file")
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "X")]
     with pytest.raises(ds.ColumnError, match=r"lacks Y, .*output\.fields"):

@@ -108,6 +108,11 @@ def part_of(file: Path) -> Path:
     return file.with_name(file.name + ".part")
 
 
+def wait_until_written(file: Path) -> None:
+    """Until the names have been checked, and the file has contents."""
+    wait_for(lambda: part_of(file).exists() and part_of(file).stat().st_size > 0, part_of(file))
+
+
 def content(file: Path) -> dict[str, object]:
     """Every bit of a result but the wall time, and the keys that say when to stop and to save."""
     found: dict[str, object] = {}
@@ -367,7 +372,7 @@ def test_killed_at_random_moments_it_goes_on(program, references, tmp_path, leas
 def test_what_a_killed_process_has_left_is_used_again(program, references, tmp_path):
     file = tmp_path / "x.h5"
     process = program.start(SCENES["radau9"], file, *ENDLESS)
-    wait_for(lambda: part_of(file).exists() and part_of(file).stat().st_size > 0, part_of(file))
+    wait_until_written(file)
     process.kill()
     process.communicate(timeout=60)
     assert not file.exists() and part_of(file).exists()
@@ -411,7 +416,7 @@ def test_a_run_under_way_is_neither_resumed_nor_replaced(program, tmp_path):
 def test_a_file_that_takes_the_name_meanwhile_stays(program, references, tmp_path):
     file = tmp_path / "x.h5"
     process = program.start(SCENES["several seconds"], file)
-    wait_for(part_of(file).exists, part_of(file))
+    wait_until_written(file)
     file.write_text("precious")
     _, errors = process.communicate(timeout=60)
     kept = tmp_path / "x.h5.kept"

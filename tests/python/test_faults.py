@@ -142,14 +142,15 @@ def test_the_harness_finds_a_file_that_is_not_whole(lab, monkeypatch):
 
 @pytest.mark.parametrize("operation", ["resume after a stop", "resume after a kill", "run"])
 def test_a_second_program_is_refused_at_any_moment(program, begin, expected, operation):
-    """As soon as the first one has its NAME.part, and until its last file has its name; between two files it lets nobody lose anything."""
+    """As soon as the first one has its NAME.part, and until its last file has its name."""
     command = OPERATIONS[operation].command
     folder = begin(operation)
     calls = calls_of(program, folder, *command)
     ours = [i for i, call in enumerate(calls) if call.path.endswith(".part")]
     last = max(i for i, call in enumerate(calls) if call.name.startswith(("link", "rename")))
-    between = [call for call in calls[ours[0] + 3 : last] if call.path.endswith(".part") and set(call.letters) & set("wi")]
-    for call in spread(between, 5):
+    renamed = [i for i, call in enumerate(calls[:last]) if call.name.startswith(("link", "rename"))]
+    between_files = [call for i in renamed for call in calls[i + 1 : i + 4]]
+    for call in [*spread(calls[ours[0] + 3 : last], 5), *spread(between_files, 5)]:
         folder = begin(operation)
         run = held(program, folder, *command, at=f"all:{call.all}")
         before = snapshot(folder)

@@ -13,6 +13,7 @@ program test_result_file
   implicit none
 
   character(*), parameter :: name = 'test_result_file.h5', part = name//'.part'
+  integer(int64), parameter :: no_state(0) = 0
 
   call remove_all()
   call test_claim()
@@ -54,7 +55,7 @@ contains
   subroutine test_part()
     type(result_file_t) :: first, second
     type(error_t), allocatable :: error
-    type(identity_t) :: file
+    type(identity_t) :: file, after
 
     call first%claim(name, .false., error)
     call check('claimed', file_exists(part) .and. .not. allocated(error))
@@ -72,6 +73,14 @@ contains
     call check('what is not HDF5 is refused', refused(error, 'does not belong to this program: move it away'))
     call check('and stays', file_exists(part))
     call delete_file(part)
+    call write_result(name, 'dynstiction')
+    file = identity_of(name)
+    call execute_command_line('ln '//name//' '//part)
+    call first%claim(name, .true., error)
+    call check('two names: the process was killed when the file had both', .not. allocated(error))
+    after = identity_of(name)
+    call check('the file is whole', after == file .and. after%bytes == file%bytes)
+    call first%discard()
     call remove_all()
   end subroutine test_part
 
@@ -88,7 +97,7 @@ contains
     call file%claim(name, .true., error)
     call check('the old file is still there', identity_of(name) == before)
     call replace_contents('new')
-    call file%put_in_place(error, [3_int64, 4_int64])
+    call file%put_in_place([3_int64, 4_int64], error)
     call check('in place', .not. allocated(error))
     call check('in the place of the old one', .not. identity_of(name) == before)
     call check('the part is gone', .not. file_exists(part))
@@ -97,12 +106,15 @@ contains
     if (size(state) == 2) call check('the words of the state', all(state == [3_int64, 4_int64]))
     call second%claim(name, .false., error)
     call check('can be resumed', refused(error, 'continue it with dynstiction resume'))
+    call second%claim_again(name, error)
+    call check('not between two files', refused(error, 'another process is writing this file'))
     call file%begin_next(error)
     call check('goes on', file_exists(part) .and. .not. allocated(error))
     call second%claim_again(name, error)
     call check('not by two', refused(error, 'another process is writing this file'))
     call replace_contents('newer')
-    call file%put_in_place(error)
+    call file%put_in_place(no_state, error)
+    call file%discard()
     call read_state(name, state, reason)
     call check('at its end there is no state', .not. allocated(reason) .and. size(state) == 0)
     call remove_all()
@@ -120,7 +132,7 @@ contains
     call file%claim(name, .false., error)
     call replace_contents('new')
     call write_file(name, 'of another')
-    call file%put_in_place(error)
+    call file%put_in_place(no_state, error)
     call check('another file has the name', refused(error, 'another file has taken the name'))
     other = identity_of(name)
     call check('it stays', other%bytes == len('of another'))
@@ -131,7 +143,7 @@ contains
     call replace_contents('new')
     call delete_file(part)
     call write_file(part, 'of another')
-    call file%put_in_place(error)
+    call file%put_in_place(no_state, error)
     call check('another file has the name of the part', refused(error, 'removed, renamed or replaced'))
     other = identity_of(part)
     call check('it stays, too', other%bytes == len('of another'))
@@ -153,7 +165,7 @@ contains
     call check('has no state', allocated(reason))
     call file%claim(name, .true., error)
     call replace_contents('something longer')
-    call file%put_in_place(error, [1_int64])
+    call file%put_in_place([1_int64], error)
     call check_ending(name, reason)
     call check('with an ending', has_ending(name) .and. .not. allocated(reason))
     open (newunit=unit, file=name, access='stream', form='unformatted', status='old', action='readwrite')
