@@ -97,8 +97,8 @@ def calls_of(program: Program, folder: Path, *command: str) -> list[Call]:
 
 
 def spread(calls: list[Call], count: int) -> list[Call]:
-    """So many of them, the first and the last among them."""
-    return [calls[round(i * (len(calls) - 1) / (count - 1))] for i in range(count)]
+    """So many of them, the first and the last among them; none of none."""
+    return [] if not calls else [calls[round(i * (len(calls) - 1) / (count - 1))] for i in range(count)]
 
 
 # A share of the whole proof.
@@ -146,11 +146,11 @@ def test_a_second_program_is_refused_at_any_moment(program, begin, expected, ope
     command = OPERATIONS[operation].command
     folder = begin(operation)
     calls = calls_of(program, folder, *command)
-    ours = [i for i, call in enumerate(calls) if call.path.endswith(".part")]
+    locked = next(i for i, call in enumerate(calls) if call.name == "flock")
     last = max(i for i, call in enumerate(calls) if call.name.startswith(("link", "rename")))
     renamed = [i for i, call in enumerate(calls[:last]) if call.name.startswith(("link", "rename"))]
     between_files = [call for i in renamed for call in calls[i + 1 : i + 4]]
-    for call in [*spread(calls[ours[0] + 3 : last], 5), *spread(between_files, 5)]:
+    for call in [*spread(calls[locked + 1 : last], 6), *spread(between_files, 6)]:
         folder = begin(operation)
         run = held(program, folder, *command, at=f"all:{call.all}")
         before = snapshot(folder)
