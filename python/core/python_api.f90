@@ -570,7 +570,7 @@ contains
 
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles), and 'ends', one number with a name each: values that do not exist are omitted.
+  !> (with exponent, error, slow cycles, cycles, repeats), and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -602,10 +602,10 @@ contains
         self%table%number(2, :) = regularity%scatter
       end associate
     case ('verdict')
-      call new_table(self%table, 1, 0, 5)
+      call new_table(self%table, 1, 0, 6)
       associate (regularity => self%cycles%regularity)
-        self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, min(regularity%error, huge(1.0_wp)), &
-          real(regularity%slow_cycles, wp), real(regularity%cycles, wp)]
+        self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
+          real([regularity%slow_cycles, regularity%cycles, regularity%repeats], wp)]
       end associate
     case ('ends')
       call make_table_of_ends(self%ends, self%table)

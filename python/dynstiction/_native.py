@@ -329,8 +329,8 @@ class Cycles(Session):
             {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)}
             for row in (mean, scatter)
         )
-        self.verdict, self.exponent, self.error, slow, count = _table(handle, "verdict")[1][:, 0].tolist()
-        self.slow_cycles, self.count = int(slow), int(count)
+        self.verdict, self.exponent, self.error, *counts = _table(handle, "verdict")[1][:, 0].tolist()
+        self.slow_cycles, self.count, self.repeats = map(int, counts)
         sliding = _table(handle, "sliding")[1][:, 0].tolist()
         self.sliding_load, stable, self.velocity, self.model_error = sliding
         self.sliding_is_stable = stable == 1.0

@@ -33,6 +33,9 @@ class LimitCycle(NamedTuple):
     """Peak minus valley [N]."""
     log_multiplier: float
     """Logarithm of the factor by which a small disturbance grows in a cycle [-]; NaN if it is not known."""
+    slow_cycles: int
+    """Slow cycles after which it repeats: then period is that of all of them, the peak is the highest, the valley the lowest, and the
+    other values are means. 0: the fast oscillation alone."""
     stable: bool
     """Whether the cycle is stable, so that the motion can stay at it."""
 
@@ -45,14 +48,16 @@ class LimitCycle(NamedTuple):
 class Regularity(NamedTuple):
     """Regularity of the motion of a scene from its initial state."""
 
-    verdict: Literal["regular", "irregular", "undecided"]
+    verdict: Literal["regular", "irregular", "steady sliding", "undecided"]
     """Whether the motion reaches a cycle; if it is irregular, its cycles have a distribution, not one value."""
+    repeats: int
+    """Slow cycles after which the motion repeats; 0 if it does not."""
     exponent: float
-    """Lyapunov exponent for a slow cycle [-]."""
+    """Lyapunov exponent for a slow cycle [-]; NaN if it is not known."""
     error: float
-    """Standard error of the Lyapunov exponent."""
+    """Standard error of the Lyapunov exponent; NaN if it is not known."""
     slow_cycles: int
-    """Number of slow cycles of the estimate."""
+    """Number of slow cycles that were followed."""
     mean: dict[str, float]
     """Mean of period, peak_force, ..., over the later half of the cycles; empty if there are none."""
     scatter: dict[str, float]
@@ -167,8 +172,8 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.model,
             found.velocity,
             tuple(
-                LimitCycle(*(*row, stable))
-                for row, stable in zip(found.values.tolist(), found.are_stable, strict=True)
+                LimitCycle(*row, int(slow_cycles), stable)
+                for (*row, slow_cycles), stable in zip(found.values.tolist(), found.are_stable, strict=True)
             ),
             found.sliding_load,
             found.sliding_is_stable,
@@ -179,10 +184,15 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
 
 
 def _regularity(found: _native.Cycles) -> Regularity:
-    verdicts: dict[float, Literal["regular", "irregular", "undecided"]] = {1.0: "regular", -1.0: "irregular"}
+    verdicts: dict[float, Literal["regular", "irregular", "steady sliding"]] = {
+        1.0: "regular",
+        -1.0: "irregular",
+        2.0: "steady sliding",
+    }
     there = found.count > 0
     return Regularity(
         verdicts.get(found.verdict, "undecided"),
+        found.repeats,
         found.exponent,
         found.error,
         found.slow_cycles,

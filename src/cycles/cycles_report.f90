@@ -1,10 +1,11 @@
 !> What `dynstiction cycles` prints: the limit cycles of a scene, and its steady sliding.
 module dst_cycles_report
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, peak, valley
   use dst_divergence, only: regular, irregular
   use dst_errors, only: error_t, raise, deck_error
-  use dst_full_cycles, only: regularity_t
+  use dst_full_cycles, only: regularity_t, steady_sliding
   use dst_kinds, only: wp
   use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier
   use dst_scene, only: scene_t
@@ -99,17 +100,20 @@ contains
     call page%line('')
     select case (regularity%verdict)
     case (regular)
-      call page%row('motion of the scene', 'regular: it settles to a cycle')
+      call page%row('motion of the scene', 'regular: it repeats after '//integer_text(regularity%repeats)//' slow cycle'// &
+        trim(merge('s', ' ', regularity%repeats > 1)))
     case (irregular)
       call page%row('motion of the scene', 'irregular: its cycles have a distribution, and no value')
+    case (steady_sliding)
+      call page%row('motion of the scene', 'steady sliding')
     case default
       call page%row('motion of the scene', 'undecided whether regular or irregular')
     end select
-    if (regularity%slow_cycles > 2 .and. regularity%error < huge(1.0_wp)) then
+    if (.not. ieee_is_nan(regularity%exponent)) then
       call page%row('  Lyapunov exponent', long_text(regularity%exponent)//' +- '// &
         long_text(regularity%error)//' per slow cycle, from '//integer_text(regularity%slow_cycles)//' slow cycles')
     end if
-    if (regularity%verdict == regular .or. regularity%cycles < 2) return
+    if (regularity%repeats > 0 .or. regularity%cycles < 2) return
     do k = 1, size(cycle_quantities)
       call page%row('  '//cycle_quantities(k)%name, long_text(regularity%mean(k))//' +- '// &
         long_text(regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')

@@ -1,25 +1,41 @@
-!> The limit cycles of the full model, from its map from release to release (dst_release_map), and whether its motion is regular.
+!> The limit cycles of the full model, and what its motion comes to, from its map from release to release (dst_release_map).
+!>
+!> A slow cycle ends with the passage that turns the force back. Where the release with which it ends agrees with that of the m-th
+!> slow cycle before, the motion repeats after m slow cycles; unstable cycles are zeros of the map of one slow cycle minus identity,
+!> found in the same way as stable ones: because of rest the motion need not be followed backwards.
 module dst_full_cycles
-  use dst_cycle_map, only: cycle_map_t
-  use dst_cycles, only: measures, period
-  use dst_divergence, only: regular, undecided
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use dst_assembly, only: new_motion
+  use dst_cycles, only: measures, period, peak, valley, stick_time, slip_time, slip_length
+  use dst_divergence, only: regular, irregular, undecided
   use dst_errors, only: error_t
-  use dst_fast_cycle, only: release_angle_t
-  use dst_kinds, only: wp, pi
-  use dst_release_map, only: release_map_t, new_release_map
+  use dst_kinds, only: wp, int64, pi
+  use dst_motion, only: motion_t, next_piece
+  use dst_motion_summary, only: motion_summary_t
+  use dst_piece, only: slip_begins, sticks
+  use dst_piece_view, only: piece_view_t
+  use dst_release_map, only: release_map_t, passage_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
+  use dst_state, only: state_t
+  use dst_summary, only: summary_t, passage_summary_t => passage_t
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles
+  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
-  !> Number of slow cycles that are followed from the initial state of the scene until two releases agree, and the difference up to
-  !> which they agree [rad]. Conventions.
-  integer, parameter :: followed = 48
+  !> Two releases are the same if their angles differ by no more than this [rad]. Convention.
   real(wp), parameter :: same = 1.0e-10_wp
+  !> A motion repeats after so many slow cycles at most. It is followed for so many, and so many Newton iterations. Conventions.
+  integer, parameter :: most_repeats = 8, followed = 400
+  integer(int64), parameter :: most_work = 2000000_int64
+  !> Slow cycles after which the growth of a small difference is measured, and the least number of them. Conventions. An irregular
+  !> beginning is no irregular motion: the later half of all decides.
+  integer, parameter :: transient = 32, telling = 16
+  !> An exponent is not zero if it is beyond this many standard errors.
+  real(wp), parameter :: certain = 3.0_wp
   !> Numbers of releases between which fixed points are searched: if the motion settles, and if it does not. Conventions; twice: no
   !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 instead of 17 with k_y = 1e6 N/m.
   integer, parameter :: few = 8, many = 256
@@ -27,20 +43,26 @@ module dst_full_cycles
   !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
+  !> A further verdict, beside those of dst_divergence.
+  integer, parameter :: steady_sliding = 2
 
-  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, and the release with which it begins. A cycle without
-  !> a release is only known as one to which the motion settles.
+  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the fast
+  !> oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the motion settles.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
     logical :: has_multiplier = .true.
     real(wp) :: log_multiplier = 0.0_wp
-    type(release_angle_t) :: release = release_angle_t()
+    integer :: slow_cycles = 1
+    real(wp) :: alpha = 0.0_wp
   end type full_cycle_t
 
   !> What a motion is like after some time.
   type :: regularity_t
-    integer :: slow_cycles = 0
-    !> Lyapunov exponent for a slow cycle and its standard error, and the verdict, as in dst_divergence.
+    !> Slow cycles that were followed, and after how many it repeats; 0 if it does not.
+    integer :: slow_cycles = 0, repeats = 0
+    !> The time that they took [s].
+    real(wp) :: time = 0.0_wp
+    !> Lyapunov exponent for a slow cycle and its standard error, NaN if they are not known, and the verdict.
     real(wp) :: exponent = 0.0_wp, error = 0.0_wp
     integer :: verdict = undecided
     !> Mean and scatter of the measures of its cycles.
@@ -50,33 +72,34 @@ module dst_full_cycles
 
 contains
 
-  !> The cycles of a scene under one drive velocity [m/s] that are fixed points of its map.
-  subroutine find_full_cycles(scene, velocity, cycles, regularity, error)
+  !> The cycles of a scene under one drive velocity [m/s], and what its motion comes to.
+  subroutine find_full_cycles(scene, velocity, sliding_is_stable, cycles, regularity, error)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
+    logical, intent(in) :: sliding_is_stable
     type(full_cycle_t), allocatable, intent(out) :: cycles(:)
     type(regularity_t), intent(out) :: regularity
     type(error_t), allocatable, intent(out) :: error
     type(release_map_t) :: map
-    type(release_angle_t) :: release(followed)
-    integer :: n
+    real(wp), allocatable :: returns(:)
+    logical :: goes_on
 
     allocate (cycles(0))
+    regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
+    regularity%error = regularity%exponent
     call new_release_map(steady(scene, velocity), map, error)
+    if (.not. allocated(error)) call follow(map, returns, goes_on, regularity, error)
     if (allocated(error)) return
-    call follow(map, release, n, error)
-    if (allocated(error)) return
-    call judge(map, n, regularity)
-    ! Two releases that agree are a cycle to which the motion has settled.
-    if (n > 1 .and. n < followed) regularity%verdict = regular
-    if (n < 2) then
-      call take_what_it_settles_to(regularity, cycles)
-      return
+    if (.not. goes_on) then
+      call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
+    else if (regularity%repeats == 0) then
+      call measure_scatter(steady(scene, velocity), regularity, error)
     end if
-    call find_fixed_points(map, release(:n), cycles, error)
-    if (n == followed .or. size(cycles) == 0) return
+    if (.not. allocated(error) .and. size(returns) > 1) call find_fixed_points(map, returns, regularity%repeats, cycles, error)
+    if (allocated(error) .or. regularity%repeats == 0 .or. size(cycles) == 0) return
     ! The cycle to which it settles determines its regularity.
-    regularity%exponent = cycles(1)%log_multiplier
+    if (.not. cycles(1)%has_multiplier) return
+    regularity%exponent = cycles(1)%log_multiplier/real(regularity%repeats, wp)
     regularity%error = 0.0_wp
   end subroutine find_full_cycles
 
@@ -101,107 +124,201 @@ contains
       + 2.0_wp*pi*sqrt(scene%mass/scene%stiffness_x))
   end function steady
 
-  !> The releases with which the slow cycles begin, until two agree.
-  subroutine follow(map, release, n, error)
+  !> The releases with which slow cycles end, until they repeat, or decide that they do not. `goes_on`: there is always one more.
+  subroutine follow(map, returns, goes_on, regularity, error)
     type(release_map_t), intent(inout) :: map
-    type(release_angle_t), intent(out) :: release(:)
-    integer, intent(out) :: n
+    real(wp), allocatable, intent(out) :: returns(:)
+    logical, intent(out) :: goes_on
+    type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    type(release_angle_t) :: here
-    real(wp) :: log_stretch
-    logical :: found, known
+    type(passage_t) :: slow_cycle
+    real(wp) :: logarithm(followed), here
+    integer :: n, known, passages
 
-    n = 0
-    do while (n < size(release))
-      call map%come_back(here, log_stretch, known, found, error)
-      if (allocated(error) .or. .not. found) return
-      n = n + 1
-      release(n) = here
-      if (n < 4) cycle
-      if (abs(here%angle - release(n - 1)%angle) <= same) return
+    allocate (returns(0))
+    known = 0
+    call map%first(here, goes_on, error)
+    do n = 1, followed
+      if (allocated(error) .or. .not. goes_on) return
+      call map%come_back(here, n > transient, slow_cycle, passages, goes_on, error)
+      if (allocated(error) .or. .not. goes_on) return
+      here = slow_cycle%to
+      returns = [returns, here]
+      regularity%slow_cycles = n
+      regularity%time = regularity%time + slow_cycle%duration
+      regularity%repeats = repeats_of(returns)
+      if (regularity%repeats > 0) then
+        regularity%verdict = regular
+        return
+      end if
+      if (slow_cycle%has_slope .and. n > transient) then
+        known = known + 1
+        logarithm(known) = log(max(tiny(1.0_wp), abs(slow_cycle%slope)))
+      end if
+      if (map%work() > most_work) exit
     end do
+    call judge(logarithm(known/2 + 1:known), regularity)
   end subroutine follow
 
-  !> What the motion so far shows about its regularity.
-  subroutine judge(map, n, regularity)
-    type(release_map_t), intent(in) :: map
-    integer, intent(in) :: n
-    type(regularity_t), intent(out) :: regularity
-    integer :: count
+  !> The number of releases after which they are the same again, 0 if they are not.
+  pure integer function repeats_of(alpha) result(m)
+    real(wp), intent(in) :: alpha(:)
+    !> Times as far apart. Convention: enough for all that come nearer by a factor of 1.02 in a slow cycle.
+    real(wp), parameter :: both_sides = 100.0_wp
+    integer :: n
 
-    regularity%slow_cycles = n
-    call map%summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-    select type (motion => map%motion)
-    class is (cycle_map_t)
-      call motion%divergence%estimate(regularity%exponent, regularity%error, count, regularity%verdict)
-    end select
+    n = size(alpha)
+    do m = 1, most_repeats
+      if (apart(m) <= same) exit
+    end do
+    if (m > most_repeats) m = 0
+    ! It may come nearer from both sides in turn, so that twice as many agree before.
+    do while (m > 1 .and. modulo(m, 2) == 0)
+      if (apart(m/2) > both_sides*same) exit
+      m = m/2
+    end do
+
+  contains
+
+    !> The largest distance of the last releases from those of as many slow cycles before [rad].
+    pure real(wp) function apart(by)
+      integer, intent(in) :: by
+      integer :: seen
+
+      apart = huge(apart)
+      seen = max(by, 3)
+      if (n >= seen + by) apart = maxval(abs(alpha(n - seen + 1:) - alpha(n - seen + 1 - by:n - by)))
+    end function apart
+  end function repeats_of
+
+  !> The exponent for a slow cycle from the growth in each of them, with the standard error of the means of batches.
+  pure subroutine judge(logarithm, regularity)
+    real(wp), intent(in) :: logarithm(:)
+    type(regularity_t), intent(inout) :: regularity
+    integer, parameter :: batches = 8
+    real(wp) :: batch(batches)
+    integer :: i, n
+
+    n = size(logarithm)
+    regularity%verdict = undecided
+    if (n < telling) return
+    do i = 1, batches
+      associate (begin => ((i - 1)*n)/batches + 1, end => (i*n)/batches)
+        batch(i) = sum(logarithm(begin:end))/real(end - begin + 1, wp)
+      end associate
+    end do
+    regularity%exponent = sum(logarithm)/real(n, wp)
+    regularity%error = sqrt(sum((batch - sum(batch)/batches)**2)/real((batches - 1)*batches, wp))
+    if (regularity%exponent > certain*regularity%error) regularity%verdict = irregular
   end subroutine judge
 
-  !> If the motion has no releases: the cycle to which it has settled, if there is one.
-  subroutine take_what_it_settles_to(regularity, cycles)
+  !> The motion of a scene, with its summary, until its end.
+  subroutine run(scene, motion, summary, error)
+    type(scene_t), intent(in) :: scene
+    class(motion_t), allocatable, intent(out) :: motion
+    type(motion_summary_t), intent(out) :: summary
+    type(error_t), allocatable, intent(out) :: error
+    class(motion_t), allocatable :: other
+
+    call new_motion(scene, motion, other, error)
+    if (allocated(error)) return
+    call summary%start(motion, 0.0_wp)
+    do while (.not. motion%finished())
+      call next_piece(motion, other, error)
+      if (allocated(error)) return
+      call summary%follow(motion)
+    end do
+  end subroutine run
+
+  !> Mean and scatter of the cycles of a motion that does not repeat.
+  subroutine measure_scatter(scene, regularity, error)
+    type(scene_t), intent(in) :: scene
     type(regularity_t), intent(inout) :: regularity
+    type(error_t), allocatable, intent(out) :: error
+    class(motion_t), allocatable :: motion
+    type(motion_summary_t) :: summary
+    type(scene_t) :: shorter
+    !> In slow cycles: as many as are kept count. Convention.
+    real(wp), parameter :: long_enough = 200.0_wp
+
+    shorter = scene
+    shorter%t_end = long_enough*regularity%time/real(regularity%slow_cycles, wp)
+    call run(shorter, motion, summary, error)
+    if (.not. allocated(error)) call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+  end subroutine measure_scatter
+
+  !> A motion that ceases to rest comes to a cycle without releases, or to steady sliding.
+  subroutine look_at_the_end(scene, sliding_is_stable, cycles, regularity, error)
+    type(scene_t), intent(in) :: scene
+    logical, intent(in) :: sliding_is_stable
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
+    type(regularity_t), intent(inout) :: regularity
+    type(error_t), allocatable, intent(out) :: error
     !> Scatter over the mean up to which cycles are equal: those that count began in the second half of a long run. Convention.
     real(wp), parameter :: alike = 1.0e-7_wp
+    class(motion_t), allocatable :: motion
+    type(motion_summary_t) :: summary
 
-    if (regularity%cycles < 2) return
-    if (regularity%scatter(period) > alike*regularity%mean(period)) return
-    cycles = [full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
-    regularity%verdict = regular
-  end subroutine take_what_it_settles_to
+    call run(scene, motion, summary, error)
+    if (allocated(error)) return
+    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+    if (regularity%cycles == 0) then
+      if (sliding_is_stable) regularity%verdict = steady_sliding
+    else if (regularity%cycles > 1 .and. regularity%scatter(period) <= alike*regularity%mean(period)) then
+      cycles = [full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
+      regularity%verdict = regular
+      regularity%repeats = 1
+    end if
+  end subroutine look_at_the_end
 
-  !> Scan the releases around those with which slow cycles begin for fixed points.
-  subroutine find_fixed_points(map, release, cycles, error)
+  !> The cycle to which the motion settles, and those that the map of one slow cycle has around its releases.
+  subroutine find_fixed_points(map, returns, repeats, cycles, error)
     type(release_map_t), intent(inout) :: map
-    type(release_angle_t), intent(in) :: release(:)
+    real(wp), intent(in) :: returns(:)
+    integer, intent(in) :: repeats
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: first, last, angle, before_angle, excess, before, side
-    logical :: found, has_before, settles
-    integer :: i, n, points
+    real(wp) :: first, last, alpha, alpha_before, turn, turn_before
+    logical :: found, found_before
+    integer :: i, points
 
-    n = size(release)
-    side = release(n)%side
-    settles = abs(release(n)%angle - release(n - 1)%angle) <= same
-    if (settles) call take(release(n)%angle)
+    if (repeats > 0) call take(map, returns(size(returns)), repeats, cycles, error)
+    if (.not. allocated(error) .and. map%has_fixed) call take(map, map%fixed, 1, cycles, error)
     if (allocated(error)) return
-    points = merge(few, many, settles)
+    points = merge(few, many, repeats > 0)
     ! The first release comes from the beginning of the scene.
-    first = minval(release(2:)%angle)
-    last = maxval(release(2:)%angle)
+    first = minval(returns(2:))
+    last = maxval(returns(2:))
     associate (margin => max(0.05_wp*(last - first), 1.0e-3_wp))
       first = first - margin
       last = last + margin
     end associate
-    has_before = .false.
-    before = 0.0_wp
-    before_angle = first
+    found_before = .false.
+    turn_before = 0.0_wp
+    alpha_before = first
     do i = 0, points
-      angle = first + (last - first)*(real(i, wp)/real(points, wp))
-      call look(angle, excess, found)
+      alpha = first + (last - first)*(real(i, wp)/real(points, wp))
+      call look(alpha, turn, found)
       if (allocated(error)) return
-      if (found .and. has_before .and. before*excess < 0.0_wp) call refine(before_angle, before, angle, excess)
+      if (found .and. found_before .and. turn_before*turn < 0.0_wp) call refine(alpha_before, turn_before, alpha, turn)
       if (allocated(error)) return
-      has_before = found
-      before = excess
-      before_angle = angle
+      found_before = found
+      turn_before = turn
+      alpha_before = alpha
     end do
 
   contains
 
     !> The angle by which a slow cycle turns the release with which it begins [rad].
-    subroutine look(from, turn, is_known)
+    subroutine look(from, by, is_known)
       real(wp), intent(in) :: from
-      real(wp), intent(out) :: turn
+      real(wp), intent(out) :: by
       logical, intent(out) :: is_known
-      type(release_angle_t) :: to
-      real(wp) :: log_stretch
-      logical :: with_growth
+      type(passage_t) :: slow_cycle
+      integer :: passages
 
-      call map%begin(release_angle_t(from, side), with_growth=.false.)
-      call map%come_back(to, log_stretch, with_growth, is_known, error)
-      turn = 0.0_wp
-      if (is_known) turn = to%angle - from
+      call map%come_back(from, .false., slow_cycle, passages, is_known, error)
+      by = slow_cycle%to - from
     end subroutine look
 
     subroutine refine(a, f_a, b, f_b)
@@ -221,34 +338,90 @@ contains
         call bracket%narrow(x, f)
         if (bracket%width() <= fine) exit
       end do
-      if (abs(f) <= missed) call take(x)
+      if (abs(f) <= missed) call take(map, x, 1, cycles, error)
     end subroutine refine
-
-    !> The cycle that begins with a release.
-    subroutine take(from)
-      real(wp), intent(in) :: from
-      type(full_cycle_t) :: cycle
-      type(release_angle_t) :: to
-      real(wp) :: log_stretch
-      logical :: is_known, has_growth
-      integer :: i
-
-      cycle%release = release_angle_t(from, side)
-      if (size(cycles) > 0) then
-        if (any(abs(cycles%release%angle - from) <= same)) return
-      end if
-      call map%begin(cycle%release, with_growth=.true.)
-      do i = 1, 3
-        call map%come_back(to, log_stretch, has_growth, is_known, error)
-        if (allocated(error) .or. .not. is_known) return
-        if (i == 1) cycle%has_multiplier = has_growth
-        if (i == 1) cycle%log_multiplier = log_stretch
-        ! Unstable cycles are left soon.
-        if (map%summary%cycles%count > 0) exit
-      end do
-      if (map%summary%cycles%count == 0) return
-      cycle%measure = reshape(map%summary%cycles%last_cycles(1), [measures])
-      cycles = [cycles, cycle]
-    end subroutine take
   end subroutine find_fixed_points
+
+  !> The cycle that begins with a release and repeats after so many slow cycles, unless it is known.
+  subroutine take(map, alpha, repeats, cycles, error)
+    type(release_map_t), intent(inout) :: map
+    real(wp), intent(in) :: alpha
+    integer, intent(in) :: repeats
+    type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(full_cycle_t) :: cycle
+    type(passage_t) :: slow_cycle
+    real(wp) :: here, duration
+    logical :: found
+    integer :: i, passages, all_passages
+
+    if (any(abs(cycles%alpha - alpha) <= 10.0_wp*same .and. cycles%has_multiplier)) return
+    cycle%alpha = alpha
+    here = alpha
+    duration = 0.0_wp
+    all_passages = 0
+    do i = 1, repeats
+      call map%come_back(here, .true., slow_cycle, passages, found, error)
+      if (allocated(error) .or. .not. found) return
+      here = slow_cycle%to
+      duration = duration + slow_cycle%duration
+      all_passages = all_passages + passages
+      cycle%has_multiplier = cycle%has_multiplier .and. slow_cycle%has_slope
+      cycle%log_multiplier = cycle%log_multiplier + log(max(tiny(1.0_wp), abs(slow_cycle%slope)))
+    end do
+    call measure(map, alpha, all_passages, duration, repeats, cycle, error)
+    if (.not. allocated(error)) cycles = [cycles, cycle]
+  end subroutine take
+
+  !> The measures of the cycle that begins with a release, after so many passages and this time [s]: by steps.
+  subroutine measure(map, alpha, passages, duration, repeats, cycle, error)
+    type(release_map_t), intent(inout), target :: map
+    real(wp), intent(in) :: alpha, duration
+    integer, intent(in) :: passages, repeats
+    type(full_cycle_t), intent(inout) :: cycle
+    type(error_t), allocatable, intent(out) :: error
+    type(summary_t) :: summary
+    type(piece_view_t) :: view
+    type(passage_summary_t) :: once
+    real(wp), allocatable :: last(:, :)
+    real(wp) :: side
+    integer :: releases, n
+
+    call map%steps%place_at_release(map%theta(alpha), state_t())
+    associate (slider => map%steps%slider)
+      call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
+      side = sign(1.0_wp, slider%along(1)*map%steps%piece%drive%velocity)
+    end associate
+    releases = 0
+    do
+      call map%steps%advance(error)
+      if (allocated(error)) return
+      call view%show(map%steps, map%steps%piece)
+      if (.not. summary%exchanged > 0.0_wp) call summary%begin(view%first, 1.0_wp, 0.0_wp)
+      call summary%take_in(view)
+      if (map%steps%piece%event == slip_begins .and. map%steps%piece%contact == sticks) releases = releases + 1
+      if (releases == passages .and. once%duration <= 0.0_wp) once = summary%passage()
+      ! An unstable cycle is left soon; the fast oscillation alone does not count as a cycle.
+      n = int(summary%cycles%count)
+      if (n >= repeats .or. releases >= 3*passages) exit
+    end do
+    if (n >= repeats) then
+      last = summary%cycles%last_cycles(repeats)
+      cycle%measure = sum(last, dim=2)/real(repeats, wp)
+      cycle%measure(period) = sum(last(period, :))
+      cycle%measure(peak) = maxval(last(peak, :))
+      cycle%measure(valley) = minval(last(valley, :))
+      cycle%slow_cycles = repeats
+    else
+      associate (high => once%highest, low => once%lowest, m => cycle%measure)
+        m(period) = duration
+        m(peak) = max(side*high%load, side*low%load)
+        m(valley) = min(side*high%load, side*low%load)
+        m(stick_time) = modulo(side*(high%time - low%time), duration)
+        m(slip_time) = duration - m(stick_time)
+        m(slip_length) = abs(high%position - low%position)
+      end associate
+      cycle%slow_cycles = 0
+    end if
+  end subroutine measure
 end module dst_full_cycles

@@ -16,13 +16,15 @@ module dst_limit_cycles
   implicit none
   private
 
-  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, find_limit_cycles
+  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles
 
   !> Measures of a limit cycle: those of the cycles of a run, its amplitude, and the growth of a small disturbance.
-  integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, quantities = measures + 2
+  integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
+    quantities = measures + 3
   type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
     quantity_t('swing', 'N', 'peak_force minus valley_force'), &
-    quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle')]
+    quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle'), &
+    quantity_t('slow_cycles', '1', 'slow cycles after which it repeats; 0: it is the fast oscillation alone')]
 
   !> Accuracy of the motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
   real(wp), parameter :: rtol = 1.0e-12_wp
@@ -62,9 +64,9 @@ contains
     if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
       call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that can be found here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
-    else if (slider%is_damped()) then
+    else if (cycles%model /= 'full' .and. slider%is_damped()) then
       call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
-        ': limit cycles are found only without dampers: remove damping_x and damping_y', &
+        ': cycles of the slow motion are found only without dampers: remove damping_x and damping_y', &
         'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
     else if (.not. minval(abs(slider%along)) > 0.0_wp) then
       call raise(error, deck_error, 'system.misalignment_deg: cycles are found only if the angle is no multiple of 90: '// &
@@ -72,9 +74,9 @@ contains
     else if (cycles%model == 'full' .and. scene%contact /= 'exact') then
       call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
         'which has rest', 'friction.contact')
-    else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      call raise(error, deck_error, 'friction.mu_static: cycles are found only without a separate static limit: '// &
-        'remove mu_static', 'friction.mu_static')
+    else if (cycles%model /= 'full' .and. slider%law%static_limit > slider%law%kinetic_limit) then
+      call raise(error, deck_error, 'friction.mu_static: cycles of the slow motion are found only without a separate static '// &
+        "limit: remove mu_static, or give model 'full'", 'friction.mu_static')
     else if (cycles%model /= 'full' .and. .not. falls_exponentially(slider%law)) then
       call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
         "'weakening': give one of them, or model 'full'", 'friction.law')
@@ -102,13 +104,13 @@ contains
     if (allocated(error)) return
     call slider%law%evaluate(1, [abs(velocity)], force, slope)
     cycles%sliding_load = force(1)*abs(slider%along(1))
-    call find_full_cycles(scene, velocity, found, cycles%regularity, error)
+    call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error)
     if (allocated(error)) return
     call make_room(cycles, size(found))
     do i = 1, size(found)
       associate (cycle => found(i))
         order = 1 + number_below(found, swing_of(cycle))
-        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier]
+        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp)]
         cycles%is_stable(order) = cycle%log_multiplier < 0.0_wp .or. .not. cycle%has_multiplier
         cycles%has_multiplier(order) = cycle%has_multiplier
       end associate
@@ -159,7 +161,7 @@ contains
     do i = 1, size(found)
       associate (cycle => found(i), stiffness => slider%stiffness(1))
         cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
-          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier]
+          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp]
         cycles%is_stable(i) = cycle%log_multiplier < 0.0_wp
       end associate
     end do

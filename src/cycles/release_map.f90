@@ -1,119 +1,341 @@
-!> The slow cycle of the full model as a map of one number: from the release with which a slow cycle begins to that of the next one.
+!> The motion as a map: from a release of the object to the next one.
 !>
-!> At a release the angle of the spring force is the whole state (dst_cycle_table). A slow cycle leads over many fast cycles and one
-!> excursion to the release with which the next one begins. Unstable cycles are found in the same way as stable ones, as zeros of
-!> the map minus identity: because of rest, the motion need not be followed backwards. docs/cycles.md.
+!> Under a steady drive the direction of friction at a release is the whole state, so that the motion is the iteration of a function
+!> of one number, alpha -> P(alpha). By steps alone the map is complete. It has two branches, parted at the angle where sticks end:
+!> above it a lap (slip and stick) turns the force towards the soft axis, below it a slip turns it back. Where many passages of a
+!> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. docs/cycles.md, section 3.
 module dst_release_map
   use dst_assembly, only: new_motion
-  use dst_cycle_map, only: cycle_map_t
+  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm, nodes, tests, values
   use dst_errors, only: error_t
-  use dst_fast_cycle, only: release_angle_t
-  use dst_kinds, only: wp, int64
-  use dst_motion, only: motion_t, next_piece
-  use dst_motion_summary, only: motion_summary_t
+  use dst_kinds, only: wp, int64, pi
+  use dst_motion, only: motion_t
+  use dst_piece, only: slip_begins, sticks
   use dst_scene, only: scene_t
+  use dst_slip_stick, only: slip_stick_t
+  use dst_state, only: state_t
   implicit none
   private
 
-  public :: release_map_t, new_release_map
+  public :: release_map_t, passage_t, new_release_map
 
-  !> Number of pieces after which there is no return. Convention.
-  integer, parameter :: max_pieces = 200000
+  !> Largest distance of an interpolated passage from one that is run, in rtol. Convention.
+  real(wp), parameter :: accurate = 30.0_wp
+  !> A difference of the angle at whose growth the slope is measured: this share of the turn, but not less than so many rtol.
+  !> Conventions. Ten times: the exponent of Fig. 3 is higher by 0.02, as a slip depends on its beginning like a square root near a
+  !> touch.
+  real(wp), parameter :: push = 1.0e-4_wp, least_push = 0.1_wp
+  !> The angle at which sticks end is found with this uncertainty [rad].
+  real(wp), parameter :: fine = 1.0e-13_wp
+  !> Where sticks end by grazing, the share of rest goes to zero: at this distance it is below so much. Convention.
+  real(wp), parameter :: grazing_share = 0.02_wp
+  !> Laps are tabulated up to this angle [rad], slips in a canard down to so much below the end of sticks. Conventions: other
+  !> passages are run.
+  real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
 
-  !> The motion of a scene, and its summary.
-  type :: release_map_t
-    class(motion_t), allocatable :: motion
-    type(motion_summary_t) :: summary
-    class(motion_t), allocatable, private :: other
+  !> The motion from one release to the next.
+  type :: passage_t
+    real(wp) :: from = 0.0_wp, to = 0.0_wp      !! alpha, rad
+    real(wp) :: duration = 0.0_wp               !! s
+    real(wp) :: at_rest = 0.0_wp                !! the last rest, s; 0 if the passage was interpolated
+    real(wp) :: slope = 0.0_wp                  !! P'(alpha)
+    logical :: has_slope = .false.
   contains
-    procedure :: begin
+    procedure :: turns_back
+  end type passage_t
+
+  !> The map of a scene under a steady drive. alpha is the angle from the soft to the stiff axis, each in the direction in which the
+  !> drive pulls.
+  type :: release_map_t
+    class(slip_stick_t), allocatable :: steps
+    !> No passage takes longer [s].
+    real(wp) :: longest = 0.0_wp
+    !> An unstable fixed point at the end of sticks [rad], if there is one.
+    logical :: has_fixed = .false.
+    real(wp) :: fixed = 0.0_wp
+    !> Tables, once the branches are parted.
+    logical, private :: is_tried = .false.
+    type(branch_t), private :: branch(2)           !! laps, slips
+    !> The last passage that was run.
+    type(passage_t), private :: before
+    real(wp), private :: rtol = 0.0_wp, pull(2) = 1.0_wp
+  contains
+    procedure :: first
+    procedure :: next
     procedure :: come_back
-    procedure :: has_returns
+    procedure :: theta
+    procedure :: work
   end type release_map_t
 
 contains
 
-  !> The motion of a scene from its initial state on.
+  !> The map of a scene, which must have one steady drive velocity, exact contact and a method for it.
   subroutine new_release_map(scene, map, error)
     type(scene_t), intent(in) :: scene
     type(release_map_t), intent(out) :: map
     type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: plain
+    class(motion_t), allocatable :: motion, other
 
-    call new_motion(scene, map%motion, map%other, error)
+    plain = scene
+    plain%cycle_map = 'off'
+    call new_motion(plain, motion, other, error)
     if (allocated(error)) return
-    call map%summary%start(map%motion, 0.0_wp)
-    select type (motion => map%motion)
-    class is (cycle_map_t)
-      motion%reuses = .false.
+    select type (motion)
+    class is (slip_stick_t)
+      allocate (map%steps, source=motion)
     end select
+    map%longest = scene%t_end
+    map%steps%t_end = huge(1.0_wp)
+    map%rtol = scene%rtol
+    map%pull = sign([1.0_wp, 1.0_wp], map%steps%slider%along*scene%drive_velocity(1))
   end subroutine new_release_map
 
-  !> Whether the model is one whose releases can be followed.
-  logical function has_returns(self)
+  !> Whether the passage leads away from the soft axis, as a slip does.
+  pure logical function turns_back(self)
+    class(passage_t), intent(in) :: self
+
+    turns_back = self%to >= self%from - fine
+  end function turns_back
+
+  !> The direction of friction [rad] at a release.
+  pure real(wp) function theta(self, alpha)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+
+    theta = atan2(self%pull(2)*sin(alpha), self%pull(1)*cos(alpha))
+  end function theta
+
+  pure real(wp) function alpha_of(self, theta) result(alpha)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: theta
+
+    alpha = atan2(self%pull(2)*sin(theta), self%pull(1)*cos(theta))
+  end function alpha_of
+
+  !> Newton iterations so far.
+  pure integer(int64) function work(self)
     class(release_map_t), intent(in) :: self
 
-    select type (motion => self%motion)
-    class is (cycle_map_t)
-      has_returns = .true.
-    class default
-      has_returns = .false.
-    end select
-  end function has_returns
+    work = self%steps%stepper%count%newton
+  end function work
 
-  !> Begin again with a release and an empty summary; the growth of a difference need not be computed from here on.
-  subroutine begin(self, from, with_growth)
+  !> The first release of the scene's own motion, from its initial state.
+  subroutine first(self, alpha, found, error)
     class(release_map_t), intent(inout) :: self
-    type(release_angle_t), intent(in) :: from
-    logical, intent(in) :: with_growth
-    type(motion_summary_t) :: empty          !! as a constructor here would need the names of private components
-
-    select type (motion => self%motion)
-    class is (cycle_map_t)
-      call motion%begin_at_release(from)
-      if (.not. with_growth) call motion%divergence%lose()
-    end select
-    self%summary = empty
-    call self%summary%start(self%motion, 0.0_wp)
-  end subroutine begin
-
-  !> Continue to the next return: its release, and the logarithm of the factor by which a small difference has grown since the last
-  !> one.
-  subroutine come_back(self, to, log_stretch, is_known, found, error)
-    class(release_map_t), intent(inout) :: self
-    type(release_angle_t), intent(out) :: to
-    real(wp), intent(out) :: log_stretch
-    logical, intent(out) :: is_known         !! whether this logarithm is known
+    real(wp), intent(out) :: alpha
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
-    integer(int64) :: before, returns
-    integer :: piece
+    real(wp) :: at_rest
+
+    call step_to_release(self, self%longest, alpha, at_rest, found, error)
+  end subroutine first
+
+  !> From the present state to the next release, for `longest` [s] at most.
+  subroutine step_to_release(self, longest, alpha, at_rest, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: longest
+    real(wp), intent(out) :: alpha, at_rest
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
 
     found = .false.
-    call look(before)
-    do piece = 1, max_pieces
-      if (self%motion%finished()) return
-      call next_piece(self%motion, self%other, error)
+    alpha = 0.0_wp
+    at_rest = 0.0_wp
+    do while (self%steps%piece%to%time <= longest)
+      call self%steps%advance(error)
       if (allocated(error)) return
-      call self%summary%follow(self%motion)
-      call look(returns)
-      found = returns > before
-      if (found) return
+      associate (piece => self%steps%piece)
+        found = piece%event == slip_begins .and. piece%contact == sticks
+        if (.not. found) cycle
+        alpha = alpha_of(self, piece%to%y(2))
+        at_rest = piece%to%time - piece%from%time
+        return
+      end associate
     end do
+  end subroutine step_to_release
 
-  contains
+  !> The passage from `alpha` [rad] by steps.
+  subroutine run(self, alpha, longest, passage, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha, longest
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
 
-    subroutine look(count)
-      integer(int64), intent(out) :: count
+    passage%from = alpha
+    call self%steps%place_at_release(self%theta(alpha), state_t())
+    call step_to_release(self, longest, passage%to, passage%at_rest, found, error)
+    passage%duration = self%steps%piece%to%time
+  end subroutine run
 
-      count = 0
-      log_stretch = 0.0_wp
-      is_known = .false.
-      select type (motion => self%motion)
-      class is (cycle_map_t)
-        count = motion%divergence%returns
-        to = motion%returned_to
-        call motion%divergence%last(log_stretch, is_known)
-      end select
-    end subroutine look
+  !> The passage from `alpha` [rad]: P(alpha); its slope only on request.
+  subroutine next(self, alpha, with_slope, passage, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    logical, intent(in) :: with_slope
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+
+    call look_up(self, alpha, passage, found)
+    if (found) return
+    call run(self, alpha, self%longest, passage, found, error)
+    if (allocated(error) .or. .not. found) return
+    if (with_slope) call measure_slope(self, passage, error)
+    if (.not. allocated(error)) call learn(self, passage, error)
+  end subroutine next
+
+  !> The passage that a table has.
+  pure subroutine look_up(self, alpha, passage, found)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    real(wp) :: value(values), slope
+    integer :: i, place
+
+    found = .false.
+    do i = 1, size(self%branch)
+      place = self%branch(i)%place_of(alpha)
+      found = self%branch(i)%is_known(place)
+      if (.not. found) cycle
+      call self%branch(i)%evaluate(place, alpha, value, slope)
+      passage = passage_t(alpha, alpha + value(2), value(1), 0.0_wp, 1.0_wp + slope, .true.)
+      return
+    end do
+  end subroutine look_up
+
+  !> P' by a difference; there is none where the neighbours do not stay neighbours.
+  subroutine measure_slope(self, passage, error)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(inout) :: passage
+    type(error_t), allocatable, intent(out) :: error
+    !> The neighbours may take so much longer or less. Convention.
+    real(wp), parameter :: alike = 0.05_wp
+    type(passage_t) :: beside(2)
+    logical :: found(2)
+    real(wp) :: apart
+    integer :: i
+
+    apart = max(push*abs(passage%to - passage%from), least_push*self%rtol)
+    do i = 1, 2
+      call run(self, passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*passage%duration, beside(i), found(i), error)
+      if (allocated(error)) return
+    end do
+    passage%has_slope = all(found)
+    if (passage%has_slope) passage%has_slope = abs(beside(2)%duration - beside(1)%duration) <= alike*passage%duration
+    if (passage%has_slope) passage%slope = (beside(2)%to - beside(1)%to)/apart
+  end subroutine measure_slope
+
+  !> A passage was run: part the branches when a lap and the slip after it are known, and tabulate what is often needed.
+  subroutine learn(self, passage, error)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    type(error_t), allocatable, intent(out) :: error
+
+    type(passage_t) :: before
+    integer :: i
+
+    before = self%before
+    self%before = passage
+    if (.not. self%is_tried .and. passage%turns_back() .and. .not. before%turns_back() .and. before%from > passage%from) &
+      call part(self, before, passage, error)
+    if (allocated(error)) return
+    do i = 1, size(self%branch)
+      call tabulate(self, i, passage%from)
+    end do
+  end subroutine learn
+
+  !> Find the angle at which sticks end, between a lap and a slip, by the sign of the turn, and what is analytic on both sides.
+  subroutine part(self, lap, slip, error)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: lap, slip
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), parameter :: beside = 1.0e-7_wp    !! rad
+    type(passage_t) :: last, here
+    real(wp) :: low
+    logical :: found
+
+    self%is_tried = .true.
+    low = slip%from
+    last = lap
+    do while (last%from - low > fine)
+      ! Laps just above the end are about as long as each other; what takes longer is none.
+      call run(self, 0.5_wp*(low + last%from), 2.0_wp*last%duration, here, found, error)
+      if (allocated(error)) return
+      if (found .and. .not. here%turns_back()) then
+        last = here
+      else
+        low = here%from
+      end if
+    end do
+    associate (end => last%from, grazes => last%at_rest <= grazing_share*last%duration)
+      if (grazes) then
+        call new_branch(in_root, end, 1.0_wp, steepest - end, self%branch(1))
+        call new_branch(in_distance, end, -1.0_wp, end - last%to, self%branch(2))
+        return
+      end if
+      call run(self, end + beside, self%longest, here, found, error)
+      if (allocated(error) .or. .not. found) return
+      ! A motion that comes nearer to the end needs no tables.
+      if (abs(here%to - end) <= beside) return
+      self%has_fixed = abs(last%to - end) <= beside
+      self%fixed = end
+      call new_branch(in_logarithm, end, 1.0_wp, steepest - end, self%branch(1))
+      call new_branch(in_logarithm, end, -1.0_wp, depth, self%branch(2))
+    end associate
+  end subroutine part
+
+  !> Tabulate the interval around an angle [rad], if that is due.
+  subroutine tabulate(self, which, alpha)
+    class(release_map_t), intent(inout) :: self
+    integer, intent(in) :: which               !! branch
+    real(wp), intent(in) :: alpha
+    type(passage_t) :: passage
+    type(error_t), allocatable :: error
+    real(wp) :: value(nodes + tests, values)
+    logical :: found
+    integer :: place, i
+
+    place = self%branch(which)%place_of(alpha)
+    if (.not. self%branch(which)%is_wanted(place)) return
+    do i = 1, nodes + tests
+      call run(self, self%branch(which)%angle(place, i), self%longest, passage, found, error)
+      ! The motion itself need not come there.
+      if (allocated(error)) deallocate (error)
+      if (.not. found) exit
+      value(i, :) = [passage%duration, passage%to - passage%from]
+    end do
+    call self%branch(which)%fill(place, value, found, accurate*self%rtol)
+  end subroutine tabulate
+
+  !> A slow cycle: passage after passage until one turns back. `whole` leads from its beginning to its end.
+  subroutine come_back(self, alpha, with_slope, whole, passages, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    logical, intent(in) :: with_slope
+    type(passage_t), intent(out) :: whole
+    integer, intent(out) :: passages
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    !> Passages after which there is no return. Convention.
+    integer, parameter :: most = 200000
+    type(passage_t) :: passage
+
+    whole%from = alpha
+    whole%to = alpha
+    whole%slope = 1.0_wp
+    whole%has_slope = .true.
+    do passages = 1, most
+      call self%next(whole%to, with_slope, passage, found, error)
+      if (allocated(error) .or. .not. found) return
+      whole%to = passage%to
+      whole%duration = whole%duration + passage%duration
+      whole%slope = whole%slope*passage%slope
+      whole%has_slope = whole%has_slope .and. passage%has_slope
+      if (passage%turns_back()) return
+    end do
+    found = .false.
   end subroutine come_back
 end module dst_release_map

@@ -97,13 +97,17 @@ contains
     damping_rate = maxval(self%free*self%damping)/self%mass
   end function damping_rate
 
-  !> Elongation [m] at the static limit, with the spring force in the direction `theta` [rad].
-  pure function elongation_at_limit(self, theta) result(u)
+  !> Elongation [m] at the static limit, with the force on the object at rest in the direction `theta` [rad]; with dampers that hangs
+  !> on the velocity of the drive [m/s].
+  pure function elongation_at_limit(self, theta, drive_velocity) result(u)
     class(slider_t), intent(in) :: self
     real(wp), intent(in) :: theta
+    real(wp), intent(in), optional :: drive_velocity
     real(wp) :: u(2)
 
-    u = self%law%static_limit*[cos(theta), sin(theta)]/self%stiffness
+    u = self%law%static_limit*[cos(theta), sin(theta)]
+    if (present(drive_velocity)) u = u - self%force_at_rest([0.0_wp, 0.0_wp], drive_velocity)
+    u = u/self%stiffness
   end function elongation_at_limit
 
   !> Force of the springs of constant elongation [N] at elongation `u` [m].

@@ -1,0 +1,95 @@
+"""What `dynstiction.cycles` says of a motion, against runs by steps: random scenes of the full model.
+
+    python bench/repeats.py [--scenes 100] [--seed 1] [--short]
+
+A run with the cycle map off (radau13, rtol 1e-9) is as long as some hundred slow cycles. Its releases tell whether it repeats: the
+intervals between the last ones agree with those of n releases before. Compared are the time after which it repeats, and the verdict. Prints
+a line for each scene where they differ, and for each verdict how many there are and how long the analysis takes.
+"""
+
+import argparse
+import collections
+import math
+import random
+import time
+from pathlib import Path
+from statistics import median
+
+import dynstiction as ds
+import numpy as np
+
+FIG3 = ds.Scene(Path(__file__).resolve().parent.parent / "inputs" / "fig3.nml")
+RANGES = {
+    "system.misalignment_deg": (0.2, 25.0),
+    "drive.velocity": (1e-4, 1e-1),
+    "system.mass": (3e-3, 3.0),
+    "friction.mu_inf": (0.05, 0.199),
+    "friction.v_f": (2e-3, 5e-2),
+    "system.stiffness_y": (1.3e3, 1e8),
+}
+ALIKE = 1e-6
+"""Largest difference of two intervals that are the same, over the longer one."""
+MOST_STEPS = 400_000
+
+
+def random_scene(seed: int, number: int) -> ds.Scene:
+    chance = random.Random(f"{seed} {number}")
+    groups: dict[str, dict[str, float]] = collections.defaultdict(dict)
+    for key, (low, high) in RANGES.items():
+        group, name = key.split(".")
+        groups[group][name] = math.exp(chance.uniform(math.log(low), math.log(high)))
+    return FIG3.replace(**groups)
+
+
+def repeats_after(scene: ds.Scene, slow_cycles: float) -> tuple[float | None, int]:
+    """The time after which the releases of a run by steps repeat [s], None if they do not; and how many there are in its later half."""
+    natural = 2.0 / (1e3 * scene.drive.velocity) + 2 * math.pi * math.sqrt(scene.system.mass / 1e3)
+    t_end = slow_cycles * natural
+    steps = {"method": "radau13", "rtol": 1e-9, "cycle_map": "off"}
+    run = ds.run(scene, scene={"t_end": t_end}, integrator=steps, output={"interval": t_end, "fields": ["u_x"], "wall_limit": 20.0})
+    release = run.events["time"][run.events["kind"] == 2]
+    late = release[release > 0.5 * run.time[-1]]
+    between = np.diff(late)
+    for n in range(1, between.size // 3):
+        if np.all(np.abs(between[-2 * n :] - between[-3 * n : -n]) <= ALIKE * between[-3 * n :].max()):
+            return float(between[-n:].sum()), late.size
+    return None, late.size
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    options = parser.parse_args()
+    taken = collections.defaultdict(list)
+    agree = differ = 0
+    for number in range(options.first, options.first + (4 if options.short else options.scenes)):
+        scene = random_scene(options.seed, number)
+        begun = time.perf_counter()
+        found = ds.cycles(scene)
+        verdict = found.regularity.verdict
+        taken[verdict].append(time.perf_counter() - begun)
+        period, releases = repeats_after(scene, 20 if options.short else 150)
+        told = [cycle.period for cycle in found.stable]
+        if period is not None:
+            right = verdict == "regular" and any(abs(period - one) <= 1e-5 * period for one in told)
+        elif releases == 0:
+            # It slides, or its stick-slip has no stick.
+            right = verdict in {"steady sliding", "regular"}
+        else:
+            right = verdict != "steady sliding"
+        agree, differ = agree + right, differ + (not right)
+        if not right:
+            keys = " ".join(f"--set {key}={getattr(getattr(scene, key.split('.')[0]), key.split('.')[1])!r}" for key in RANGES)
+            print(f"scene {number}: {verdict}, repeats {found.regularity.repeats}, stable {told}; run: {period}, {releases} releases\n  {keys}", flush=True)
+        elif period is None:
+            print(f"scene {number}: {verdict} ({found.regularity.exponent:.3g} +- {found.regularity.error:.2g}), run does not repeat, {releases} releases", flush=True)
+    print(f"{agree} agree, {differ} differ")
+    for verdict, seconds in taken.items():
+        print(f"{verdict:15s} {len(seconds):4d} scenes, median {1e3 * median(seconds):8.1f} ms, longest {max(seconds):6.2f} s")
+
+
+if __name__ == "__main__":
+    main()
