@@ -46,7 +46,12 @@ def repeats_after(scene: ds.Scene, slow_cycles: float) -> tuple[float | None, in
     natural = 2.0 / (1e3 * scene.drive.velocity) + 2 * math.pi * math.sqrt(scene.system.mass / 1e3)
     t_end = slow_cycles * natural
     steps = {"method": "radau13", "rtol": 1e-9, "cycle_map": "off"}
-    run = ds.run(scene, scene={"t_end": t_end}, integrator=steps, output={"interval": t_end, "fields": ["u_x"], "wall_limit": 20.0})
+    run = ds.run(
+        scene,
+        scene={"t_end": t_end},
+        integrator=steps,
+        output={"interval": t_end, "fields": ["u_x"], "wall_limit": 20.0},
+    )
     release = run.events["time"][run.events["kind"] == 2]
     late = release[release > 0.5 * run.time[-1]]
     between = np.diff(late)
@@ -57,11 +62,15 @@ def repeats_after(scene: ds.Scene, slow_cycles: float) -> tuple[float | None, in
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--short", action="store_true", help="a short form of some seconds, to check that it runs")
+    parser.add_argument(
+        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
+    )
     options = parser.parse_args()
     taken = collections.defaultdict(list)
     agree = differ = 0
@@ -82,13 +91,24 @@ def main() -> None:
             right = verdict != "steady sliding"
         agree, differ = agree + right, differ + (not right)
         if not right:
-            keys = " ".join(f"--set {key}={getattr(getattr(scene, key.split('.')[0]), key.split('.')[1])!r}" for key in RANGES)
-            print(f"scene {number}: {verdict}, repeats {found.regularity.repeats}, stable {told}; run: {period}, {releases} releases\n  {keys}", flush=True)
+            keys = " ".join(
+                f"--set {key}={getattr(getattr(scene, key.split('.')[0]), key.split('.')[1])!r}"
+                for key in RANGES
+            )
+            print(
+                f"scene {number}: {verdict}, repeats {found.regularity.repeats}, stable {told}; run: {period}, {releases} releases\n  {keys}",
+                flush=True,
+            )
         elif period is None:
-            print(f"scene {number}: {verdict} ({found.regularity.exponent:.3g} +- {found.regularity.error:.2g}), run does not repeat, {releases} releases", flush=True)
+            print(
+                f"scene {number}: {verdict} ({found.regularity.exponent:.3g} +- {found.regularity.error:.2g}), run does not repeat, {releases} releases",
+                flush=True,
+            )
     print(f"{agree} agree, {differ} differ")
     for verdict, seconds in taken.items():
-        print(f"{verdict:15s} {len(seconds):4d} scenes, median {1e3 * median(seconds):8.1f} ms, longest {max(seconds):6.2f} s")
+        print(
+            f"{verdict:15s} {len(seconds):4d} scenes, median {1e3 * median(seconds):8.1f} ms, longest {max(seconds):6.2f} s"
+        )
 
 
 if __name__ == "__main__":

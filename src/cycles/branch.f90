@@ -2,8 +2,8 @@
 !>
 !> Let d be the distance of a release from the end of sticks. Where sticks end by grazing, the time at rest goes to zero like the
 !> square root of d, and laps are analytic in it, slips in d; where they end while the object still rests for some time, both are
-!> analytic in ln d. Intervals of this variable are halved where one polynomial does not pass its test; an interval is tabulated once
-!> as many of its passages have been run as that takes. The table is a function of the scene and the interval alone.
+!> analytic in ln d. Intervals of this variable are halved where one polynomial does not pass its test; an interval is tabulated
+!> once as many of its passages have been run as that takes. The table is a function of the scene and the interval alone.
 !> docs/cycles.md, section 3.
 module dst_branch
   use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, chebyshev_derivative

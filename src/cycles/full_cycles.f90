@@ -6,7 +6,7 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
-  use dst_cycles, only: measures, period, peak, valley, stick_time, slip_time, slip_length
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
   use dst_divergence, only: regular, irregular, undecided
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64, pi
@@ -46,8 +46,10 @@ module dst_full_cycles
   !> A further verdict, beside those of dst_divergence.
   integer, parameter :: steady_sliding = 2
 
-  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the fast
-  !> oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the motion settles.
+  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the
+  !> fast oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the
+  !> motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
+  !> measures are means.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
     logical :: has_multiplier = .true.
@@ -131,16 +133,16 @@ contains
     logical, intent(out) :: goes_on
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    type(passage_t) :: slow_cycle
+    type(passage_t) :: slow_cycle, slip
     real(wp) :: logarithm(followed), here
-    integer :: n, known, passages
+    integer :: n, known
 
     allocate (returns(0))
     known = 0
     call map%first(here, goes_on, error)
     do n = 1, followed
       if (allocated(error) .or. .not. goes_on) return
-      call map%come_back(here, n > transient, slow_cycle, passages, goes_on, error)
+      call map%come_back(here, n > transient, slow_cycle, slip, goes_on, error)
       if (allocated(error) .or. .not. goes_on) return
       here = slow_cycle%to
       returns = [returns, here]
@@ -314,10 +316,9 @@ contains
       real(wp), intent(in) :: from
       real(wp), intent(out) :: by
       logical, intent(out) :: is_known
-      type(passage_t) :: slow_cycle
-      integer :: passages
+      type(passage_t) :: slow_cycle, slip
 
-      call map%come_back(from, .false., slow_cycle, passages, is_known, error)
+      call map%come_back(from, .false., slow_cycle, slip, is_known, error)
       by = slow_cycle%to - from
     end subroutine look
 
@@ -350,78 +351,68 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
     type(full_cycle_t) :: cycle
-    type(passage_t) :: slow_cycle
-    real(wp) :: here, duration
+    type(passage_t) :: slow_cycle, slip
+    real(wp) :: here, one(measures)
     logical :: found
-    integer :: i, passages, all_passages
+    integer :: i
 
     if (any(abs(cycles%alpha - alpha) <= 10.0_wp*same .and. cycles%has_multiplier)) return
     cycle%alpha = alpha
     here = alpha
-    duration = 0.0_wp
-    all_passages = 0
     do i = 1, repeats
-      call map%come_back(here, .true., slow_cycle, passages, found, error)
+      call map%come_back(here, .true., slow_cycle, slip, found, error)
       if (allocated(error) .or. .not. found) return
       here = slow_cycle%to
-      duration = duration + slow_cycle%duration
-      all_passages = all_passages + passages
       cycle%has_multiplier = cycle%has_multiplier .and. slow_cycle%has_slope
       cycle%log_multiplier = cycle%log_multiplier + log(max(tiny(1.0_wp), abs(slow_cycle%slope)))
+      call measure(map, slip%from, slow_cycle%duration, one, error)
+      if (allocated(error)) return
+      associate (all => cycle%measure)
+        if (i == 1) all = one
+        if (i > 1) all = [all(period) + one(period), max(all(peak), one(peak)), min(all(valley), one(valley)), &
+          all(stick_time:) + (one(stick_time:) - all(stick_time:))/real(i, wp)]
+      end associate
     end do
-    call measure(map, alpha, all_passages, duration, repeats, cycle, error)
-    if (.not. allocated(error)) cycles = [cycles, cycle]
+    associate (swing => cycle%measure(peak) - cycle%measure(valley), limit => map%steps%slider%law%kinetic_limit)
+      cycle%slow_cycles = merge(repeats, 0, swing > threshold*limit)
+    end associate
+    cycles = [cycles, cycle]
   end subroutine take
 
-  !> The measures of the cycle that begins with a release, after so many passages and this time [s]: by steps.
-  subroutine measure(map, alpha, passages, duration, repeats, cycle, error)
+  !> The measures of a slow cycle of this duration [s] that ends with the slip from a release: its load has its peak and its valley
+  !> in this slip.
+  subroutine measure(map, alpha, duration, value, error)
     type(release_map_t), intent(inout), target :: map
     real(wp), intent(in) :: alpha, duration
-    integer, intent(in) :: passages, repeats
-    type(full_cycle_t), intent(inout) :: cycle
+    real(wp), intent(out) :: value(measures)
     type(error_t), allocatable, intent(out) :: error
     type(summary_t) :: summary
     type(piece_view_t) :: view
-    type(passage_summary_t) :: once
-    real(wp), allocatable :: last(:, :)
-    real(wp) :: side
-    integer :: releases, n
+    type(passage_summary_t) :: slip
+    type(extremum_t) :: high, low
+    real(wp) :: falling
 
     call map%steps%place_at_release(map%theta(alpha), state_t())
-    associate (slider => map%steps%slider)
+    associate (slider => map%steps%slider, piece => map%steps%piece)
       call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
-      side = sign(1.0_wp, slider%along(1)*map%steps%piece%drive%velocity)
+      do
+        call map%steps%advance(error)
+        if (allocated(error)) return
+        call view%show(map%steps, piece)
+        if (.not. piece%from%time > 0.0_wp) call summary%begin(view%first, 0.0_wp, 0.0_wp)
+        call summary%take_in(view)
+        if (piece%event == slip_begins .and. piece%contact == sticks) exit
+      end do
+      slip = summary%passage()
+      high = slip%highest
+      low = slip%lowest
+      if (slider%along(1)*piece%drive%velocity < 0.0_wp) then
+        high = extremum_t(-low%load, low%time, low%position)
+        low = extremum_t(-slip%highest%load, slip%highest%time, slip%highest%position)
+      end if
+      falling = modulo(low%time - high%time, duration)
+      value = [duration, high%load, low%load, duration - falling, falling, &
+        sign(1.0_wp, piece%drive%velocity)*(low%position - high%position)]
     end associate
-    releases = 0
-    do
-      call map%steps%advance(error)
-      if (allocated(error)) return
-      call view%show(map%steps, map%steps%piece)
-      if (.not. summary%exchanged > 0.0_wp) call summary%begin(view%first, 1.0_wp, 0.0_wp)
-      call summary%take_in(view)
-      if (map%steps%piece%event == slip_begins .and. map%steps%piece%contact == sticks) releases = releases + 1
-      if (releases == passages .and. once%duration <= 0.0_wp) once = summary%passage()
-      ! An unstable cycle is left soon; the fast oscillation alone does not count as a cycle.
-      n = int(summary%cycles%count)
-      if (n >= repeats .or. releases >= 3*passages) exit
-    end do
-    if (n >= repeats) then
-      last = summary%cycles%last_cycles(repeats)
-      cycle%measure = sum(last, dim=2)/real(repeats, wp)
-      cycle%measure(period) = sum(last(period, :))
-      cycle%measure(peak) = maxval(last(peak, :))
-      cycle%measure(valley) = minval(last(valley, :))
-      cycle%slow_cycles = repeats
-    else
-      associate (high => once%highest, low => once%lowest, m => cycle%measure)
-        m(period) = duration
-        m(peak) = max(side*high%load, side*low%load)
-        m(valley) = min(side*high%load, side*low%load)
-        m(stick_time) = modulo(side*(high%time - low%time), duration)
-        m(slip_time) = duration - m(stick_time)
-        m(slip_length) = abs(high%position - low%position)
-      end associate
-      cycle%slow_cycles = 0
-    end if
   end subroutine measure
 end module dst_full_cycles

@@ -86,7 +86,7 @@ contains
       allocate (map%steps, source=motion)
     end select
     map%longest = scene%t_end
-    map%steps%t_end = huge(1.0_wp)
+    map%steps%t_end = huge(1.0_wp)**0.25_wp
     map%rtol = scene%rtol
     map%pull = sign([1.0_wp, 1.0_wp], map%steps%slider%along*scene%drive_velocity(1))
   end subroutine new_release_map
@@ -310,31 +310,30 @@ contains
     call self%branch(which)%fill(place, value, found, accurate*self%rtol)
   end subroutine tabulate
 
-  !> A slow cycle: passage after passage until one turns back. `whole` leads from its beginning to its end.
-  subroutine come_back(self, alpha, with_slope, whole, passages, found, error)
+  !> A slow cycle: passage after passage until one turns back, the `slip`. `whole` leads from its beginning to its end.
+  subroutine come_back(self, alpha, with_slope, whole, slip, found, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: alpha
     logical, intent(in) :: with_slope
-    type(passage_t), intent(out) :: whole
-    integer, intent(out) :: passages
+    type(passage_t), intent(out) :: whole, slip
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     !> Passages after which there is no return. Convention.
     integer, parameter :: most = 200000
-    type(passage_t) :: passage
+    integer :: i
 
     whole%from = alpha
     whole%to = alpha
     whole%slope = 1.0_wp
     whole%has_slope = .true.
-    do passages = 1, most
-      call self%next(whole%to, with_slope, passage, found, error)
+    do i = 1, most
+      call self%next(whole%to, with_slope, slip, found, error)
       if (allocated(error) .or. .not. found) return
-      whole%to = passage%to
-      whole%duration = whole%duration + passage%duration
-      whole%slope = whole%slope*passage%slope
-      whole%has_slope = whole%has_slope .and. passage%has_slope
-      if (passage%turns_back()) return
+      whole%to = slip%to
+      whole%duration = whole%duration + slip%duration
+      whole%slope = whole%slope*slip%slope
+      whole%has_slope = whole%has_slope .and. slip%has_slope
+      if (slip%turns_back()) return
     end do
     found = .false.
   end subroutine come_back

@@ -58,11 +58,8 @@ module dst_cycle_map
     integer :: current = 0
     !> The time by which the last piece is ahead of the leap that is kept [s].
     real(wp) :: lead = 0.0_wp
-    !> Growth of small differences from slow cycle to slow cycle; and the release at the end of the last excursion that led back.
+    !> Growth of small differences from slow cycle to slow cycle.
     type(divergence_t) :: divergence
-    type(release_angle_t) :: returned_to
-    !> Whether excursions are reused from their recordings.
-    logical :: reuses = .true.
     !> Work in addition to that of the steps, and of the survey.
     type(work_count_t), private :: own
     !> Whether the last piece ended with a release; and the release before, if only one cycle is between them, with its time [s].
@@ -83,7 +80,6 @@ module dst_cycle_map
     real(wp), private :: usual_turn = 0.0_wp
   contains
     procedure :: go_on
-    procedure :: begin_at_release
     procedure :: instant
     procedure :: state_in_leap
     procedure :: next_in_leap
@@ -148,29 +144,6 @@ contains
     self%segment = self%steps%segment
     call note_piece(self)
   end subroutine go_on
-
-  !> Begin again at time 0 with a release under the first stretch of the drive. Tables of cycles are kept.
-  subroutine begin_at_release(self, from)
-    class(cycle_map_t), intent(inout) :: self
-    type(release_angle_t), intent(in) :: from
-
-    self%segment = 1
-    self%steps%segment = 1
-    self%steps%piece%drive = self%drive%segment(1)
-    self%piece%drive = self%drive%segment(1)
-    call self%steps%place_at_release(from%theta(), state_t())
-    self%piece%to = self%steps%piece%to
-    self%piece%from = self%piece%to
-    self%contact = slips
-    call forget(self)
-    self%released = .true.
-    self%has_before = .true.
-    self%before = from
-    self%before_time = 0.0_wp
-    self%follows_leg = .false.
-    self%last_return = -1.0_wp
-    call self%divergence%begin()
-  end subroutine begin_at_release
 
   !> Whether the last piece by steps ended with a release under a steady drive; and the cycle before it.
   subroutine note_piece(self)
@@ -303,9 +276,9 @@ contains
         if (abs(leap%velocity - self%piece%drive%velocity) > 0.0_wp .or. leap%from%side*here%side < 0.0_wp) cycle
         if (leap%duration > longest .or. .not. leap%is_kept) cycle
         associate (apart => abs(leap%from%angle - here%angle))
-          if (apart <= same_angle .and. (self%reuses .or. leap%table > 0)) then
+          if (apart <= same_angle) then
             place = i
-          else if (self%reuses .and. leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
+          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
             if (.not. leap%is_measured) call measure_stretch(self, i)
             if (leap%stretch_known .and. exp(leap%log_stretch)*apart <= left_over*self%survey%rtol) place = i
           end if
@@ -418,10 +391,7 @@ contains
       if (.not. leap%stretch_known) call self%divergence%lose()
       if (leap%table > 0) return
       associate (turn => leap%to%angle - leap%from%angle)
-        if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
-          call self%divergence%come_back()
-          self%returned_to = leap%to
-        end if
+        if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) call self%divergence%come_back()
       end associate
     end associate
   end subroutine note_stretch

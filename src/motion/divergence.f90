@@ -39,12 +39,7 @@ module dst_divergence
     !> The logarithm since the last return, and whether it is known.
     real(wp), private :: sum = 0.0_wp
     logical, private :: known = .false.
-    !> The same for the last slow cycle; and whether all slow cycles are measured.
-    real(wp), private :: last_sum = 0.0_wp
-    logical, private :: last_known = .false., of_interest = .false.
   contains
-    procedure :: begin
-    procedure :: last
     procedure :: is_worth_measuring
     procedure :: pass
     procedure :: lose
@@ -54,25 +49,6 @@ module dst_divergence
   end type divergence_t
 
 contains
-
-  !> Begin with a slow cycle that is measured from here on, as those that follow.
-  pure subroutine begin(self)
-    class(divergence_t), intent(inout) :: self
-
-    self%sum = 0.0_wp
-    self%known = .true.
-    self%of_interest = .true.
-  end subroutine begin
-
-  !> The logarithm of the last slow cycle, if it is known.
-  pure subroutine last(self, logarithm, is_known)
-    class(divergence_t), intent(in) :: self
-    real(wp), intent(out) :: logarithm
-    logical, intent(out) :: is_known
-
-    logarithm = self%last_sum
-    is_known = self%last_known
-  end subroutine last
 
   !> Whether the present slow cycle is one of those that are measured.
   pure logical function is_worth_measuring(self)
@@ -85,8 +61,7 @@ contains
     do while (self%returns > one_by_one*stride)
       stride = 2*stride
     end do
-    is_worth_measuring = self%known .and. (self%of_interest &
-      .or. (self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0))
+    is_worth_measuring = self%known .and. self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0
   end function is_worth_measuring
 
   !> Continue by a part of a slow cycle that stretches a difference by exp(log_stretch).
@@ -116,8 +91,6 @@ contains
       self%number(place) = self%returns
       self%logarithm(place) = self%sum
     end if
-    self%last_sum = self%sum
-    self%last_known = self%known
     self%sum = 0.0_wp
     self%known = .true.
   end subroutine come_back

@@ -329,6 +329,92 @@ def test_several_stable_cycles_of_the_full_model_are_all_found() -> None:
     assert cycles[2].log_multiplier == pytest.approx(run.summary["lyapunov_exponent"], abs=1e-3)
 
 
+# The release map: what repeats, after how many slow cycles.
+
+FAST = FIG3.replace(
+    system={"mass": 0.12843404516110027, "misalignment_deg": 2.636206398074764, "stiffness_y": 2540.1376172650675},
+    friction={"mu_inf": 0.17256450051088845, "v_f": 0.04166683247099321},
+    drive={"velocity": 0.00013293200356692174},
+)
+TWO = FIG3.replace(system={"misalignment_deg": 0.381358, "stiffness_y": 3.05718e6}, drive={"velocity": 0.00402966})
+
+
+def releases(scene: ds.Scene, t_end: float) -> np.ndarray:
+    """Times between the releases of a run by steps."""
+    steps = {"method": "radau13", "rtol": 1e-10, "cycle_map": "off"}
+    run = ds.run(scene, scene={"t_end": t_end}, integrator=steps, output={"interval": t_end, "fields": ["u_x"]})
+    return np.diff(run.events["time"][run.events["kind"] == 2])
+
+
+def test_the_fast_oscillation_alone_is_a_cycle() -> None:
+    found = ds.cycles(FAST)
+    (cycle,) = found.cycles
+    assert (cycle.slow_cycles, cycle.stable, found.regularity.verdict) == (0, True, "regular")
+    # It settles slowly: by 1.7 % in each.
+    between = releases(FAST, 150.0)[-20:]
+    assert between == pytest.approx(cycle.period, rel=1e-7)
+    assert cycle.swing < 0.01 * LIMIT
+
+
+def test_a_motion_that_repeats_after_two_slow_cycles() -> None:
+    found = ds.cycles(TWO)
+    assert (found.regularity.verdict, found.regularity.repeats) == ("regular", 2)
+    (stable,), (unstable,) = found.stable, found.unstable
+    assert (stable.slow_cycles, unstable.slow_cycles) == (2, 1)
+    assert found.regularity.exponent == pytest.approx(stable.log_multiplier / 2)
+    back = releases(TWO, 15.0)[::-1].cumsum()
+    assert np.abs(back / stable.period - 1).min() < 1e-8 < np.abs(2 * back / stable.period - 1).min()
+    assert unstable.period == pytest.approx(stable.period / 2, rel=1e-3)
+    # The unstable one lies between the two slow cycles that it parted into.
+    assert stable.valley_force < unstable.valley_force
+
+
+def test_an_irregular_beginning_is_no_irregular_motion() -> None:
+    """After some 30 to 80 irregular slow cycles it repeats after two of 4.193310 and 4.193816 s, at every tolerance."""
+    found = ds.cycles(FIG3.replace(drive={"velocity": 2e-4}))
+    assert (found.regularity.verdict, found.regularity.repeats) == ("regular", 2)
+    assert found.regularity.exponent == pytest.approx(-0.172, abs=0.002)
+    assert found.stable[0].period == pytest.approx(4.193310 + 4.193816, abs=2e-6)
+
+
+def test_irregular_motion_with_few_sticks() -> None:
+    scene = FIG3.replace(
+        system={"mass": 0.11810069680474723, "misalignment_deg": 19.705913050320426, "stiffness_y": 10717.48146869197},
+        friction={"mu_inf": 0.07208458490660812, "v_f": 0.01989111302206811},
+        drive={"velocity": 0.00016333553636584846},
+    )
+    found = ds.cycles(scene).regularity
+    assert (found.verdict, found.repeats) == ("irregular", 0)
+    assert found.exponent > 5 * found.error > 0
+
+
+@pytest.mark.parametrize("changes", [{"system": {"damping_x": 0.5, "damping_y": 2.0}}, {"friction": {"mu_static": 0.22}}])
+def test_cycles_with_dampers_and_with_a_static_limit(changes: dict) -> None:
+    scene = FIG3.replace(**changes)
+    (cycle,) = ds.cycles(scene).cycles
+    run = ds.run(scene, scene={"t_end": 8.0}, integrator=TIGHT, output={"interval": 8.0})
+    for name in ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length"):
+        assert getattr(cycle, name) == pytest.approx(run.summary[name], rel=1e-6), name
+
+
+def test_steady_sliding_is_a_verdict_and_what_is_not_known_is_nan() -> None:
+    found = ds.cycles(at(1e-3, 12.0))
+    assert (found.cycles, found.regularity.verdict, found.regularity.repeats) == ((), "steady sliding", 0)
+    assert np.isnan(found.regularity.exponent)
+    assert np.isnan(found.regularity.error)
+
+
+def test_cycles_of_mirrored_full_scenes_are_the_same() -> None:
+    first = ds.cycles(TWO).cycles
+    for changes in (
+        {"drive": {"velocity": -0.00402966}},
+        {"system": {"misalignment_deg": -0.381358}},
+        {"system": {"misalignment_deg": 180 - 0.381358}},
+    ):
+        for cycle, mirrored in zip(first, ds.cycles(TWO.replace(**changes)).cycles, strict=True):
+            assert mirrored == pytest.approx(cycle, rel=1e-6)
+
+
 # The command.
 
 
