@@ -62,7 +62,7 @@ RANGES = {
 """Limit that a point of creep violates, by the core's number for it."""
 
 
-COUNTS = ("cycles", "sticks", "regularity")
+COUNTS = ("cycles", "sticks", "repeats", "regularity")
 """Summary values that are whole numbers."""
 
 Value = float | int | str | tuple[float, ...] | tuple[str, ...]

@@ -239,6 +239,8 @@ contains
       else if (cycles > 0) then
         text = text//': period '//shown(period, 's')//', peak '//shown(outcome%summary_of('peak_force'), 'N')//', valley '// &
           shown(outcome%summary_of('valley_force'), 'N')//', slip '//shown(1.0e3_wp*outcome%summary_of('slip_length'), 'mm')
+        if (outcome%summary_of('repeats') > 1.0_wp) &
+          text = text//', repeats after '//integer_text(nint(outcome%summary_of('repeats')))//' cycles'
       end if
     end if
     took = duration_text(run%simulation%elapsed)

@@ -39,6 +39,10 @@ module dst_cycles
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
+  !> A motion repeats after so many slow cycles at most, if they agree to this share of their size. Conventions; twice: no change.
+  integer, parameter :: most_repeats = 8
+  real(wp), parameter :: repeated = 1.0e-5_wp
+
   !> The measures of a cycle: durations [s], loads [N] and the advance in X in the direction of the drive [m].
   integer, parameter :: period = 1, peak = 2, valley = 3, stick_time = 4, slip_time = 5, slip_length = 6, measures = 6
   !> The published measures of a cycle, in the order of these numbers.
@@ -99,6 +103,7 @@ module dst_cycles
     procedure :: last_cycles
     procedure :: mean_swing
     procedure :: agree
+    procedure :: repeats
     procedure :: last_swing
     procedure :: last_creep_share
     procedure :: last_peak_time
@@ -385,17 +390,39 @@ contains
   pure logical function agree(self, tolerance)
     class(cycles_t), intent(in) :: self
     real(wp), intent(in) :: tolerance
-    real(wp) :: size_of(measures)
 
-    agree = min(self%recent, self%row) >= 2
-    if (.not. agree) return
-    associate (last => self%cycle(:measures, place(self%recent)), before => self%cycle(:measures, place(self%recent - 1)))
-      size_of = last(period)
-      size_of([peak, valley]) = self%kinetic_limit
-      size_of(slip_length) = abs(last(slip_length))
-      agree = all(abs(last - before) <= tolerance*size_of)
-    end associate
+    agree = agrees_with(self, 1, 1, tolerance)
   end function agree
+
+  !> Slow cycles after which the motion repeats: the last cycles agree with those of so many before. 0 if it has not been seen to.
+  pure integer function repeats(self) result(m)
+    class(cycles_t), intent(in) :: self
+
+    do m = 1, most_repeats
+      if (agrees_with(self, m, max(m, 2), repeated)) return
+    end do
+    m = 0
+  end function repeats
+
+  !> Whether each of the last `n` cycles of a row is equal to the one that is `m` before it.
+  pure logical function agrees_with(self, m, n, tolerance)
+    class(cycles_t), intent(in) :: self
+    integer, intent(in) :: m, n
+    real(wp), intent(in) :: tolerance
+    real(wp) :: size_of(measures)
+    integer :: i
+
+    agrees_with = min(self%recent, self%row) >= n + m
+    if (.not. agrees_with) return
+    do i = 0, n - 1
+      associate (last => self%cycle(:measures, place(self%recent - i)), before => self%cycle(:measures, place(self%recent - i - m)))
+        size_of = last(period)
+        size_of([peak, valley]) = self%kinetic_limit
+        size_of(slip_length) = abs(last(slip_length))
+        agrees_with = agrees_with .and. all(abs(last - before) <= tolerance*size_of)
+      end associate
+    end do
+  end function agrees_with
 
   !> Peak-to-peak amplitude of the load in the last cycle [N], which must exist.
   pure real(wp) function last_swing(self)

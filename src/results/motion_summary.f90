@@ -131,7 +131,8 @@ contains
         call put('lyapunov_exponent', exponent)
         ! Without scatter and without a verdict there was one measurement.
         if (verdict /= 0 .or. exponent_error > 0.0_wp) call put('lyapunov_error', exponent_error)
-        call put('regularity', real(verdict, wp))
+        ! An irregular beginning is no irregular motion.
+        if (ieee_is_nan(value(find_quantity(summary_quantities, 'regularity')))) call put('regularity', real(verdict, wp))
       end if
     end select
 

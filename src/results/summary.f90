@@ -53,9 +53,10 @@ module dst_summary
     quantity_t('fast_decay', '1', 'D: the fast oscillation decays by exp(-D) before slip, in theory; full model, steady drive'), &
     quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding'), &
     quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run'), &
+    quantity_t('repeats', '1', 'slow cycles after which the last ones repeat, to 1e-5; 0 if they do not after 1 to 8'), &
     quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
     quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
-    quantity_t('regularity', '1', '1 regular, -1 irregular, 0 undecided: the sign of lyapunov_exponent')]
+    quantity_t('regularity', '1', '1 regular: it repeats, or lyapunov_exponent < 0; -1 irregular, 0 undecided')]
 
   !> A part of a run: the extremes of k_x u_x, its length so far, and the length at rest or in creep.
   type :: window_t
@@ -366,7 +367,7 @@ contains
     type(energies_t), intent(in), optional :: energies
     real(wp) :: mean(measures), scatter(measures)
     logical :: has_settled
-    integer :: n
+    integer :: n, repeats
 
     value = absent()
     has_settled = self%settled_at >= 0.0_wp
@@ -382,6 +383,10 @@ contains
     call put_mean('stick_duration', stick_time)
     call put_mean('slip_duration', slip_time)
     call put_mean('slip_length', slip_length)
+    repeats = self%cycles%repeats()
+    if (has_settled) repeats = 1
+    if (has_settled .or. (n > 0 .and. self%cycles%count > 2)) call put('repeats', real(repeats, wp))
+    if (n > 0 .and. repeats > 0) call put('regularity', 1.0_wp)
     if (self%cycles%has_peaked) call put('first_peak_force', self%cycles%first_peak)
     call put('drive_work', energies%drive_work)
     call put('friction_work', energies%friction_work)
