@@ -80,6 +80,7 @@ module dst_cycle_map
     real(wp), private :: usual_turn = 0.0_wp
   contains
     procedure :: go_on
+    procedure :: elongation_at
     procedure :: instant
     procedure :: state_in_leap
     procedure :: next_in_leap
@@ -252,10 +253,11 @@ contains
     real(wp) :: lead
 
     lead = lead_of(self, here, leap)
-    associate (k => self%slider%stiffness, u => self%slider%elongation_at_limit(leap%from%theta()), &
-        u_last => self%slider%elongation_at_limit(leap%to%theta()), duration => leap%duration - lead)
+    associate (k => self%slider%stiffness, u => self%elongation_at(leap%from%theta()), &
+        u_last => self%elongation_at(leap%to%theta()), duration => leap%duration - lead)
       is_sound = duration > 0.0_wp .and. duration <= longest .and. leap%friction_work >= 0.0_wp .and. &
-        abs(leap%drive_work - leap%friction_work - 0.5_wp*sum(k*(u_last**2 - u**2))) <= unbalanced*self%survey%rtol*leap%exchanged
+        abs(leap%drive_work - leap%friction_work - leap%damper_work - 0.5_wp*sum(k*(u_last**2 - u**2))) &
+        <= unbalanced*self%survey%rtol*leap%exchanged
     end associate
     if (.not. is_sound .or. .not. abs(lead) > 0.0_wp) return
     call leap%events(time, kind)
@@ -396,6 +398,15 @@ contains
     end associate
   end subroutine note_stretch
 
+  !> Elongation [m] at a release with friction at the angle `theta` [rad].
+  pure function elongation_at(self, theta) result(u)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: theta
+    real(wp) :: u(2)
+
+    u = self%slider%elongation_at_limit(theta, self%piece%drive%velocity)
+  end function elongation_at
+
   !> Make a leap the last piece.
   subroutine make_leap(self, place)
     class(cycle_map_t), intent(inout) :: self
@@ -416,7 +427,8 @@ contains
       call to%later(from, leap%duration - self%lead)
       to%drive_work = from%drive_work + leap%drive_work + worked
       to%friction_work = from%friction_work + leap%friction_work + worked &
-        - 0.5_wp*sum(self%slider%stiffness*(self%slider%elongation_at_limit(leap%from%theta())**2 - from%u**2))
+        - 0.5_wp*sum(self%slider%stiffness*(self%elongation_at(leap%from%theta())**2 - from%u**2))
+      to%damper_work = from%damper_work + leap%damper_work
       call self%steps%place_at_release(leap%to%theta(), to)
       associate (there => self%steps%piece%to)
         there%position = from%position + self%piece%drive%velocity*(leap%duration - self%lead) &
@@ -450,7 +462,8 @@ contains
     class(cycle_map_t), intent(in) :: self
     real(wp) :: measure(measures)
 
-    drive_power = self%piece%drive%velocity*dot_product(self%slider%stiffness*self%piece%from%u, self%slider%along)
+    drive_power = self%piece%drive%velocity &
+      *dot_product(self%slider%force_at_rest(self%piece%from%u, self%piece%drive%velocity), self%slider%along)
     if (self%current == 0) return
     associate (leap => self%leaps(self%current))
       if (leap%table == 0 .or. leap%cycles == 0) return
@@ -499,14 +512,14 @@ contains
         contact = slips
         value = self%survey%table(leap%table)%slip_at(self%steps%closed_form%grid, leap%angle(i), within/leap%slip(i))
         theta = leap%from%side*leap%angle(i)
-        state%u = self%slider%elongation_at_limit(theta) + value(1:2)
+        state%u = self%elongation_at(theta) + value(1:2)
         state%y(1:2) = [value(3), theta + value(4)]
       else
         contact = sticks
-        state%u = self%slider%elongation_at_limit(leap%from%side*leap%angle(i + 1)) &
+        state%u = self%elongation_at(leap%from%side*leap%angle(i + 1)) &
           - leap%velocity*(leap%start(i + 1) - elapsed)*self%piece%drive_coupling
       end if
-      associate (u_first => self%slider%elongation_at_limit(leap%from%theta()))
+      associate (u_first => self%elongation_at(leap%from%theta()))
         state%position = leap%velocity*elapsed - dot_product(state%u - u_first, self%slider%along)
       end associate
     end if

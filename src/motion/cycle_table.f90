@@ -20,11 +20,12 @@ module dst_cycle_table
   private
 
   public :: cycle_table_t, new_cycle_table, is_cycle, measures_of
-  public :: duration, turn, slip_duration, drive_work, friction_work, exchanged, measures
+  public :: duration, turn, slip_duration, drive_work, friction_work, damper_work, exchanged, measures
 
   !> The measures of a cycle: its length [s], the change of the angle [rad], the length of its slip [s], the works and the sum of
   !> their absolute values in the steps [J].
-  integer, parameter :: duration = 1, turn = 2, slip_duration = 3, drive_work = 4, friction_work = 5, exchanged = 6, measures = 6
+  integer, parameter :: duration = 1, turn = 2, slip_duration = 3, drive_work = 4, friction_work = 5, damper_work = 6, &
+    exchanged = 7, measures = 7
   !> The motion inside slip: change of u since the release [m], v [m/s], change of theta [rad].
   integer, parameter :: slip_columns = 4
   !> Panels into which a long piece in closed form is divided. Convention.
@@ -117,11 +118,11 @@ contains
     end do
   end function is_cycle
 
-  !> Angle [rad] by which K u has turned, towards positive angles, after u has changed by `advance` [m] along the drive and |K u| is
-  !> again at the static limit. From the ends alone it has the roundoff of the angle; from the advance, which counts from 0, its
+  !> Angle [rad] by which the force on the object at rest has turned, towards positive angles, after u has changed by `advance` [m]
+  !> along the drive and the force is again at the static limit. From the ends alone it has the roundoff of the angle; from the advance, which counts from 0, its
   !> own.
-  pure real(wp) function turn_of(side, slider, from, to, advance)
-    real(wp), intent(in) :: side
+  pure real(wp) function turn_of(side, slider, velocity, from, to, advance)
+    real(wp), intent(in) :: side, velocity   !! V [m/s]
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: from(2), to(2)   !! u [m]
     real(wp), intent(in) :: advance
@@ -130,8 +131,8 @@ contains
     real(wp) :: before(2), after(2), length(2), theta, turn, slope
     integer :: i
 
-    before = slider%stiffness*from
-    after = slider%stiffness*to
+    before = slider%force_at_rest(from, velocity)
+    after = slider%force_at_rest(to, velocity)
     turn = atan2(before(1)*after(2) - before(2)*after(1), dot_product(before, after))
     theta = atan2(before(2), before(1))
     length = slider%along*slider%law%static_limit/slider%stiffness
@@ -156,10 +157,12 @@ contains
     from = recording%from(1)
     to = recording%to(recording%count)
     measure(duration) = recording%duration()
-    measure(turn) = turn_of(side, slider, from%u, to%u, recording%velocity()*measure(duration) - (to%position - from%position))
+    measure(turn) = turn_of(side, slider, recording%velocity(), from%u, to%u, &
+      recording%velocity()*measure(duration) - (to%position - from%position))
     measure(slip_duration) = recording%end_of(recording%count - 1)
     measure(drive_work) = to%drive_work - from%drive_work
     measure(friction_work) = to%friction_work - from%friction_work
+    measure(damper_work) = to%damper_work - from%damper_work
     measure(exchanged) = recording%exchanged()
   end function measures_of
 

@@ -2,7 +2,7 @@
 module dst_leap
   use dst_archive, only: archive_t
   use dst_fast_cycle, only: release_angle_t, fast_cycle_t
-  use dst_cycle_table, only: cycle_table_t, drive_work, friction_work, exchanged, measures
+  use dst_cycle_table, only: cycle_table_t, drive_work, friction_work, damper_work, exchanged, measures
   use dst_kinds, only: wp, int64
   use dst_piece, only: stick_begins, slip_begins
   use dst_recording, only: recording_t
@@ -21,7 +21,7 @@ module dst_leap
     real(wp) :: velocity = 0.0_wp              !! V, m/s
     type(release_angle_t) :: from, to
     real(wp) :: duration = 0.0_wp              !! s
-    real(wp) :: drive_work = 0.0_wp, friction_work = 0.0_wp, exchanged = 0.0_wp   !! J
+    real(wp) :: drive_work = 0.0_wp, friction_work = 0.0_wp, damper_work = 0.0_wp, exchanged = 0.0_wp   !! J
     !> Logarithm of the factor by which a small difference of the angle grows, if it is known, and whether that was tried.
     logical :: stretch_known = .false., is_measured = .false.
     real(wp) :: log_stretch = 0.0_wp
@@ -75,6 +75,7 @@ contains
     self%duration = start(n)
     self%drive_work = sums(drive_work)
     self%friction_work = sums(friction_work)
+    self%damper_work = sums(damper_work)
     self%exchanged = sums(exchanged)
     self%stretch_known = .true.
     self%is_measured = .true.
@@ -106,6 +107,7 @@ contains
     self%exchanged = self%recording%exchanged()
     self%drive_work = now%drive_work - first%drive_work
     self%friction_work = now%friction_work - first%friction_work
+    self%damper_work = now%damper_work - first%damper_work
   end subroutine keep
 
   !> Keep only where the excursion began and ended.
@@ -179,6 +181,7 @@ contains
     call archive%serialise(self%duration)
     call archive%serialise(self%drive_work)
     call archive%serialise(self%friction_work)
+    call archive%serialise(self%damper_work)
     call archive%serialise(self%exchanged)
     call archive%serialise(self%slip_begins)
     call archive%serialise(self%releases)

@@ -241,7 +241,8 @@ contains
     exchanged = 0.0_wp
     do i = 1, self%count
       associate (from => self%kept(i)%from, to => self%kept(i)%to)
-        exchanged = exchanged + abs(to%drive_work - from%drive_work) + abs(to%friction_work - from%friction_work)
+        exchanged = exchanged + abs(to%drive_work - from%drive_work) + abs(to%friction_work - from%friction_work) &
+          + abs(to%damper_work - from%damper_work)
       end associate
     end do
   end function exchanged

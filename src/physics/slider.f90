@@ -102,12 +102,10 @@ contains
   pure function elongation_at_limit(self, theta, drive_velocity) result(u)
     class(slider_t), intent(in) :: self
     real(wp), intent(in) :: theta
-    real(wp), intent(in), optional :: drive_velocity
+    real(wp), intent(in) :: drive_velocity
     real(wp) :: u(2)
 
-    u = self%law%static_limit*[cos(theta), sin(theta)]
-    if (present(drive_velocity)) u = u - self%force_at_rest([0.0_wp, 0.0_wp], drive_velocity)
-    u = u/self%stiffness
+    u = (self%law%static_limit*[cos(theta), sin(theta)] - self%force_at_rest([0.0_wp, 0.0_wp], drive_velocity))/self%stiffness
   end function elongation_at_limit
 
   !> Force of the springs of constant elongation [N] at elongation `u` [m].

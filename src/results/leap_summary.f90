@@ -284,8 +284,7 @@ contains
     pure real(wp) function advance_to(i)
       integer, intent(in) :: i
 
-      associate (u => map%slider%elongation_at_limit(leap%from%side*leap%angle(i)), &
-          u_first => map%slider%elongation_at_limit(leap%from%theta()))
+      associate (u => map%elongation_at(leap%from%side*leap%angle(i)), u_first => map%elongation_at(leap%from%theta()))
         advance_to = leap%velocity*leap%start(i) - dot_product(u - u_first, map%slider%along)
       end associate
     end function advance_to

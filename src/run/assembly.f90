@@ -112,10 +112,8 @@ contains
     class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    ! The map identifies its cycles by the angle of friction at a release, where the load is K u. Whether a motion has settled is
-    ! decided cycle by cycle, and by steps.
-    if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. scene%settle > 0.0_wp &
-      .and. .not. first%slider%is_damped()) then
+    ! Whether a motion has settled is decided cycle by cycle, and by steps.
+    if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. scene%settle > 0.0_wp) then
       select type (first)
       class is (slip_stick_t)
         allocate (steps, source=first)

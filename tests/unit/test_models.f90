@@ -215,7 +215,7 @@ contains
     slider%law%static_limit = 2.5_wp
     call slider%law%evaluate(1, [0.0_wp], force, slope)
     call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
-    u = slider%elongation_at_limit(0.5_wp)
+    u = slider%elongation_at_limit(0.5_wp, 1.0e-3_wp)
     call check_close('static limit: of the spring force', spring_force_size(slider, u), 2.5_wp, 4.0_wp*eps)
     call check('static limit: rest holds below, not above', is_held(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
       .not. is_held(slider, 1.01_wp*u, 1.0e-3_wp))
@@ -224,7 +224,7 @@ contains
     begin = start_of_slip(slider, 1.2_wp*u, 1.0e-3_wp)
     call check_close('static limit: acceleration beyond it', begin%rate(1), 1.0_wp/0.25_wp, 32.0_wp*eps)
     slider%law%static_limit = slider%law%kinetic_limit
-    begin = start_at_release(slider, slider%elongation_at_limit(0.5_wp), 1.0e-3_wp)
+    begin = start_at_release(slider, slider%elongation_at_limit(0.5_wp, 1.0e-3_wp), 1.0e-3_wp)
     call check_close('static limit: none at F(0)', begin%rate(1), 0.0_wp, 0.0_wp)
   end subroutine test_static_limit
 
