@@ -45,6 +45,8 @@ module dst_cycle_map
   !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the
   !> balance of steps is open by 190 at most.
   real(wp), parameter :: unbalanced = 1000.0_wp
+  !> An excursion in which the force turned back more often comes to no table: whole slow cycles are recorded. Convention.
+  integer, parameter :: most_returns = 3
   !> Largest numbers of leaps that are kept, of excursions that can be reused, and of pieces of one.
   integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
 
@@ -73,11 +75,14 @@ module dst_cycle_map
     logical, private :: recording = .false., keeping = .false.
     type(recording_t), private :: excursion
     type(release_angle_t), private :: excursion_from
-    integer, private :: excursion_releases = 0
+    integer, private :: excursion_releases = 0, excursion_returns = 0
     real(wp), private :: excursion_at = 0.0_wp     !! s
     real(wp), private :: last_return = -1.0_wp
-    !> Turn of a cycle that is not an excursion.
+    !> Turn of a cycle that is not an excursion; how many in a row turned back; and whether the present excursion began after one that
+    !> did: if it ends so, too, it is a whole slow cycle.
     real(wp), private :: usual_turn = 0.0_wp
+    integer, private :: turned_back = 0
+    logical, private :: is_whole = .false.
   contains
     procedure :: go_on
     procedure :: elongation_at
@@ -158,7 +163,11 @@ contains
       end if
       self%released = piece%event == slip_begins .and. piece%contact == sticks .and. .not. abs(piece%drive%acceleration) > 0.0_wp &
         .and. abs(piece%drive%velocity) > 0.0_wp
-      if (piece%contact == touches .or. piece%to%time >= piece%drive%end) call forget(self)
+      if (piece%contact == touches .or. piece%to%time >= piece%drive%end) then
+        ! An excursion may have touches, which no cycle has.
+        self%recording = self%recording .and. piece%to%time < piece%drive%end
+        call forget(self)
+      end if
       if (.not. self%released) return
       here = release_at(piece%to%y(2))
       self%excursion_releases = self%excursion_releases + 1
@@ -174,7 +183,8 @@ contains
     end associate
   end subroutine note_piece
 
-  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes.
+  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes. With any turn back a slow cycle
+  !> is complete.
   pure subroutine note_return(self, turn)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: turn
@@ -185,6 +195,13 @@ contains
     else
       self%usual_turn = turn
     end if
+    ! Cycles turn the force towards the soft axis.
+    if (turn*sign(1.0_wp, self%slider%along(1)*self%piece%drive%velocity) >= -self%survey%rtol) then
+      self%turned_back = self%turned_back + 1
+      self%excursion_returns = self%excursion_returns + 1
+    else
+      self%turned_back = 0
+    end if
   end subroutine note_return
 
   !> Data about the cycles are not valid any more.
@@ -194,7 +211,6 @@ contains
     self%has_before = .false.
     self%survey%last%known = .false.
     self%survey%before%known = .false.
-    self%recording = .false.
   end subroutine forget
 
   !> The leap from the present release: its place among those that are kept, 0 if there is none.
@@ -204,6 +220,7 @@ contains
     integer, intent(out) :: place
     type(release_angle_t) :: here
     real(wp) :: longest
+    logical :: is_complete
     integer :: table
 
     place = 0
@@ -212,8 +229,11 @@ contains
       longest = now%until(horizon)
       if (now%time < self%milestone) longest = min(longest, now%until(self%milestone))
       table = self%survey%table_of(self%piece%drive%velocity, here)
+      is_complete = self%recording .and. self%is_whole .and. self%turned_back > 0
+      if (is_complete) call end_excursion(self)
       place = known_leap(self, here, longest)
-      if (table == 0 .and. place == 0) &
+      ! A slow cycle with one stick is recorded first: it may repeat.
+      if (table == 0 .and. place == 0 .and. (is_complete .or. self%turned_back == 0)) &
         call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
       if (max(table, place) > 0 .and. self%recording) then
         call end_excursion(self)
@@ -226,13 +246,16 @@ contains
         call new_place(self, here, place)
         call self%leaps(place)%follow(table, self%survey%table(table), longest)
         if (self%leaps(place)%cycles == 0) place = 0
-      else if (.not. self%recording .and. self%follows_leg) then
+      else if ((.not. self%recording .and. (self%follows_leg .or. self%turned_back > 0)) &
+          .or. (self%turned_back > 0 .and. self%excursion_returns > most_returns)) then
         call self%excursion%clear()
         self%recording = .true.
+        self%is_whole = self%turned_back > 0
         ! The next one is about as far away as the last return.
-        self%keeping = self%last_return >= 0.0_wp .and. longest > now%time - self%last_return
+        self%keeping = self%is_whole .or. (self%last_return >= 0.0_wp .and. longest > now%time - self%last_return)
         self%excursion_from = here
         self%excursion_releases = 0
+        self%excursion_returns = 0
         self%excursion_at = now%time
       end if
       if (place > 0) then
@@ -280,7 +303,7 @@ contains
         associate (apart => abs(leap%from%angle - here%angle))
           if (apart <= same_angle) then
             place = i
-          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
+          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. (self%survey%before%known .or. leap%is_whole)) then
             if (.not. leap%is_measured) call measure_stretch(self, i)
             if (leap%stretch_known .and. exp(leap%log_stretch)*apart <= left_over*self%survey%rtol) place = i
           end if
@@ -328,6 +351,7 @@ contains
       leap%stretch_known = .false.
       leap%is_measured = .false.
       leap%uses = 0
+      leap%is_whole = .false.
     end associate
   end subroutine new_place
 
@@ -341,7 +365,9 @@ contains
     self%leaps(place)%to = release_at(self%piece%to%y(2))
     self%leaps(place)%duration = self%piece%to%time - self%excursion_at
     self%leaps(place)%releases = self%excursion_releases
-    if (self%divergence%is_worth_measuring()) call measure_stretch(self, place)
+    self%leaps(place)%is_whole = self%is_whole .and. self%turned_back > 0
+    ! Whole slow cycles are measured when they are reused.
+    if (self%divergence%is_worth_measuring() .and. .not. self%leaps(place)%is_whole) call measure_stretch(self, place)
     call note_stretch(self, place)
     if (.not. self%keeping) return
     call self%leaps(place)%keep(self%excursion)
@@ -393,7 +419,8 @@ contains
       if (.not. leap%stretch_known) call self%divergence%lose()
       if (leap%table > 0) return
       associate (turn => leap%to%angle - leap%from%angle)
-        if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) call self%divergence%come_back()
+        if (leap%is_whole .or. (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn))) &
+          call self%divergence%come_back()
       end associate
     end associate
   end subroutine note_stretch
@@ -449,6 +476,7 @@ contains
     self%before = self%leaps(place)%to
     self%before_time = self%piece%to%time
     self%survey%before%known = .false.
+    if (.not. self%leaps(place)%is_whole) self%turned_back = 0
     self%follows_leg = self%leaps(place)%table > 0
     if (.not. self%follows_leg) return
     associate (leap => self%leaps(place), n => self%leaps(place)%cycles)
@@ -672,8 +700,11 @@ contains
     call self%excursion_from%serialise(archive)
     call archive%serialise(self%last_return)
     call archive%serialise(self%usual_turn)
+    call archive%serialise(self%turned_back)
+    call archive%serialise(self%is_whole)
     call self%divergence%serialise(archive)
     call archive%serialise(self%excursion_releases)
+    call archive%serialise(self%excursion_returns)
     call archive%serialise(self%excursion_at)
   end subroutine serialise
 end module dst_cycle_map

@@ -25,8 +25,9 @@ module dst_leap
     !> Logarithm of the factor by which a small difference of the angle grows, if it is known, and whether that was tried.
     logical :: stretch_known = .false., is_measured = .false.
     real(wp) :: log_stretch = 0.0_wp
-    !> For an excursion: its releases, and when the soft spring is longest [s].
+    !> For an excursion: its releases, whether it is a whole slow cycle, and when the soft spring is longest [s].
     integer :: releases = 0
+    logical :: is_whole = .false.
     !> Number of times it has been reused.
     integer :: uses = 0
     real(wp) :: slip_begins = 0.0_wp
@@ -185,6 +186,7 @@ contains
     call archive%serialise(self%exchanged)
     call archive%serialise(self%slip_begins)
     call archive%serialise(self%releases)
+    call archive%serialise(self%is_whole)
     call archive%serialise(self%uses)
     call archive%serialise(self%stretch_known)
     call archive%serialise(self%is_measured)
