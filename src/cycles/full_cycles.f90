@@ -40,6 +40,8 @@ module dst_full_cycles
   !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 instead of 17 with k_y = 1e6 N/m.
   integer, parameter :: few = 8, many = 256
   integer, parameter :: max_iterations = 40
+  !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
+  real(wp), parameter :: alike = 1.0e-8_wp
   !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
@@ -155,7 +157,7 @@ contains
       end if
       if (slow_cycle%has_slope .and. n > transient) then
         known = known + 1
-        logarithm(known) = log(max(tiny(1.0_wp), abs(slow_cycle%slope)))
+        logarithm(known) = slow_cycle%log_slope
       end if
       if (map%work() > most_work) exit
     end do
@@ -257,7 +259,7 @@ contains
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
     !> Scatter over the mean up to which cycles are equal: those that count began in the second half of a long run. Convention.
-    real(wp), parameter :: alike = 1.0e-7_wp
+    real(wp), parameter :: equal = 1.0e-7_wp
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
 
@@ -266,7 +268,7 @@ contains
     call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
-    else if (regularity%cycles > 1 .and. regularity%scatter(period) <= alike*regularity%mean(period)) then
+    else if (regularity%cycles > 1 .and. regularity%scatter(period) <= equal*regularity%mean(period)) then
       cycles = [full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
       regularity%verdict = regular
       regularity%repeats = 1
@@ -356,15 +358,23 @@ contains
     logical :: found
     integer :: i
 
-    if (any(abs(cycles%alpha - alpha) <= 10.0_wp*same .and. cycles%has_multiplier)) return
+    ! Newton's step: a motion that settles slowly is still on its way.
     cycle%alpha = alpha
-    here = alpha
+    call map%power(alpha, repeats, slow_cycle, found, error)
+    if (allocated(error) .or. .not. found) return
+    cycle%has_multiplier = slow_cycle%has_slope
+    if (cycle%has_multiplier) then
+      cycle%log_multiplier = slow_cycle%log_slope
+      associate (slope => slow_cycle%slope)
+        if (abs(1.0_wp - slope) > 0.0_wp) cycle%alpha = alpha + (slow_cycle%to - alpha)/(1.0_wp - slope)
+      end associate
+    end if
+    if (any(abs(cycles%alpha - cycle%alpha) <= alike .and. cycles%has_multiplier)) return
+    here = cycle%alpha
     do i = 1, repeats
-      call map%come_back(here, .true., slow_cycle, slip, found, error)
+      call map%come_back(here, .false., slow_cycle, slip, found, error)
       if (allocated(error) .or. .not. found) return
       here = slow_cycle%to
-      cycle%has_multiplier = cycle%has_multiplier .and. slow_cycle%has_slope
-      cycle%log_multiplier = cycle%log_multiplier + log(max(tiny(1.0_wp), abs(slow_cycle%slope)))
       call measure(map, slip%from, slow_cycle%duration, one, error)
       if (allocated(error)) return
       associate (all => cycle%measure)

@@ -42,6 +42,7 @@ module dst_release_map
     real(wp) :: duration = 0.0_wp               !! s
     real(wp) :: at_rest = 0.0_wp                !! the last rest, s; 0 if the passage was interpolated
     real(wp) :: slope = 0.0_wp                  !! P'(alpha)
+    real(wp) :: log_slope = 0.0_wp              !! of several passages: the sum of ln |P'|
     logical :: has_slope = .false.
   contains
     procedure :: turns_back
@@ -66,6 +67,7 @@ module dst_release_map
     procedure :: first
     procedure :: next
     procedure :: come_back
+    procedure :: power
     procedure :: theta
     procedure :: work
   end type release_map_t
@@ -204,7 +206,7 @@ contains
       found = self%branch(i)%is_known(place)
       if (.not. found) cycle
       call self%branch(i)%evaluate(place, alpha, value, slope)
-      passage = passage_t(alpha, alpha + value(2), value(1), 0.0_wp, 1.0_wp + slope, .true.)
+      passage = passage_t(alpha, alpha + value(2), value(1), slope=1.0_wp + slope, has_slope=.true.)
       return
     end do
   end subroutine look_up
@@ -335,9 +337,33 @@ contains
       whole%to = slip%to
       whole%duration = whole%duration + slip%duration
       whole%slope = whole%slope*slip%slope
+      if (with_slope) whole%log_slope = whole%log_slope + log(max(tiny(1.0_wp), abs(slip%slope)))
       whole%has_slope = whole%has_slope .and. slip%has_slope
       if (slip%turns_back()) return
     end do
     found = .false.
   end subroutine come_back
+
+  !> So many slow cycles, with their slope.
+  subroutine power(self, alpha, slow_cycles, whole, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    integer, intent(in) :: slow_cycles
+    type(passage_t), intent(out) :: whole
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: one, slip
+    integer :: i
+
+    whole = passage_t(from=alpha, to=alpha, slope=1.0_wp, has_slope=.true.)
+    do i = 1, slow_cycles
+      call self%come_back(whole%to, .true., one, slip, found, error)
+      if (allocated(error) .or. .not. found) return
+      whole%to = one%to
+      whole%duration = whole%duration + one%duration
+      whole%slope = whole%slope*one%slope
+      whole%log_slope = whole%log_slope + one%log_slope
+      whole%has_slope = whole%has_slope .and. one%has_slope
+    end do
+  end subroutine power
 end module dst_release_map

@@ -28,6 +28,9 @@ module dst_cycle_map
   !> the memory of its beginning, they may differ by this many times rtol, if no more than this share of rtol is left of the
   !> difference at its end. Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: same_angle = 1000.0_wp*epsilon(1.0_wp), near = 0.3_wp, left_over = 0.003_wp
+  !> Releases with which slow cycles begin are the same up to this share of rtol: nothing corrects the time, which may hang on the angle
+  !> a thousandfold. Convention; ten times: no change of 40 random scenes.
+  real(wp), parameter :: near_whole = 1.0e-4_wp
   !> If the turn of a cycle is this many times larger than that of the cycle before, the cycle is an excursion. Convention; twice:
   !> no change on Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
   real(wp), parameter :: far_back = 5.0_wp
@@ -301,9 +304,9 @@ contains
         if (abs(leap%velocity - self%piece%drive%velocity) > 0.0_wp .or. leap%from%side*here%side < 0.0_wp) cycle
         if (leap%duration > longest .or. .not. leap%is_kept) cycle
         associate (apart => abs(leap%from%angle - here%angle))
-          if (apart <= same_angle) then
+          if (apart <= merge(max(same_angle, near_whole*self%survey%rtol), same_angle, leap%is_whole)) then
             place = i
-          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. (self%survey%before%known .or. leap%is_whole)) then
+          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
             if (.not. leap%is_measured) call measure_stretch(self, i)
             if (leap%stretch_known .and. exp(leap%log_stretch)*apart <= left_over*self%survey%rtol) place = i
           end if

@@ -46,7 +46,16 @@ UNITS = {
 ACROSS = ("u_y", "w_y", "Y", "Y_rate", "spring_force_y", "theta", "psi")
 SOFT = ("u_x", "w_x", "spring_force_x")
 STIFF = ("u_y", "w_y", "spring_force_y")
-OF_THE_LOAD = (*mo.MEANS, *(f"{key}_scatter" for key in mo.MEANS), "cycles", "first_peak_force", "swing", "slip_angle")
+OF_THE_LOAD = (
+    *mo.MEANS,
+    *(f"{key}_scatter" for key in mo.MEANS),
+    "cycles",
+    "first_peak_force",
+    "swing",
+    "slip_angle",
+    "repeats",
+    "regularity",
+)
 OF_THE_HALF = ("swing", "creep_share")
 """Summary values of the second half of the run."""
 
@@ -536,7 +545,8 @@ def compare_exactly(outcome: Outcome, image: Image, ours: ds.Result, theirs: ds.
 
 
 def compare_closely(outcome: Outcome, image: Image, ours: ds.Result, theirs: ds.Result) -> None:
-    said, groups = outcome.said, outcome.first
+    # What a change does is measured where it is judged: in the frame of the second scene, if that is turned.
+    said, groups = outcome.said, outcome.second if image.turn else outcome.first
     judged_at = max(mo.rtol_of(outcome.first), mo.rtol_of(outcome.second))
     motion = mo.Motion(groups, judged_at)
     t_end, interval = number_of(groups, "scene", "t_end"), number_of(groups, "output", "interval")
