@@ -30,9 +30,9 @@ module dst_branch
     integer :: halvings = 0
     !> Passages that were run in it; its halves, 0 if it was not halved.
     integer :: visits = 0, half(2) = 0
-    logical :: is_tried = .false.
-    !> Coefficients of Chebyshev polynomials, of the values and of the slope of the turn; allocated if it is tabulated.
-    real(wp), allocatable :: coefficient(:, :)
+    logical :: is_tried = .false., is_known = .false.
+    !> Coefficients of Chebyshev polynomials, of the values and of the slope of the turn, if it is known.
+    real(wp) :: coefficient(nodes, values + 1) = 0.0_wp
   end type interval_t
 
   !> A branch, which may be empty.
@@ -107,7 +107,7 @@ contains
     integer, intent(in) :: place
 
     is_known = .false.
-    if (place > 0) is_known = allocated(self%intervals(place)%coefficient)
+    if (place > 0) is_known = self%intervals(place)%is_known
   end function is_known
 
   !> Note that a passage was run in this interval; whether it is to be tabulated now.
@@ -165,7 +165,7 @@ contains
       error(1) = error(1)/maxval(value(:, 1))
       if (maxval(error) <= tolerance) then
         associate (here => self%intervals(place))
-          allocate (here%coefficient(nodes, values + 1))
+          here%is_known = .true.
           here%coefficient(:, :values) = coefficient
           here%coefficient(:, values + 1) = chebyshev_derivative(coefficient(:, values))*(2.0_wp/(here%last - here%first))
         end associate
@@ -173,10 +173,11 @@ contains
       end if
     end if
     if (self%intervals(place)%halvings == most_halvings) return
-    associate (here => self%intervals(place), low => self%intervals(self%count + 1), high => self%intervals(self%count + 2))
+    associate (here => self%intervals(place), halves => self%intervals(self%count + 1:self%count + 2))
       here%half = self%count + [1, 2]
-      low = interval_t(here%first, 0.5_wp*(here%first + here%last), here%halvings + 1)
-      high = interval_t(low%last, here%last, here%halvings + 1)
+      halves%first = [here%first, 0.5_wp*(here%first + here%last)]
+      halves%last = [halves(2)%first, here%last]
+      halves%halvings = here%halvings + 1
     end associate
     self%count = self%count + 2
   end subroutine fill
