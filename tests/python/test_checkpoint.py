@@ -68,6 +68,8 @@ SCENES: dict[str, tuple[str, ...]] = {
     # No slow cycle is like another.
     "cycles leapt, irregular": ("fig3", "drive.velocity=2e-4", "output.interval=2e-4", "output.fields=u_x,w_y", "scene.t_end=30.0"),
     "few cycles, irregular": ("fig3", "system.stiffness_y=1e6", "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=12.0"),
+    "slow cycles reused": ("fig3", "drive.velocity=1e-2", "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=12.0"),
+    "dampers": ("fig3", "system.damping_x=0.5", "system.damping_y=2.0", "output.interval=2e-5", "output.fields=u_x,w_y", "scene.t_end=6.0"),
     # The rows of a leap are written without a stop.
     "every step, also of leaps": ("fig3", "output.interval=0.0", "scene.t_end=60.0"),
     "many samples in one rest": ("fig3", "drive.velocity=1e-9", "initial.velocity_ratio=0", "output.fields=u_x", "output.interval=1e-5",

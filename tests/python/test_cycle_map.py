@@ -85,6 +85,7 @@ KINDS: dict[str, Groups] = {
     "light": {"system": {"mass": 1e-3}, "scene": {"t_end": 0.6}},
     "slow": {"drive": {"velocity": 1e-4}, "scene": {"t_end": 3.0}},
     "weak friction": {"friction": {"v_f": 0.1}},
+    "dampers": {"system": {"damping_x": 0.5, "damping_y": 2.0}},
     "other side": {"system": {"misalignment_deg": -2.0}, "drive": {"velocity": -2e-3}},
 }
 
@@ -96,6 +97,24 @@ def kind(name: str) -> ds.Scene:
 @pytest.mark.parametrize("name", KINDS)
 def test_scenes_of_a_kind(name: str) -> None:
     assert compare(kind(name), 1e-9) > 100
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"drive": {"velocity": 1e-2}, "scene": {"t_end": 6.0}},
+        {"drive": {"velocity": -1e-2}, "system": {"damping_x": 1.0}, "scene": {"t_end": 6.0}},
+        {"system": {"mass": 2.5}, "scene": {"t_end": 50.0}},
+        {"system": {"stiffness_x": 1e4, "stiffness_y": 1e5, "misalignment_deg": 4.0}, "scene": {"t_end": 4.0}},
+    ],
+)
+def test_slow_cycles_with_few_sticks_are_reused(changes: Groups) -> None:
+    scene = ds.Scene(FIG3, **changes)
+    compare(scene, 1e-9)
+    by_map, by_steps = (run(scene, how, 1e-9, {**SAMPLED, "interval": 1e-2}) for how in ("auto", "off"))
+    assert by_map.statistics["excursions_reused"] > 5
+    assert by_map.statistics["newton"] < 0.8 * by_steps.statistics["newton"]
+    assert by_map.summary["repeats"] == by_steps.summary["repeats"] == 1
 
 
 @pytest.mark.parametrize("method", ["radau5", "radau13", "dopri5", "dop853"])
