@@ -19,9 +19,10 @@ module dst_branch
   integer, parameter :: nodes = 33, tests = 4, values = 2
   !> Where: between the points, near both ends and in the middle.
   real(wp), parameter :: test_at(tests) = [-0.99_wp, -0.31_wp, 0.43_wp, 0.985_wp]
-  !> Halvings of the whole. Convention; twice: no change of 100 random scenes.
+  !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
   integer, parameter :: most_halvings = 7
-  !> Nearest distance from the end in the variable ln d [rad]. Convention: nearer releases are run.
+  !> Nearest distance from the end in the variable ln d [rad]. Convention: nearer releases are run; twice: the same cycles of 12
+  !> random scenes.
   real(wp), parameter :: nearest = 1.0e-7_wp
 
   !> An interval of the variable.

@@ -100,8 +100,12 @@ contains
     call page%line('')
     select case (regularity%verdict)
     case (regular)
-      call page%row('motion of the scene', 'regular: it repeats after '//integer_text(regularity%repeats)//' slow cycle'// &
-        trim(merge('s', ' ', regularity%repeats > 1)))
+      if (regularity%repeats > 0) then
+        call page%row('motion of the scene', 'regular: it repeats after '//integer_text(regularity%repeats)//' slow cycle'// &
+          trim(merge('s', ' ', regularity%repeats > 1)))
+      else
+        call page%row('motion of the scene', 'regular: it comes slowly to a cycle')
+      end if
     case (irregular)
       call page%row('motion of the scene', 'irregular: its cycles have a distribution, and no value')
     case (steady_sliding)

@@ -9,7 +9,7 @@ module dst_full_cycles
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
   use dst_divergence, only: regular, irregular, undecided
   use dst_errors, only: error_t
-  use dst_kinds, only: wp, int64, pi
+  use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: slip_begins, sticks
@@ -28,9 +28,8 @@ module dst_full_cycles
   real(wp), parameter :: rtol = 1.0e-11_wp
   !> Two releases are the same if their angles differ by no more than this [rad]. Convention.
   real(wp), parameter :: same = 1.0e-10_wp
-  !> A motion repeats after so many slow cycles at most. It is followed for so many, and so many Newton iterations. Conventions.
+  !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
   integer, parameter :: most_repeats = 8, followed = 400
-  integer(int64), parameter :: most_work = 2000000_int64
   !> Slow cycles after which the growth of a small difference is measured, and the least number of them. Conventions. An irregular
   !> beginning is no irregular motion: the later half of all decides.
   integer, parameter :: transient = 32, telling = 16
@@ -159,7 +158,6 @@ contains
         known = known + 1
         logarithm(known) = slow_cycle%log_slope
       end if
-      if (map%work() > most_work) exit
     end do
     call judge(logarithm(known/2 + 1:known), regularity)
   end subroutine follow
@@ -213,7 +211,8 @@ contains
     end do
     regularity%exponent = sum(logarithm)/real(n, wp)
     regularity%error = sqrt(sum((batch - sum(batch)/batches)**2)/real((batches - 1)*batches, wp))
-    if (regularity%exponent > certain*regularity%error) regularity%verdict = irregular
+    if (abs(regularity%exponent) > certain*regularity%error) &
+      regularity%verdict = merge(irregular, regular, regularity%exponent > 0.0_wp)
   end subroutine judge
 
   !> The motion of a scene, with its summary, until its end.
@@ -362,6 +361,7 @@ contains
     cycle%alpha = alpha
     call map%power(alpha, repeats, slow_cycle, found, error)
     if (allocated(error) .or. .not. found) return
+    if (abs(slow_cycle%to - alpha) > missed) return
     cycle%has_multiplier = slow_cycle%has_slope
     if (cycle%has_multiplier) then
       cycle%log_multiplier = slow_cycle%log_slope

@@ -18,9 +18,10 @@ module dst_limit_cycles
 
   public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles
 
-  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, and the growth of a small disturbance.
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
     quantities = measures + 3
+  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, the growth of a small disturbance, and of how many slow
+  !> cycles it consists.
   type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
     quantity_t('swing', 'N', 'peak_force minus valley_force'), &
     quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle'), &

@@ -1,7 +1,7 @@
 !> A result file is never changed, only replaced: it is written as NAME.part, and gets its name NAME when it is whole.
 !>
-!> So under the name there is nothing, the former file, or a whole one, at every moment. NAME.part is also the lock: this process has
-!> it open and locked (flock), and the file that it becomes stays locked until the work ends or has a new NAME.part. One that no
+!> So under the name there is nothing, the former file, or a whole one, at every moment. NAME.part is also the lock: this process
+!> has it open and locked (flock), and the file that it becomes stays locked until the work ends or has a new NAME.part. One that no
 !> process has locked was left by a process that was killed, and is used again. docs/checkpoints.md has the states.
 module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int

@@ -28,8 +28,8 @@ module dst_cycle_map
   !> the memory of its beginning, they may differ by this many times rtol, if no more than this share of rtol is left of the
   !> difference at its end. Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: same_angle = 1000.0_wp*epsilon(1.0_wp), near = 0.3_wp, left_over = 0.003_wp
-  !> Releases with which slow cycles begin are the same up to this share of rtol: nothing corrects the time, which may hang on the angle
-  !> a thousandfold. Convention; ten times: no change of 40 random scenes.
+  !> Releases with which slow cycles begin are the same up to this share of rtol: nothing corrects the time, which may hang on the
+  !> angle a thousandfold. Convention.
   real(wp), parameter :: near_whole = 1.0e-4_wp
   !> If the turn of a cycle is this many times larger than that of the cycle before, the cycle is an excursion. Convention; twice:
   !> no change on Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
@@ -81,8 +81,8 @@ module dst_cycle_map
     integer, private :: excursion_releases = 0, excursion_returns = 0
     real(wp), private :: excursion_at = 0.0_wp     !! s
     real(wp), private :: last_return = -1.0_wp
-    !> Turn of a cycle that is not an excursion; how many in a row turned back; and whether the present excursion began after one that
-    !> did: if it ends so, too, it is a whole slow cycle.
+    !> Turn of a cycle that is not an excursion; how many in a row turned back; and whether the present excursion began after one
+    !> that did: if it ends so, too, it is a whole slow cycle.
     real(wp), private :: usual_turn = 0.0_wp
     integer, private :: turned_back = 0
     logical, private :: is_whole = .false.
@@ -186,8 +186,8 @@ contains
     end associate
   end subroutine note_piece
 
-  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes. With any turn back a slow cycle
-  !> is complete.
+  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes. With any turn back a slow
+  !> cycle is complete.
   pure subroutine note_return(self, turn)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: turn

@@ -119,8 +119,8 @@ contains
   end function is_cycle
 
   !> Angle [rad] by which the force on the object at rest has turned, towards positive angles, after u has changed by `advance` [m]
-  !> along the drive and the force is again at the static limit. From the ends alone it has the roundoff of the angle; from the advance, which counts from 0, its
-  !> own.
+  !> along the drive and the force is again at the static limit. From the ends alone it has the roundoff of the angle; from the
+  !> advance, which counts from 0, its own.
   pure real(wp) function turn_of(side, slider, velocity, from, to, advance)
     real(wp), intent(in) :: side, velocity   !! V [m/s]
     type(slider_t), intent(in) :: slider

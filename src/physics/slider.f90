@@ -97,8 +97,8 @@ contains
     damping_rate = maxval(self%free*self%damping)/self%mass
   end function damping_rate
 
-  !> Elongation [m] at the static limit, with the force on the object at rest in the direction `theta` [rad]; with dampers that hangs
-  !> on the velocity of the drive [m/s].
+  !> Elongation [m] at the static limit, with the force on the object at rest in the direction `theta` [rad]; with dampers that
+  !> hangs on the velocity of the drive [m/s].
   pure function elongation_at_limit(self, theta, drive_velocity) result(u)
     class(slider_t), intent(in) :: self
     real(wp), intent(in) :: theta

@@ -39,7 +39,7 @@ module dst_cycles
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
-  !> A motion repeats after so many slow cycles at most, if they agree to this share of their size. Conventions; twice: no change.
+  !> A motion repeats after so many slow cycles at most, if they agree to this share of their size. Conventions.
   integer, parameter :: most_repeats = 8
   real(wp), parameter :: repeated = 1.0e-5_wp
 

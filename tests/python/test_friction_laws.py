@@ -518,7 +518,7 @@ def test_static_limit_where_it_means_nothing_is_refused() -> None:
     for model in ("low_frequency", "high_frequency", "creep", "creep_asymptotic"):
         assert f"'mu_static' is not used with model {model}" in refusal({"scene": {"model": model}}, friction(mu_static=0.3))
     with pytest.raises(ds.DeckError, match="found only without a separate static limit: remove mu_static"):
-        ds.cycles(ds.Scene(TEXT, **friction(mu_static=0.3)))
+        ds.cycles(ds.Scene(TEXT, **friction(mu_static=0.3)), model="low_frequency")
     result = run({"scene": {"model": "auto", "t_end": 0.05}}, friction(mu_static=0.3))
     assert result.attributes["model"] == "full"
 

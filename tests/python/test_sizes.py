@@ -191,7 +191,7 @@ def test_the_limit_is_the_room_on_the_disk(call, tmp_path):
     [
         ("1e9", "summary", (), "1e9 cases of"),
         ("1e9, 1e9", "summary", (), "value(s) of 'count'"),
-        ("1e9", "cycles", ("sweep.cycles=100",), "1e9 cases of 637 numbers"),
+        ("1e9", "cycles", ("sweep.cycles=100",), "1e9 cases of 638 numbers"),
         ("2e9", "summary", (), "out of range"),
         ("2", "series", ("output.interval=1e-300",), "at most 2e9 numbers"),
         ("2", "series", ("output.interval=1e-8", "output.fields=u_x,X,u_y"), "at most 2e9 numbers, 6.67e8 samples of its 3 columns"),
