@@ -223,7 +223,7 @@ contains
     type(outcome_t), intent(in) :: outcome
     character(:), allocatable :: text, took
     character(*), parameter :: no_cycle = ', no stick-slip cycle'
-    integer :: cycles
+    integer :: cycles, repeats
     real(wp) :: period
 
     text = printable(run%file%name)//': '//shown(run%simulation%motion%piece%to%time, 's')//', '// &
@@ -239,8 +239,10 @@ contains
       else if (cycles > 0) then
         text = text//': period '//shown(period, 's')//', peak '//shown(outcome%summary_of('peak_force'), 'N')//', valley '// &
           shown(outcome%summary_of('valley_force'), 'N')//', slip '//shown(1.0e3_wp*outcome%summary_of('slip_length'), 'mm')
-        if (outcome%summary_of('repeats') > 1.0_wp) &
-          text = text//', repeats after '//integer_text(nint(outcome%summary_of('repeats')))//' cycles'
+        if (.not. ieee_is_nan(outcome%summary_of('repeats'))) then
+          repeats = nint(outcome%summary_of('repeats'))
+          if (repeats > 1) text = text//', repeats after '//integer_text(repeats)//' cycles'
+        end if
       end if
     end if
     took = duration_text(run%simulation%elapsed)
