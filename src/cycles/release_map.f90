@@ -43,10 +43,11 @@ module dst_release_map
     real(wp) :: duration = 0.0_wp               !! s
     real(wp) :: at_rest = 0.0_wp                !! the last rest, s; 0 if the passage was interpolated
     real(wp) :: slope = 0.0_wp                  !! P'(alpha)
-    real(wp) :: log_slope = 0.0_wp              !! of several passages: the sum of ln |P'|
+    real(wp) :: log_slope = 0.0_wp              !! the sum of ln |P'| over the passages of a slow cycle or several
     logical :: has_slope = .false.
   contains
     procedure :: turns_back
+    procedure :: go_on
   end type passage_t
 
   !> The map of a scene under a steady drive. alpha is the angle from the soft to the stiff axis, each in the direction in which the
@@ -102,6 +103,25 @@ contains
 
     turns_back = self%to >= self%from - still
   end function turns_back
+
+  !> Continue with the passage that follows.
+  pure subroutine go_on(self, next)
+    class(passage_t), intent(inout) :: self
+    type(passage_t), intent(in) :: next
+
+    self%to = next%to
+    self%duration = self%duration + next%duration
+    self%slope = self%slope*next%slope
+    self%log_slope = self%log_slope + next%log_slope
+    self%has_slope = self%has_slope .and. next%has_slope
+  end subroutine go_on
+
+  !> No passage yet: the beginning of several.
+  pure type(passage_t) function beginning(alpha)
+    real(wp), intent(in) :: alpha
+
+    beginning = passage_t(from=alpha, to=alpha, slope=1.0_wp, has_slope=.true.)
+  end function beginning
 
   !> The direction of friction [rad] at a release.
   pure real(wp) function theta(self, alpha)
@@ -231,7 +251,6 @@ contains
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
     type(error_t), allocatable, intent(out) :: error
-
     type(passage_t) :: before
     integer :: i
 
@@ -322,18 +341,12 @@ contains
     integer(int64), parameter :: most_work = 3000000_int64
     integer :: i
 
-    whole%from = alpha
-    whole%to = alpha
-    whole%slope = 1.0_wp
-    whole%has_slope = .true.
+    whole = beginning(alpha)
     do i = 1, most
       call self%next(whole%to, with_slope, slip, found, error)
       if (allocated(error) .or. .not. found) return
-      whole%to = slip%to
-      whole%duration = whole%duration + slip%duration
-      whole%slope = whole%slope*slip%slope
-      if (with_slope) whole%log_slope = whole%log_slope + log(max(tiny(1.0_wp), abs(slip%slope)))
-      whole%has_slope = whole%has_slope .and. slip%has_slope
+      if (with_slope) slip%log_slope = log(max(tiny(1.0_wp), abs(slip%slope)))
+      call whole%go_on(slip)
       if (slip%turns_back()) return
       if (self%steps%stepper%count%newton > most_work) exit
     end do
@@ -351,15 +364,11 @@ contains
     type(passage_t) :: one, slip
     integer :: i
 
-    whole = passage_t(from=alpha, to=alpha, slope=1.0_wp, has_slope=.true.)
+    whole = beginning(alpha)
     do i = 1, slow_cycles
       call self%come_back(whole%to, .true., one, slip, found, error)
       if (allocated(error) .or. .not. found) return
-      whole%to = one%to
-      whole%duration = whole%duration + one%duration
-      whole%slope = whole%slope*one%slope
-      whole%log_slope = whole%log_slope + one%log_slope
-      whole%has_slope = whole%has_slope .and. one%has_slope
+      call whole%go_on(one)
     end do
   end subroutine power
 end module dst_release_map
