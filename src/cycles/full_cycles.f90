@@ -14,15 +14,17 @@ module dst_full_cycles
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: slip_begins, sticks
   use dst_piece_view, only: piece_view_t
-  use dst_release_map, only: release_map_t, passage_t, new_release_map
+  use dst_passage, only: passage_t, duration
+  use dst_release_map, only: release_map_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
+  use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
-  use dst_summary, only: summary_t, passage_summary_t => passage_t
+  use dst_summary, only: summary_t, contribution_t
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding
+  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
@@ -90,7 +92,7 @@ contains
     allocate (cycles(0))
     regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
     regularity%error = regularity%exponent
-    call new_release_map(steady(scene, velocity), map, error)
+    call map_of(steady(scene, velocity), map, error)
     if (.not. allocated(error)) call follow(map, returns, goes_on, regularity, error)
     if (allocated(error)) return
     if (.not. goes_on) then
@@ -105,6 +107,25 @@ contains
     regularity%exponent = cycles(1)%log_multiplier/real(regularity%repeats, wp)
     regularity%error = 0.0_wp
   end subroutine find_full_cycles
+
+  !> The map of a scene, which must have one steady drive velocity, exact contact and a method for it.
+  subroutine map_of(scene, map, error)
+    type(scene_t), intent(in) :: scene
+    type(release_map_t), intent(out) :: map
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: plain
+    class(motion_t), allocatable :: motion, other
+
+    plain = scene
+    plain%cycle_map = 'off'
+    call new_motion(plain, motion, other, error)
+    if (allocated(error)) return
+    select type (motion)
+    class is (slip_stick_t)
+      call new_release_map(motion, scene%drive_velocity(1), scene%rtol, .false., map)
+    end select
+    map%longest = scene%t_end
+  end subroutine map_of
 
   !> The scene under a steady drive, as accurate as cycles shall be, for as long as they may take.
   pure function steady(scene, velocity) result(changed)
@@ -148,7 +169,7 @@ contains
       here = slow_cycle%to
       returns = [returns, here]
       regularity%slow_cycles = n
-      regularity%time = regularity%time + slow_cycle%duration
+      regularity%time = regularity%time + slow_cycle%measure(duration)
       regularity%repeats = repeats_of(returns)
       if (regularity%repeats > 0) then
         regularity%verdict = regular
@@ -375,7 +396,7 @@ contains
       call map%come_back(here, .false., slow_cycle, slip, found, error)
       if (allocated(error) .or. .not. found) return
       here = slow_cycle%to
-      call measure(map, slip%from, slow_cycle%duration, one, error)
+      call measure(map, slip%from, slow_cycle%measure(duration), one, error)
       if (allocated(error)) return
       associate (all => cycle%measure)
         if (i == 1) all = one
@@ -391,14 +412,14 @@ contains
 
   !> The measures of a slow cycle of this duration [s] that ends with the slip from a release: its load has its peak and its valley
   !> in this slip.
-  subroutine measure(map, alpha, duration, value, error)
+  subroutine measure(map, alpha, lasting, value, error)
     type(release_map_t), intent(inout), target :: map
-    real(wp), intent(in) :: alpha, duration
+    real(wp), intent(in) :: alpha, lasting
     real(wp), intent(out) :: value(measures)
     type(error_t), allocatable, intent(out) :: error
     type(summary_t) :: summary
     type(piece_view_t) :: view
-    type(passage_summary_t) :: slip
+    type(contribution_t) :: slip
     type(extremum_t) :: high, low
     real(wp) :: falling
 
@@ -413,15 +434,15 @@ contains
         call summary%take_in(view)
         if (piece%event == slip_begins .and. piece%contact == sticks) exit
       end do
-      slip = summary%passage()
+      slip = summary%contribution()
       high = slip%highest
       low = slip%lowest
       if (slider%along(1)*piece%drive%velocity < 0.0_wp) then
         high = extremum_t(-low%load, low%time, low%position)
         low = extremum_t(-slip%highest%load, slip%highest%time, slip%highest%position)
       end if
-      falling = modulo(low%time - high%time, duration)
-      value = [duration, high%load, low%load, duration - falling, falling, &
+      falling = modulo(low%time - high%time, lasting)
+      value = [lasting, high%load, low%load, lasting - falling, falling, &
         sign(1.0_wp, piece%drive%velocity)*(low%position - high%position)]
     end associate
   end subroutine measure

@@ -1,148 +1,115 @@
-!> The exact contact, with leaps over fast cycles: a map follows slip and stick that repeat from release to release.
+!> The exact contact under a steady drive, passage by passage and slow cycle by slow cycle.
 !>
-!> At a release under a steady drive the whole state is one angle (dst_cycle_table). If it is cheaper, single cycles are run from
-!> Chebyshev points of an interval of angles, and all cycles in it follow by polynomials. The motion between two such intervals - an
-!> excursion: the last cycles before sticks end, the slip, and the cycles after it - is computed step by step. It is a function of
-!> the angle as well: a stretch that begins where an earlier one began is the same. docs/cycle_map.md.
+!> A passage that the release map has in a table is one piece of the motion. Where a slow cycle begins with the same release as some
+!> slow cycles before, what follows is a repetition: one piece as well, however often they repeat. Everything else is computed step
+!> by step. Nothing that reads the motion changes it. docs/cycle_map.md.
 module dst_cycle_map
   use dst_archive, only: archive_t
-  use dst_cycle_survey, only: cycle_survey_t
-  use dst_cycle_table, only: duration, drive_work, measures
   use dst_divergence, only: divergence_t
   use dst_errors, only: error_t
-  use dst_fast_cycle, only: release_angle_t, release_at, fast_cycle_t
-  use dst_kinds, only: wp, int64, pi
-  use dst_leap, only: leap_t
+  use dst_kinds, only: wp, int64
   use dst_motion, only: motion_t, serialise_motion
-  use dst_piece, only: piece_t, no_event, slip_begins, slips, touches, sticks
+  use dst_passage, only: passage_t, passage_of, alpha_of, duration, slip_duration, drive_work, friction_work, damper_work
+  use dst_piece, only: piece_t, no_event, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t
+  use dst_release_map, only: release_map_t, new_release_map
   use dst_slip_stick, only: slip_stick_t
+  use dst_slow_cycle, only: slow_cycle_t
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
   implicit none
   private
 
-  public :: cycle_map_t, new_cycle_map, max_leaps
+  public :: cycle_map_t, new_cycle_map
 
-  !> Two releases are the same if their angles differ by no more than this [rad]: some roundoffs. If an excursion is known to lose
-  !> the memory of its beginning, they may differ by this many times rtol, if no more than this share of rtol is left of the
-  !> difference at its end. Conventions; twice: no change on Fig. 3.
-  real(wp), parameter :: same_angle = 1000.0_wp*epsilon(1.0_wp), near = 0.3_wp, left_over = 0.003_wp
-  !> Releases with which slow cycles begin are the same up to this share of rtol: nothing corrects the time, which may hang on the
-  !> angle a thousandfold. Convention.
-  real(wp), parameter :: near_whole = 1.0e-4_wp
-  !> If the turn of a cycle is this many times larger than that of the cycle before, the cycle is an excursion. Convention; twice:
-  !> no change on Fig. 3, 7 % more iterations with k_y = 1e6 N/m.
-  real(wp), parameter :: far_back = 5.0_wp
-  !> The excursions from which the growth of a small difference is measured begin this share of a turn apart. Ten times: the
-  !> exponent of Fig. 3 is higher by 0.02, as excursions depend on their beginning like a square root near a touch. A difference of
-  !> them below this share of rtol, the error of Newton's method, is not resolved. Conventions.
-  real(wp), parameter :: push = 1.0e-4_wp, unseen = 1.0e-6_wp
-  !> They begin no nearer than this share of rtol, and have to end within this many times the duration of the one that is measured.
-  !> Conventions.
-  real(wp), parameter :: least_push = 0.1_wp, long = 2.0_wp
-  !> An excursion that is reused lies in time by the drift of fast cycles: each lasts no longer than this many periods of the
-  !> stiffer spring, and turns by at least this many times rtol, as the one before within this factor. What is larger or smaller
-  !> is a slow cycle, or noise. Conventions; twice: no change on Fig. 3.
-  real(wp), parameter :: longest_fast = 10.0_wp, least_turn = 10.0_wp, alike = 2.0_wp
-  !> Permitted error of the energy balance of a leap, in rtol of the energy exchanged. Convention: of 7000 random scenes the
-  !> balance of steps is open by 190 at most.
-  real(wp), parameter :: unbalanced = 1000.0_wp
-  !> An excursion in which the force turned back more often comes to no table: whole slow cycles are recorded. Convention.
-  integer, parameter :: most_returns = 3
-  !> Largest numbers of leaps that are kept, of excursions that can be reused, and of pieces of one.
-  integer, parameter :: max_leaps = 32, max_kept = 4, max_pieces = 8000
+  !> A motion repeats after so many slow cycles at most. Convention.
+  integer, parameter :: most_repeats = 8
+  !> Two releases are the same if the difference that is expected next is no larger than this share of rtol [rad]: nothing corrects
+  !> the time, which may hang on the angle a thousandfold. Differences have to shrink by this factor, for each slow cycle, before
+  !> more is concluded from them. Conventions.
+  real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp
+  !> Differences of this size are roundoff [rad].
+  real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp)
 
-  !> A motion by steps and leaps.
+  !> A motion by steps, passages and repetitions.
   type, extends(motion_t) :: cycle_map_t
     class(slip_stick_t), allocatable :: steps
-    type(cycle_survey_t) :: survey
-    !> Leaps that are kept; their number so far, and the place of the last piece among them.
-    type(leap_t), allocatable :: leaps(:)
-    integer(int64) :: leap_count = 0
+    !> The same at the beginning of the motion: from it maps run passages.
+    class(slip_stick_t), allocatable, private :: unused
+    real(wp) :: rtol = 0.0_wp
+    !> Maps, one for each drive velocity so far, and the present one, 0 if there is none yet.
+    type(release_map_t), allocatable :: maps(:)
     integer :: current = 0
-    !> The time by which the last piece is ahead of the leap that is kept [s].
-    real(wp) :: lead = 0.0_wp
-    !> Growth of small differences from slow cycle to slow cycle.
+    !> The last slow cycles, at places modulo their number, the present one, and the releases with which they ended [rad].
+    type(slow_cycle_t) :: slow(0:most_repeats)
+    integer(int64), private :: slow_cycles = 0
+    real(wp), private :: returned(0:2*most_repeats) = 0.0_wp
+    !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in them.
+    integer :: repeats = 0
+    logical :: has_multiplier = .false.
+    real(wp) :: log_multiplier = 0.0_wp
     type(divergence_t) :: divergence
-    !> Work in addition to that of the steps, and of the survey.
+    !> The last piece, if it is one passage.
+    type(passage_t) :: passage
+    !> The passage that is shown: when it begins, and the motion in it.
+    type(recording_t) :: shown
+    type(state_t) :: shown_from
+    logical, private :: is_shown = .false.
+    !> Whether the last piece ended with a release, and its angle alpha [rad]; the passage by steps that began there.
+    logical, private :: released = .false., in_passage = .false.
+    real(wp), private :: alpha = 0.0_wp
+    type(recording_t), private :: recording
+    !> Place of the next passage in the slow cycles that repeat.
+    integer, private :: following(2) = 1
     type(work_count_t), private :: own
-    !> Whether the last piece ended with a release; and the release before, if only one cycle is between them, with its time [s].
-    logical, private :: released = .false.
-    logical, private :: has_before = .false.
-    type(release_angle_t), private :: before
-    real(wp), private :: before_time = 0.0_wp
-    !> Whether the last piece was a leap through a table; whether an excursion is in progress, whether its pieces are kept, where it
-    !> began, and when the one before ended [s].
-    logical, private :: follows_leg = .false.
-    logical, private :: recording = .false., keeping = .false.
-    type(recording_t), private :: excursion
-    type(release_angle_t), private :: excursion_from
-    integer, private :: excursion_releases = 0, excursion_returns = 0
-    real(wp), private :: excursion_at = 0.0_wp     !! s
-    real(wp), private :: last_return = -1.0_wp
-    !> Turn of a cycle that is not an excursion; how many in a row turned back; and whether the present excursion began after one
-    !> that did: if it ends so, too, it is a whole slow cycle.
-    real(wp), private :: usual_turn = 0.0_wp
-    integer, private :: turned_back = 0
-    logical, private :: is_whole = .false.
   contains
     procedure :: go_on
-    procedure :: elongation_at
+    procedure :: show
+    procedure :: passages
+    procedure :: passage_number
+    procedure :: show_passage
+    procedure :: block_duration
     procedure :: instant
-    procedure :: state_in_leap
-    procedure :: next_in_leap
-    procedure :: lead_after
+    procedure :: events
+    procedure :: next_instant
     procedure :: energy
     procedure :: work
     procedure :: is_undecided
     procedure :: velocity
-    procedure :: events
-    procedure :: next_instant
     procedure :: serialise
   end type cycle_map_t
 
 contains
 
-  !> The motion `steps`, which has been started and is moved away, with leaps over its cycles at this tolerance.
+  !> The motion `steps`, which has been started and is moved away, with its map at this tolerance.
   subroutine new_cycle_map(steps, rtol, map)
     class(slip_stick_t), allocatable, intent(inout) :: steps
     real(wp), intent(in) :: rtol
     type(cycle_map_t), intent(out) :: map
 
     call move_alloc(steps, map%steps)
+    allocate (map%unused, source=map%steps)
     map%slider = map%steps%slider
     map%drive = map%steps%drive
     map%t_end = map%steps%t_end
-    map%survey%rtol = rtol
+    map%rtol = rtol
     map%piece = map%steps%piece
     map%contact = map%steps%contact
+    allocate (map%maps(0))
   end subroutine new_cycle_map
-
-  !> Leaps that are kept.
-  pure integer function remembered(self)
-    class(cycle_map_t), intent(in) :: self
-
-    remembered = int(min(self%leap_count, int(max_leaps, int64)))
-  end function remembered
 
   !> A leap, or a piece of the motion by steps.
   subroutine go_on(self, horizon, error)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: horizon
     type(error_t), allocatable, intent(out) :: error
-    integer :: place
 
+    self%is_shown = .false.
     ! Just after a knot the release belongs to another drive velocity.
     if (self%released .and. self%segment == self%steps%segment) then
-      call choose_leap(self, horizon, place)
-      if (place > 0) then
-        call make_leap(self, place)
-        return
-      end if
+      call leap(self, self%piece%from%until(horizon))
+      if (self%leapt) return
     end if
-    self%follows_leg = .false.
-    if (.not. self%recording) call self%divergence%lose()
     call self%steps%advance(error)
     self%piece%to = self%steps%piece%to
     self%piece%contact = self%steps%piece%contact
@@ -154,495 +121,408 @@ contains
     call note_piece(self)
   end subroutine go_on
 
-  !> Whether the last piece by steps ended with a release under a steady drive; and the cycle before it.
+  !> A piece by steps has been made: record it, if it belongs to a passage, which may end with it.
   subroutine note_piece(self)
     class(cycle_map_t), intent(inout) :: self
-    type(release_angle_t) :: here
+    type(passage_t) :: passage
 
-    associate (piece => self%steps%piece)
-      if (self%recording) then
-        if (self%keeping) call self%excursion%append(piece)
-        if (self%excursion%count >= max_pieces) self%recording = .false.
-      end if
-      self%released = piece%event == slip_begins .and. piece%contact == sticks .and. .not. abs(piece%drive%acceleration) > 0.0_wp &
-        .and. abs(piece%drive%velocity) > 0.0_wp
-      if (piece%contact == touches .or. piece%to%time >= piece%drive%end) then
-        ! An excursion may have touches, which no cycle has.
-        self%recording = self%recording .and. piece%to%time < piece%drive%end
+    associate (piece => self%steps%piece, velocity => self%steps%piece%drive%velocity)
+      if (self%in_passage) call self%recording%append(piece)
+      self%released = .false.
+      if (abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp .or. piece%to%time >= piece%drive%end) then
         call forget(self)
+        return
       end if
+      self%released = piece%event == slip_begins .and. piece%contact == sticks
       if (.not. self%released) return
-      here = release_at(piece%to%y(2))
-      self%excursion_releases = self%excursion_releases + 1
-      call note_return(self, here%angle - self%before%angle)
-      if (self%has_before) then
-        self%survey%before = self%survey%last
-        self%survey%last = fast_cycle_t(.true., self%before, piece%to%time - self%before_time, here%angle - self%before%angle, &
-          (piece%to%time - piece%from%time)/max(tiny(1.0_wp), piece%to%time - self%before_time))
+      if (self%in_passage) then
+        passage = passage_of(self%alpha, self%recording, self%slider, velocity)
+        if (self%divergence%is_wanted()) call self%maps(self%current)%measure_slope(passage)
+        call arrive(self, passage)
+      else
+        call take_map(self, velocity)
       end if
-      self%has_before = .true.
-      self%before = here
-      self%before_time = piece%to%time
+      self%alpha = alpha_of(piece%to%y(2), self%slider, velocity)
+      self%in_passage = .true.
+      call self%recording%clear()
     end associate
   end subroutine note_piece
 
-  !> A large turn back is an excursion, after which the cycles begin again: the time that this takes. With any turn back a slow
-  !> cycle is complete.
-  pure subroutine note_return(self, turn)
-    class(cycle_map_t), intent(inout) :: self
-    real(wp), intent(in) :: turn
-
-    if (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn)) then
-      if (self%last_return >= 0.0_wp) self%survey%slow_period = self%piece%to%time - self%last_return
-      self%last_return = self%piece%to%time
-    else
-      self%usual_turn = turn
-    end if
-    ! Cycles turn the force towards the soft axis.
-    if (turn*sign(1.0_wp, self%slider%along(1)*self%piece%drive%velocity) >= -self%survey%rtol) then
-      self%turned_back = self%turned_back + 1
-      self%excursion_returns = self%excursion_returns + 1
-    else
-      self%turned_back = 0
-    end if
-  end subroutine note_return
-
-  !> Data about the cycles are not valid any more.
+  !> What follows is not related to the passages so far.
   pure subroutine forget(self)
     class(cycle_map_t), intent(inout) :: self
 
-    self%has_before = .false.
-    self%survey%last%known = .false.
-    self%survey%before%known = .false.
+    self%in_passage = .false.
+    self%repeats = 0
+    self%slow_cycles = 0
+    self%has_multiplier = .false.
+    self%divergence = divergence_t()
   end subroutine forget
 
-  !> The leap from the present release: its place among those that are kept, 0 if there is none.
-  subroutine choose_leap(self, horizon, place)
+  !> The map of a drive velocity [m/s]; the first slow cycle begins.
+  subroutine take_map(self, velocity)
     class(cycle_map_t), intent(inout) :: self
-    real(wp), intent(in) :: horizon
-    integer, intent(out) :: place
-    type(release_angle_t) :: here
-    real(wp) :: longest
-    logical :: is_complete
-    integer :: table
-
-    place = 0
-    associate (now => self%piece%to)
-      here = release_at(now%y(2))
-      longest = now%until(horizon)
-      if (now%time < self%milestone) longest = min(longest, now%until(self%milestone))
-      table = self%survey%table_of(self%piece%drive%velocity, here)
-      is_complete = self%recording .and. self%is_whole .and. self%turned_back > 0
-      if (is_complete) call end_excursion(self)
-      place = known_leap(self, here, longest)
-      ! A slow cycle with one stick is recorded first: it may repeat.
-      if (table == 0 .and. place == 0 .and. (is_complete .or. self%turned_back == 0)) &
-        call self%survey%make_table(self%steps, self%piece%drive%velocity, here, longest, now%until(self%t_end), table)
-      if (max(table, place) > 0 .and. self%recording) then
-        call end_excursion(self)
-        ! The leap may have been dropped, or its place reused.
-        if (place > 0) place = known_leap(self, here, longest)
-      end if
-      if (place > 0) then
-        if (self%leaps(place)%table == 0) self%own%excursions_reused = self%own%excursions_reused + 1
-      else if (table > 0) then
-        call new_place(self, here, place)
-        call self%leaps(place)%follow(table, self%survey%table(table), longest)
-        if (self%leaps(place)%cycles == 0) place = 0
-      else if ((.not. self%recording .and. (self%follows_leg .or. self%turned_back > 0)) &
-          .or. (self%turned_back > 0 .and. self%excursion_returns > most_returns)) then
-        call self%excursion%clear()
-        self%recording = .true.
-        self%is_whole = self%turned_back > 0
-        ! The next one is about as far away as the last return.
-        self%keeping = self%is_whole .or. (self%last_return >= 0.0_wp .and. longest > now%time - self%last_return)
-        self%excursion_from = here
-        self%excursion_releases = 0
-        self%excursion_returns = 0
-        self%excursion_at = now%time
-      end if
-      if (place > 0) then
-        if (.not. is_sound(self, here, self%leaps(place), longest)) place = 0
-      end if
-    end associate
-  end subroutine choose_leap
-
-  !> Whether a leap invents nothing: the time increases, by no more than asked, the lead is at most one fast cycle, events stay in
-  !> order, and the works balance. Otherwise the motion continues by steps.
-  logical function is_sound(self, here, leap, longest)
-    class(cycle_map_t), intent(in) :: self
-    type(release_angle_t), intent(in) :: here
-    type(leap_t), intent(in) :: leap
-    real(wp), intent(in) :: longest
-    real(wp), allocatable :: time(:)
-    integer, allocatable :: kind(:)
-    real(wp) :: lead
-
-    lead = lead_of(self, here, leap)
-    associate (k => self%slider%stiffness, u => self%elongation_at(leap%from%theta()), &
-        u_last => self%elongation_at(leap%to%theta()), duration => leap%duration - lead)
-      is_sound = duration > 0.0_wp .and. duration <= longest .and. leap%friction_work >= 0.0_wp .and. &
-        abs(leap%drive_work - leap%friction_work - leap%damper_work - 0.5_wp*sum(k*(u_last**2 - u**2))) &
-        <= unbalanced*self%survey%rtol*leap%exchanged
-    end associate
-    if (.not. is_sound .or. .not. abs(lead) > 0.0_wp) return
-    call leap%events(time, kind)
-    where (time > leap%slip_begins) time = time - lead
-    is_sound = abs(lead) <= self%survey%last%duration .and. all(time(2:) > time(:size(time) - 1))
-  end function is_sound
-
-  !> A leap that began at the same release and ends in time, 0 if there is none.
-  integer function known_leap(self, here, longest) result(place)
-    class(cycle_map_t), intent(inout) :: self
-    type(release_angle_t), intent(in) :: here
-    real(wp), intent(in) :: longest
+    real(wp), intent(in) :: velocity
+    type(release_map_t) :: map
     integer :: i
 
-    place = 0
-    do i = 1, remembered(self)
-      associate (leap => self%leaps(i))
-        if (abs(leap%velocity - self%piece%drive%velocity) > 0.0_wp .or. leap%from%side*here%side < 0.0_wp) cycle
-        if (leap%duration > longest .or. .not. leap%is_kept) cycle
-        associate (apart => abs(leap%from%angle - here%angle))
-          if (apart <= merge(max(same_angle, near_whole*self%survey%rtol), same_angle, leap%is_whole)) then
-            place = i
-          else if (leap%table == 0 .and. apart <= near*self%survey%rtol .and. self%survey%before%known) then
-            if (.not. leap%is_measured) call measure_stretch(self, i)
-            if (leap%stretch_known .and. exp(leap%log_stretch)*apart <= left_over*self%survey%rtol) place = i
-          end if
-        end associate
-        if (place > 0) return
-      end associate
+    call self%slow(0)%clear()
+    self%current = 0
+    do i = 1, size(self%maps)
+      if (.not. abs(self%maps(i)%velocity - velocity) > 0.0_wp) self%current = i
     end do
-  end function known_leap
+    if (self%current > 0) return
+    call new_release_map(self%unused, velocity, self%rtol, .true., map)
+    self%maps = [self%maps, map]
+    self%current = size(self%maps)
+  end subroutine take_map
 
-  !> The time [s] by which the motion is ahead of an excursion that is kept and begins at a slightly different angle: the cycles
-  !> drift from one to the other at a rate that is extrapolated from that of the last two.
-  pure real(wp) function lead_of(self, here, leap) result(lead)
+  !> A passage is complete, by steps or by a table.
+  subroutine arrive(self, passage)
+    class(cycle_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    type(error_t), allocatable :: error
+
+    associate (now => self%slow(place_of(self%slow_cycles)))
+      call now%append(passage, self%recording)
+      ! A failure in a passage to which the motion does not come is none of the motion.
+      if (passage%table(1) == 0) call self%maps(self%current)%learn(passage, error)
+      if (.not. passage%turns_back()) return
+      call self%divergence%come_back(now%whole%log_slope, now%whole%has_slope)
+    end associate
+    self%slow_cycles = self%slow_cycles + 1
+    associate (n => self%slow_cycles)
+      self%returned(modulo(n, size(self%returned, kind=int64))) = passage%to
+      call look_for_repetition(self)
+      call self%slow(place_of(n))%clear()
+    end associate
+  end subroutine arrive
+
+  pure integer function place_of(number)
+    integer(int64), intent(in) :: number
+
+    place_of = int(modulo(number, int(most_repeats + 1, int64)))
+  end function place_of
+
+  !> Whether the last release agrees with that of some slow cycles before.
+  subroutine look_for_repetition(self)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp) :: now, before
+    integer :: m, i
+
+    do m = 1, most_repeats
+      if (self%slow_cycles < 2*m + 1) return
+      now = abs(returned(0) - returned(m))
+      before = abs(returned(m) - returned(2*m))
+      if (now <= shrinking**m*before .and. now > roundoff) then
+        self%log_multiplier = log(now/before)
+        self%has_multiplier = .true.
+        now = now*(now/before)
+      end if
+      if (now > max(roundoff, same*self%rtol)) cycle
+      if (.not. all([(self%slow(place_of(self%slow_cycles - i))%is_complete, i=1, m)])) return
+      self%repeats = m
+      self%following = 1
+      return
+    end do
+
+  contains
+
+    !> The release with which a slow cycle ended [rad].
+    pure real(wp) function returned(ago)
+      integer, intent(in) :: ago
+
+      returned = self%returned(modulo(self%slow_cycles - ago, size(self%returned, kind=int64)))
+    end function returned
+  end subroutine look_for_repetition
+
+  !> The slow cycle number `i` of those that repeat: its place.
+  pure integer function block_place(self, i)
     class(cycle_map_t), intent(in) :: self
-    type(release_angle_t), intent(in) :: here
-    type(leap_t), intent(in) :: leap
+    integer, intent(in) :: i
 
-    lead = 0.0_wp
-    if (leap%table > 0 .or. .not. self%survey%before%known) return
-    associate (last => self%survey%last, before => self%survey%before)
-      ! Slow cycles with one stick each do not drift: if they repeat, their turns are noise.
-      if (max(last%duration, before%duration) > longest_fast*2.0_wp*pi*self%slider%radian_time()) return
-      if (min(abs(last%turn), abs(before%turn)) < least_turn*self%survey%rtol) return
-      if (last%turn/before%turn < 1.0_wp/alike .or. last%turn/before%turn > alike) return
-      lead = (here%angle - leap%from%angle)*(1.5_wp*last%duration/last%turn - 0.5_wp*before%duration/before%turn)
-    end associate
-  end function lead_of
+    block_place = place_of(self%slow_cycles - self%repeats + int(i - 1, int64))
+  end function block_place
 
-  !> The place where the next leap is kept.
-  subroutine new_place(self, here, place)
+  !> A leap from the present release, if there is one that takes no longer than `longest` [s].
+  subroutine leap(self, longest)
     class(cycle_map_t), intent(inout) :: self
-    type(release_angle_t), intent(in) :: here
-    integer, intent(out) :: place
-
-    if (.not. allocated(self%leaps)) allocate (self%leaps(max_leaps))
-    place = int(modulo(self%leap_count, int(max_leaps, int64))) + 1
-    self%leap_count = self%leap_count + 1
-    associate (leap => self%leaps(place))
-      leap%number = self%leap_count
-      leap%velocity = self%piece%drive%velocity
-      leap%from = here
-      leap%table = 0
-      leap%cycles = 0
-      leap%duration = 0.0_wp
-      leap%is_kept = .false.
-      leap%stretch_known = .false.
-      leap%is_measured = .false.
-      leap%uses = 0
-      leap%is_whole = .false.
-    end associate
-  end subroutine new_place
-
-  !> The present excursion has ended.
-  subroutine end_excursion(self)
-    class(cycle_map_t), intent(inout) :: self
-    integer :: place, kept, i
-
-    self%recording = .false.
-    call new_place(self, self%excursion_from, place)
-    self%leaps(place)%to = release_at(self%piece%to%y(2))
-    self%leaps(place)%duration = self%piece%to%time - self%excursion_at
-    self%leaps(place)%releases = self%excursion_releases
-    self%leaps(place)%is_whole = self%is_whole .and. self%turned_back > 0
-    ! Whole slow cycles are measured when they are reused.
-    if (self%divergence%is_worth_measuring() .and. .not. self%leaps(place)%is_whole) call measure_stretch(self, place)
-    call note_stretch(self, place)
-    if (.not. self%keeping) return
-    call self%leaps(place)%keep(self%excursion)
-    ! Otherwise excursions that are not reused would accumulate.
-    kept = 0
-    do i = remembered(self), 1, -1
-      associate (leap => self%leaps(modulo(place + i - 1, max_leaps) + 1))
-        if (leap%table > 0 .or. .not. leap%is_kept) cycle
-        kept = kept + 1
-        if (kept > max_kept) call leap%drop()
-      end associate
-    end do
-  end subroutine end_excursion
-
-  !> The growth of a small difference in an excursion: from two others that begin on either side of it. Both are computed by the
-  !> survey's scout, so that their difference is no error of the steps.
-  subroutine measure_stretch(self, place)
-    class(cycle_map_t), intent(inout) :: self
-    integer, intent(in) :: place
-    type(release_angle_t) :: from(2), to(2)
-    real(wp) :: apart
+    real(wp), intent(in) :: longest
+    type(passage_t) :: passage
+    real(wp) :: lasting
+    integer(int64) :: times
     logical :: found
-    integer :: i
 
-    associate (leap => self%leaps(place))
-      apart = max(push*abs(self%usual_turn), least_push*self%survey%rtol)
-      found = leap%duration > 0.0_wp
-      from = leap%from
-      from%angle = from%angle + [-0.5_wp, 0.5_wp]*apart
-      do i = 1, 2
-        if (found) call self%survey%run_releases(leap%velocity, from(i), leap%releases, &
-          long*leap%duration, to(i), found)
-      end do
-      found = found .and. to(1)%side*to(2)%side > 0.0_wp
-      leap%is_measured = .true.
-      leap%stretch_known = found
-      if (found) leap%log_stretch = log(max(abs(to(2)%angle - to(1)%angle), unseen*self%survey%rtol)/apart)
-    end associate
-  end subroutine measure_stretch
-
-  !> Add the growth of a small difference in a leap, or in an excursion that has been computed by steps. A slow cycle ends with an
-  !> excursion that leads back.
-  pure subroutine note_stretch(self, place)
-    class(cycle_map_t), intent(inout) :: self
-    integer, intent(in) :: place
-
-    associate (leap => self%leaps(place))
-      call self%divergence%pass(leap%log_stretch)
-      if (.not. leap%stretch_known) call self%divergence%lose()
-      if (leap%table > 0) return
-      associate (turn => leap%to%angle - leap%from%angle)
-        if (leap%is_whole .or. (turn*self%usual_turn < 0.0_wp .and. abs(turn) > far_back*abs(self%usual_turn))) &
-          call self%divergence%come_back()
+    if (self%repeats > 0) then
+      lasting = self%block_duration()
+      times = 0
+      if (all(self%following == 1)) times = int(min(longest/lasting, 1.0e15_wp), int64)
+      if (real(times, wp)*lasting > longest) times = times - 1
+      if (times > 0) then
+        call repeat_block(self, times)
+        return
+      end if
+      associate (slow => self%slow(block_place(self, self%following(1))))
+        passage = slow%passage(self%following(2))
+        found = passage%measure(duration) <= longest
+        if (found) then
+          self%following(2) = self%following(2) + 1
+          if (self%following(2) > slow%count) self%following = [1 + modulo(self%following(1), self%repeats), 1]
+          if (passage%table(1) == 0) self%own%excursions_reused = self%own%excursions_reused + 1
+        end if
       end associate
-    end associate
-  end subroutine note_stretch
+      if (found) call take_passage(self, passage)
+      return
+    end if
+    call self%maps(self%current)%look_up(self%alpha, passage, found)
+    if (.not. found .or. passage%measure(duration) > longest) return
+    call take_passage(self, passage)
+    call arrive(self, passage)
+  end subroutine leap
 
-  !> Elongation [m] at a release with friction at the angle `theta` [rad].
-  pure function elongation_at(self, theta) result(u)
-    class(cycle_map_t), intent(in) :: self
-    real(wp), intent(in) :: theta
-    real(wp) :: u(2)
-
-    u = self%slider%elongation_at_limit(theta, self%piece%drive%velocity)
-  end function elongation_at
-
-  !> Make a leap the last piece.
-  subroutine make_leap(self, place)
+  !> Make a passage the last piece.
+  subroutine take_passage(self, passage)
     class(cycle_map_t), intent(inout) :: self
-    integer, intent(in) :: place
-    type(state_t) :: to
-    real(wp) :: worked
+    type(passage_t), intent(in) :: passage
 
-    ! An excursion that has been reused once may never be reused again.
-    if (self%leaps(place)%uses > 0 .and. .not. self%leaps(place)%is_measured) call measure_stretch(self, place)
-    self%leaps(place)%uses = self%leaps(place)%uses + 1
-    call note_stretch(self, place)
-    associate (leap => self%leaps(place), from => self%piece%from)
-      self%lead = lead_of(self, release_at(from%y(2)), leap)
-      ! Up to the beginning of the excursion the drive's work is that of the cycles; the rest of the energy is friction's.
-      worked = 0.0_wp
-      if (abs(self%lead) > 0.0_wp) worked = -self%lead*drive_power(self)
+    self%passage = passage
+    self%repetitions = 0
+    self%own%cycles_leapt = self%own%cycles_leapt + 1
+    self%own%events = self%own%events + 2
+    call make_piece(self, passage, 1.0_wp)
+  end subroutine take_passage
+
+  !> Make repetitions of the last slow cycles the last piece.
+  subroutine repeat_block(self, times)
+    class(cycle_map_t), intent(inout) :: self
+    integer(int64), intent(in) :: times
+    type(passage_t) :: whole
+    integer :: i, slips
+
+    slips = 0
+    whole = self%slow(block_place(self, 1))%whole
+    do i = 1, self%repeats
+      associate (slow => self%slow(block_place(self, i)))
+        if (i > 1) call whole%go_on(slow%whole)
+        slips = slips + count(slow%passage(:slow%count)%table(1) == 0)
+      end associate
+    end do
+    self%repetitions = times
+    self%own%cycles_leapt = self%own%cycles_leapt + times*self%passages()
+    self%own%events = self%own%events + 2*times*self%passages()
+    self%own%excursions_reused = self%own%excursions_reused + times*slips
+    whole%to = self%alpha
+    call make_piece(self, whole, real(times, wp))
+  end subroutine repeat_block
+
+  !> The last piece is this passage, or several of the same kind.
+  subroutine make_piece(self, passage, times)
+    class(cycle_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    real(wp), intent(in) :: times
+    type(state_t) :: to
+
+    associate (from => self%piece%from, value => passage%measure, map => self%maps(self%current))
       to = from
-      call to%later(from, leap%duration - self%lead)
-      to%drive_work = from%drive_work + leap%drive_work + worked
-      to%friction_work = from%friction_work + leap%friction_work + worked &
-        - 0.5_wp*sum(self%slider%stiffness*(self%elongation_at(leap%from%theta())**2 - from%u**2))
-      to%damper_work = from%damper_work + leap%damper_work
-      call self%steps%place_at_release(leap%to%theta(), to)
+      call to%later(from, times*value(duration))
+      to%drive_work = from%drive_work + times*value(drive_work)
+      to%friction_work = from%friction_work + times*value(friction_work)
+      to%damper_work = from%damper_work + times*value(damper_work)
+      call self%steps%place_at_release(map%theta(passage%to), to)
       associate (there => self%steps%piece%to)
-        there%position = from%position + self%piece%drive%velocity*(leap%duration - self%lead) &
-          - dot_product(there%u - from%u, self%slider%along)
+        there%position = from%position + map%velocity*times*value(duration) - dot_product(there%u - from%u, self%slider%along)
         self%piece%to = there
       end associate
-      self%own%cycles_leapt = self%own%cycles_leapt + leap%cycles
-      self%own%events = self%own%events + 2*leap%cycles
-      if (leap%table > 0) self%own%map_error = max(self%own%map_error, self%survey%table(leap%table)%error)
     end associate
-    self%current = place
+    self%alpha = passage%to
     self%leapt = .true.
     self%piece%event = slip_begins
     self%piece%contact = slips
     self%contact = slips
-    self%released = .true.
-    self%has_before = .true.
-    self%before = self%leaps(place)%to
-    self%before_time = self%piece%to%time
-    self%survey%before%known = .false.
-    if (.not. self%leaps(place)%is_whole) self%turned_back = 0
-    self%follows_leg = self%leaps(place)%table > 0
-    if (.not. self%follows_leg) return
-    associate (leap => self%leaps(place), n => self%leaps(place)%cycles)
-      self%survey%last = leap%cycle_of(n)
-      if (n > 1) self%survey%before = leap%cycle_of(n - 1)
-    end associate
-  end subroutine make_leap
+    call self%recording%clear()
+  end subroutine make_piece
 
-  !> Mean power of the drive [W] in the last cycle, if it belongs to a table that is still kept; else the power at the release.
-  pure real(wp) function drive_power(self)
+  !> Duration of the slow cycles that repeat [s].
+  pure real(wp) function block_duration(self) result(lasting)
     class(cycle_map_t), intent(in) :: self
-    real(wp) :: measure(measures)
+    integer :: i
 
-    drive_power = self%piece%drive%velocity &
-      *dot_product(self%slider%force_at_rest(self%piece%from%u, self%piece%drive%velocity), self%slider%along)
-    if (self%current == 0) return
-    associate (leap => self%leaps(self%current))
-      if (leap%table == 0 .or. leap%cycles == 0) return
-      measure = self%survey%table(leap%table)%measures_at(leap%angle(leap%cycles))
+    lasting = 0.0_wp
+    do i = 1, self%repeats
+      associate (whole => self%slow(block_place(self, i))%whole)
+        lasting = lasting + whole%measure(duration)
+      end associate
+    end do
+  end function block_duration
+
+  !> Number of passages in a leap, or in one of its repetitions.
+  pure integer function passages(self) result(n)
+    class(cycle_map_t), intent(in) :: self
+    integer :: i
+
+    n = 1
+    if (self%repetitions == 0) return
+    n = 0
+    do i = 1, self%repeats
+      n = n + self%slow(block_place(self, i))%count
+    end do
+  end function passages
+
+  !> Passage number `k` of a leap, and when it begins [s] after the leap, or after its repetition; the number of its slow cycle, and
+  !> its number in it.
+  pure subroutine passage_number(self, k, passage, begin, place)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: k
+    type(passage_t), intent(out) :: passage
+    real(wp), intent(out) :: begin
+    integer, intent(out), optional :: place(2)
+    integer :: i, n
+
+    passage = self%passage
+    begin = 0.0_wp
+    if (self%repetitions == 0) return
+    n = k
+    do i = 1, self%repeats
+      associate (slow => self%slow(block_place(self, i)))
+        if (n <= slow%count) then
+          passage = slow%passage(n)
+          begin = begin + slow%begin(n)
+          if (present(place)) place = [block_place(self, i), n]
+          return
+        end if
+        n = n - slow%count
+        begin = begin + slow%whole%measure(duration)
+      end associate
+    end do
+  end subroutine passage_number
+
+  !> Show passage number `k` of a repetition of the leap (0: the first one).
+  subroutine show_passage(self, repetition, k)
+    class(cycle_map_t), intent(inout) :: self
+    integer(int64), intent(in) :: repetition
+    integer, intent(in) :: k
+    type(passage_t) :: passage
+    real(wp) :: begin
+    integer :: place(2), i, j
+    logical :: found
+
+    place = 0
+    call self%passage_number(k, passage, begin, place)
+    if (self%repetitions == 0 .and. self%repeats > 0) then
+      ! It is one of those that repeat: that before the following one.
+      do i = 1, self%repeats
+        do j = 1, self%slow(block_place(self, i))%count
+          if (.not. abs(self%slow(block_place(self, i))%passage(j)%from - passage%from) > 0.0_wp) place = [block_place(self, i), j]
+        end do
+      end do
+    end if
+    associate (from => self%piece%from)
+      self%shown_from = from
+      begin = begin + real(repetition, wp)*self%block_duration()
+      call self%shown_from%later(from, begin)
+      self%shown_from%u = self%slider%elongation_at_limit(self%maps(self%current)%theta(passage%from), self%piece%drive%velocity)
+      self%shown_from%position = from%position + self%piece%drive%velocity*begin &
+        - dot_product(self%shown_from%u - from%u, self%slider%along)
     end associate
-    drive_power = measure(drive_work)/measure(duration)
-  end function drive_power
+    self%is_shown = .true.
+    if (passage%table(1) == 0) then
+      associate (slow => self%slow(place(1)))
+        self%shown = slow%recording(slow%recorded(place(2)))
+      end associate
+    else
+      call self%maps(self%current)%describe(passage, found)
+      self%shown = self%maps(self%current)%recording
+    end if
+  end subroutine show_passage
+
+  !> Show the passage that contains a time [s] of the last piece: `instant` reads it.
+  subroutine show(self, time)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: time
+    integer(int64) :: repetition
+    real(wp) :: elapsed, lasting
+    integer :: i, k
+
+    if (.not. self%leapt .or. time >= self%piece%to%time) return
+    if (self%is_shown) then
+      elapsed = self%shown_from%until(time)
+      if (elapsed >= 0.0_wp .and. elapsed < self%shown%duration()) return
+    end if
+    repetition = 0
+    k = 1
+    if (self%repetitions > 0) then
+      elapsed = max(0.0_wp, self%piece%from%until(time))
+      lasting = self%block_duration()
+      repetition = min(int(elapsed/lasting, int64), self%repetitions - 1)
+      elapsed = elapsed - real(repetition, wp)*lasting
+      k = 0
+      do i = 1, self%repeats
+        associate (slow => self%slow(block_place(self, i)))
+          if (elapsed < slow%whole%measure(duration) .or. i == self%repeats) then
+            k = k + slow%place_of(elapsed)
+            exit
+          end if
+          elapsed = elapsed - slow%whole%measure(duration)
+          k = k + slow%count
+        end associate
+      end do
+    end if
+    call self%show_passage(repetition, k)
+  end subroutine show
 
   pure function instant(self, time)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: time
     type(instant_t) :: instant
-    type(state_t) :: state
-    real(wp) :: elapsed
-    integer :: contact
+    type(piece_t) :: piece
 
     if (.not. self%leapt .or. time >= self%piece%to%time) then
       instant = self%steps%instant(time)
       return
     end if
-    associate (from => self%piece%from)
-      elapsed = from%until(time)
-      call self%state_in_leap(self%leaps(self%current), elapsed + self%lead_after(elapsed), state, contact)
-      state%position = from%position + self%piece%drive%velocity*elapsed - dot_product(state%u - from%u, self%slider%along)
-    end associate
-    state%time = time
-    instant = self%steps%instant_of(state, contact)
+    call self%shown%get(self%shown%place_of(self%shown_from%until(time)), self%shown_from, piece)
+    instant = self%steps%instant_of(piece%at(time), piece%contact)
   end function instant
 
-  !> The state and the contact in a leap, some time after it began; time and position count from there. Without works.
-  pure subroutine state_in_leap(self, leap, elapsed, state, contact)
+  !> Events of the last piece, or of one of its repetitions (0: the first one).
+  pure subroutine events(self, repetition, time, kind)
     class(cycle_map_t), intent(in) :: self
-    type(leap_t), intent(in) :: leap
-    real(wp), intent(in) :: elapsed            !! s
-    type(state_t), intent(out) :: state
-    integer, intent(out) :: contact
-    real(wp) :: within, value(4), theta
-    integer :: i
-
-    if (leap%table == 0) then
-      call state_in_recording(leap%recording, elapsed, state, contact)
-    else
-      i = leap%cycle_at(elapsed)
-      within = elapsed - leap%start(i)
-      if (within < leap%slip(i)) then
-        contact = slips
-        value = self%survey%table(leap%table)%slip_at(self%steps%closed_form%grid, leap%angle(i), within/leap%slip(i))
-        theta = leap%from%side*leap%angle(i)
-        state%u = self%elongation_at(theta) + value(1:2)
-        state%y(1:2) = [value(3), theta + value(4)]
-      else
-        contact = sticks
-        state%u = self%elongation_at(leap%from%side*leap%angle(i + 1)) &
-          - leap%velocity*(leap%start(i + 1) - elapsed)*self%piece%drive_coupling
-      end if
-      associate (u_first => self%elongation_at(leap%from%theta()))
-        state%position = leap%velocity*elapsed - dot_product(state%u - u_first, self%slider%along)
-      end associate
-    end if
-    state%time = elapsed
-  end subroutine state_in_leap
-
-  !> The same for an excursion.
-  pure subroutine state_in_recording(recording, elapsed, state, contact)
-    type(recording_t), intent(in) :: recording
-    real(wp), intent(in) :: elapsed            !! s
-    type(state_t), intent(out) :: state
-    integer, intent(out) :: contact
-    type(piece_t) :: piece
-    type(state_t) :: first
-
-    call recording%get(recording%place_of(elapsed), piece)
-    first = recording%from(1)
-    state = piece%at(first%time + elapsed)
-    state%position = state%position - first%position
-    contact = piece%contact
-  end subroutine state_in_recording
-
-  !> The time by which the last piece is ahead of the leap that is kept, some time after its beginning [s]. The fast oscillation
-  !> continues from the beginning at the same time; the slip, and everything after it, comes earlier.
-  pure real(wp) function lead_after(self, elapsed) result(lead)
-    class(cycle_map_t), intent(in) :: self
-    real(wp), intent(in) :: elapsed
-
-    lead = merge(self%lead, 0.0_wp, elapsed > self%leaps(self%current)%slip_begins)
-  end function lead_after
-
-  !> The end of the step in a leap that follows some time [s] after its beginning; in a cycle the end of a panel of its table.
-  pure real(wp) function next_in_leap(self, leap, elapsed) result(next)
-    class(cycle_map_t), intent(in) :: self
-    type(leap_t), intent(in) :: leap
-    real(wp), intent(in) :: elapsed
-    integer :: i, k
-
-    if (leap%table == 0) then
-      next = leap%recording%end_of(leap%recording%place_of(elapsed))
-      return
-    end if
-    i = leap%cycle_at(elapsed)
-    next = leap%start(i + 1)
-    associate (table => self%survey%table(leap%table))
-      do k = table%panels, 1, -1
-        associate (panel_end => leap%start(i) + table%panel_end(k)*leap%slip(i))
-          if (panel_end <= elapsed) exit
-          next = panel_end
-        end associate
-      end do
-    end associate
-  end function next_in_leap
-
-  pure subroutine events(self, time, kind)
-    class(cycle_map_t), intent(in) :: self
+    integer(int64), intent(in) :: repetition
     real(wp), allocatable, intent(out) :: time(:)
     integer, allocatable, intent(out) :: kind(:)
-    integer :: i
+    type(passage_t) :: passage
+    real(wp) :: begin, offset
+    integer :: k
 
     if (.not. self%leapt) then
       time = pack([self%piece%to%time], self%piece%event /= no_event)
       kind = pack([self%piece%event], self%piece%event /= no_event)
       return
     end if
-    call self%leaps(self%current)%events(time, kind)
-    associate (from => self%piece%from)
-      do i = 1, size(time)
-        time(i) = from%time + (from%time_rest + (time(i) - self%lead_after(time(i))))
-      end do
-    end associate
+    offset = self%piece%from%time_rest
+    if (repetition > 0) offset = offset + real(repetition, wp)*self%block_duration()
+    allocate (time(2*self%passages()), kind(2*self%passages()))
+    do k = 1, self%passages()
+      call self%passage_number(k, passage, begin)
+      time(2*k - 1:2*k) = self%piece%from%time + (offset + (begin + passage%measure([slip_duration, duration])))
+      kind(2*k - 1:2*k) = [stick_begins, slip_begins]
+    end do
   end subroutine events
 
   pure real(wp) function next_instant(self, time)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: time
-    real(wp) :: next, former
+    integer :: i
 
     next_instant = max(time, self%piece%to%time)
-    if (.not. self%leapt .or. .not. self%piece%to%time > time) return
-    associate (from => self%piece%from, to => self%piece%to)
-      next = from%until(time) + self%lead_after(from%until(time))
-      ! After rounding, an end may be that of the step before.
-      do
-        former = next
-        next = self%next_in_leap(self%leaps(self%current), former)
-        next_instant = min(to%time, from%time + (from%time_rest + (next - self%lead_after(next))))
-        if (next_instant > time) return
-        if (.not. next > former) exit
-      end do
-      next_instant = to%time
-    end associate
+    if (.not. self%leapt .or. time >= self%piece%to%time) return
+    do i = self%shown%place_of(self%shown_from%until(time)), self%shown%count
+      associate (from => self%shown_from, end => self%shown%kept(i)%to%time)
+        next_instant = min(self%piece%to%time, from%time + (from%time_rest + end))
+      end associate
+      if (next_instant > time) return
+    end do
+    next_instant = self%piece%to%time
   end function next_instant
 
   pure real(wp) function energy(self, velocity)
@@ -654,12 +534,15 @@ contains
 
   pure function work(self)
     class(cycle_map_t), intent(in) :: self
-    type(work_count_t) :: work, surveyed
+    type(work_count_t) :: work, one
+    integer :: i
 
-    surveyed = self%survey%work()
     work = self%steps%work()
-    work = work%plus(surveyed)
     work = work%plus(self%own)
+    do i = 1, size(self%maps)
+      one = self%maps(i)%work()
+      work = work%plus(one)
+    end do
   end function work
 
   pure logical function is_undecided(self)
@@ -679,35 +562,46 @@ contains
   subroutine serialise(self, archive)
     class(cycle_map_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
-    integer :: i
+    type(release_map_t) :: map
+    real(wp) :: velocity
+    integer :: i, n
 
     call serialise_motion(self, archive)
     call self%steps%serialise(archive)
-    call self%survey%serialise(archive, self%steps)
-    call self%own%serialise(archive)
-    call archive%serialise(self%leap_count)
-    if (self%leap_count > 0 .and. .not. allocated(self%leaps)) allocate (self%leaps(max_leaps))
-    do i = 1, remembered(self)
-      call self%leaps(i)%serialise(archive)
+    n = size(self%maps)
+    call archive%serialise(n)
+    do i = 1, n
+      if (.not. archive%is_loading()) velocity = self%maps(i)%velocity
+      call archive%serialise(velocity)
+      if (archive%is_loading()) then
+        call new_release_map(self%unused, velocity, self%rtol, .true., map)
+        self%maps = [self%maps, map]
+      end if
+      call self%maps(i)%serialise(archive)
     end do
     call archive%serialise(self%current)
-    call archive%serialise(self%lead)
+    call archive%serialise(self%passage%from)
+    call archive%serialise(self%passage%to)
+    call archive%serialise(self%passage%measure)
+    call archive%serialise(self%passage%table(1))
+    call archive%serialise(self%passage%table(2))
+    call archive%serialise(self%slow_cycles)
+    call archive%serialise(self%returned)
+    call archive%serialise(self%repeats)
+    call archive%serialise(self%has_multiplier)
+    call archive%serialise(self%log_multiplier)
+    call archive%serialise(self%following(1))
+    call archive%serialise(self%following(2))
     call archive%serialise(self%released)
-    call archive%serialise(self%has_before)
-    call self%before%serialise(archive)
-    call archive%serialise(self%before_time)
-    call archive%serialise(self%follows_leg)
-    call archive%serialise(self%recording)
-    call archive%serialise(self%keeping)
-    if (self%recording .and. self%keeping) call self%excursion%serialise(archive)
-    call self%excursion_from%serialise(archive)
-    call archive%serialise(self%last_return)
-    call archive%serialise(self%usual_turn)
-    call archive%serialise(self%turned_back)
-    call archive%serialise(self%is_whole)
+    call archive%serialise(self%in_passage)
+    call archive%serialise(self%alpha)
+    if (self%current > 0) then
+      do i = 0, most_repeats
+        call self%slow(i)%serialise(archive, self%maps(self%current))
+      end do
+    end if
+    call self%recording%serialise(archive)
     call self%divergence%serialise(archive)
-    call archive%serialise(self%excursion_releases)
-    call archive%serialise(self%excursion_returns)
-    call archive%serialise(self%excursion_at)
+    call self%own%serialise(archive)
   end subroutine serialise
 end module dst_cycle_map

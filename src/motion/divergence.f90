@@ -14,16 +14,12 @@ module dst_divergence
 
   !> Kinds of motion.
   integer, parameter :: regular = 1, undecided = 0, irregular = -1
-  !> Smallest number of slow cycles, and number of standard errors by which the exponent has to differ from 0. Conventions.
-  integer, parameter :: least_count = 3
+  !> Smallest number of slow cycles, after how many they are measured, and number of standard errors by which the exponent has to
+  !> differ from 0. Conventions.
+  integer, parameter :: least_count = 8, first_measured = 3
   real(wp), parameter :: certain = 3.0_wp
-  !> Number of slow cycles that are kept, and of those that are measured one by one: of the next ones, as many again, every second
-  !> group is measured, and so on, so that a long run costs little more. Conventions.
-  integer, parameter :: kept = 128
-  integer(int64), parameter :: one_by_one = 64
-  !> Number of slow cycles before the first that is measured: the beginning of the motion matters in a short run only. Convention;
-  !> none: half as much work again for Fig. 3, the same exponent.
-  integer(int64), parameter :: first_measured = 3
+  !> Number of slow cycles that are kept. Convention.
+  integer, parameter :: kept = 1024
   !> Number of batches for the standard error. Convention.
   integer, parameter :: most_batches = 8
   !> Smallest standard error of a few values that are alike: for a motion that repeats itself they are all the same.
@@ -31,18 +27,14 @@ module dst_divergence
 
   !> The stretching along an orbit.
   type :: divergence_t
-    !> Number of slow cycles so far, and those of them that are measured: their numbers and their logarithms, the last ones at
-    !> places modulo `kept`.
+    !> Number of slow cycles so far, and those of them whose stretching is known: their numbers and their logarithms, the last ones
+    !> at places modulo `kept`.
     integer(int64) :: returns = 0
-    integer(int64), private :: known_count = 0, number(kept) = 0
-    real(wp), private :: logarithm(kept) = 0.0_wp
-    !> The logarithm since the last return, and whether it is known.
-    real(wp), private :: sum = 0.0_wp
-    logical, private :: known = .false.
+    integer(int64), private :: known_count = 0
+    integer(int64), allocatable, private :: number(:)
+    real(wp), allocatable, private :: logarithm(:)
   contains
-    procedure :: is_worth_measuring
-    procedure :: pass
-    procedure :: lose
+    procedure :: is_wanted
     procedure :: come_back
     procedure :: estimate
     procedure :: serialise
@@ -50,49 +42,28 @@ module dst_divergence
 
 contains
 
-  !> Whether the present slow cycle is one of those that are measured.
-  pure logical function is_worth_measuring(self)
+  !> Whether the stretching of the present slow cycle has to be measured: that of some, after the beginning. Later it is known where
+  !> the passages are known. Convention.
+  pure logical function is_wanted(self)
     class(divergence_t), intent(in) :: self
-    integer(int64) :: stride
-    !> Slow cycles are measured in groups, so that a motion which repeats after a few has all its phases in a group. Convention.
-    integer(int64), parameter :: group = 8
 
-    stride = 1
-    do while (self%returns > one_by_one*stride)
-      stride = 2*stride
-    end do
-    is_worth_measuring = self%known .and. self%returns >= first_measured .and. modulo(self%returns/group, stride) == 0
-  end function is_worth_measuring
+    is_wanted = self%returns >= first_measured .and. self%returns < first_measured + least_count
+  end function is_wanted
 
-  !> Continue by a part of a slow cycle that stretches a difference by exp(log_stretch).
-  pure subroutine pass(self, log_stretch)
+  !> A slow cycle is complete; it stretches a difference by exp(log_stretch), if that is known.
+  pure subroutine come_back(self, log_stretch, is_known)
     class(divergence_t), intent(inout) :: self
     real(wp), intent(in) :: log_stretch
-
-    self%sum = self%sum + log_stretch
-  end subroutine pass
-
-  !> The stretching in the present slow cycle is not known.
-  pure subroutine lose(self)
-    class(divergence_t), intent(inout) :: self
-
-    self%known = .false.
-  end subroutine lose
-
-  !> A slow cycle is complete.
-  pure subroutine come_back(self)
-    class(divergence_t), intent(inout) :: self
+    logical, intent(in) :: is_known
     integer :: place
 
     self%returns = self%returns + 1
-    if (self%known) then
-      place = int(modulo(self%known_count, int(kept, int64))) + 1
-      self%known_count = self%known_count + 1
-      self%number(place) = self%returns
-      self%logarithm(place) = self%sum
-    end if
-    self%sum = 0.0_wp
-    self%known = .true.
+    if (.not. is_known) return
+    if (.not. allocated(self%number)) allocate (self%number(kept), self%logarithm(kept))
+    place = int(modulo(self%known_count, int(kept, int64))) + 1
+    self%known_count = self%known_count + 1
+    self%number(place) = self%returns
+    self%logarithm(place) = log_stretch
   end subroutine come_back
 
   !> The exponent for a slow cycle, its standard error, the number of slow cycles, and the kind of motion. The error is that of the
@@ -107,14 +78,14 @@ contains
     count = 0
     do i = 1, int(min(self%known_count, int(kept, int64)))
       place = int(modulo(self%known_count - i, int(kept, int64))) + 1
-      if (self%number(place) <= self%returns/2) exit
+      if (self%number(place) <= self%returns/2 .and. i > least_count) exit
       count = i
       logarithm(i) = self%logarithm(place)
     end do
     exponent = 0.0_wp
     error = huge(error)
     verdict = undecided
-    if (count < 2) return
+    if (count < least_count) return
     exponent = sum(logarithm(:count))/real(count, wp)
     batches = min(most_batches, count)
     do i = 1, batches
@@ -123,7 +94,7 @@ contains
       end associate
     end do
     error = sqrt(sum((batch(:batches) - exponent)**2)/real((batches - 1)*batches, wp))
-    if (count < least_count .or. abs(exponent) <= certain*max(least_error, error)) return
+    if (abs(exponent) <= certain*max(least_error, error)) return
     verdict = merge(irregular, regular, exponent > 0.0_wp)
   end subroutine estimate
 
@@ -135,11 +106,10 @@ contains
 
     call archive%serialise(self%returns)
     call archive%serialise(self%known_count)
+    if (self%known_count > 0 .and. .not. allocated(self%number)) allocate (self%number(kept), self%logarithm(kept))
     do i = 1, int(max(0_int64, min(self%known_count, int(kept, int64))))
       call archive%serialise(self%number(i))
       call archive%serialise(self%logarithm(i))
     end do
-    call archive%serialise(self%sum)
-    call archive%serialise(self%known)
   end subroutine serialise
 end module dst_divergence

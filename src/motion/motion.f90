@@ -15,7 +15,7 @@ module dst_motion
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, chattering
   use dst_text, only: short_length, short_text
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_piece, only: piece_t, no_event, slip_begins, slips
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
@@ -44,9 +44,9 @@ module dst_motion
     real(wp) :: next_look = huge(1.0_wp)
     !> Whether it can rest while the drive does; while the drive moves, the other motion is used, which the drive partly prescribes.
     logical :: may_rest = .true.
-    !> Whether the last piece is a leap over many slips and sticks (dst_cycle_map); and a time [s] that no leap passes.
+    !> Whether the last piece is a leap (dst_cycle_map), from one release to a later one; how often that is repeated, 0 if once.
     logical :: leapt = .false.
-    real(wp) :: milestone = 0.0_wp
+    integer(int64) :: repetitions = 0
     !> Numbers of events and pieces since the time last increased.
     integer :: events_at_once = 0
     integer :: pieces_at_once = 0
@@ -62,6 +62,7 @@ module dst_motion
     procedure :: is_undecided
     procedure :: velocity
     procedure :: events
+    procedure :: show
     procedure :: next_instant
     procedure :: serialise => serialise_motion
     procedure :: finished
@@ -135,12 +136,24 @@ contains
     velocity = there%velocity
   end function velocity
 
-  !> Times [s] and kinds of the events of the last piece.
-  pure subroutine events(self, time, kind)
+  !> Make the motion around a time [s] of the last piece ready for `instant` and `next_instant`, if it is a leap.
+  subroutine show(self, time)
+    class(motion_t), intent(inout) :: self
+    real(wp), intent(in) :: time
+
+    associate (unused => self%contact, also_unused => time)
+    end associate
+  end subroutine show
+
+  !> Times [s] and kinds of the events of the last piece, or of one of its repetitions (0: the first one).
+  pure subroutine events(self, repetition, time, kind)
     class(motion_t), intent(in) :: self
+    integer(int64), intent(in) :: repetition
     real(wp), allocatable, intent(out) :: time(:)
     integer, allocatable, intent(out) :: kind(:)
 
+    associate (unused => repetition)
+    end associate
     time = pack([self%piece%to%time], self%piece%event /= no_event)
     kind = pack([self%piece%event], self%piece%event /= no_event)
   end subroutine events
@@ -264,6 +277,7 @@ contains
     call self%piece%serialise(archive)
     call archive%serialise(self%contact)
     call archive%serialise(self%leapt)
+    call archive%serialise(self%repetitions)
     call archive%serialise(self%segment)
     call archive%serialise(self%events_at_once)
     call archive%serialise(self%pieces_at_once)

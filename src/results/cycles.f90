@@ -60,6 +60,7 @@ module dst_cycles
   type :: extremum_t
     real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp, creep = 0.0_wp
   contains
+    procedure :: plus
     procedure :: serialise => serialise_extremum
   end type extremum_t
 
@@ -97,6 +98,7 @@ module dst_cycles
     procedure :: begin
     procedure :: pull
     procedure :: consider
+    procedure :: skip
     procedure :: may_turn
     procedure :: means
     procedure :: lasting
@@ -188,6 +190,34 @@ contains
     end if
     self%candidate = pulled(self, here)
   end subroutine consider
+
+  !> Skip a time [s] in which the last motion repeats: so many cycles, a multiple of those that are kept, in which X advances by
+  !> `advance` [m].
+  pure subroutine skip(self, duration, advance, cycles)
+    class(cycles_t), intent(inout) :: self
+    real(wp), intent(in) :: duration, advance
+    integer(int64), intent(in) :: cycles
+    type(extremum_t) :: by
+
+    by = extremum_t(0.0_wp, duration, advance)
+    self%candidate = self%candidate%plus(by)
+    self%other_candidate = self%other_candidate%plus(by)
+    self%last_peak = self%last_peak%plus(by)
+    self%last_valley = self%last_valley%plus(by)
+    self%extremum_position = self%extremum_position + advance
+    self%position = self%position + advance
+    self%count = self%count + cycles
+    self%recent = self%recent + cycles
+    self%row = self%row + cycles
+  end subroutine skip
+
+  !> Sum of two loads, times and positions.
+  pure type(extremum_t) function plus(self, by) result(sum)
+    class(extremum_t), intent(in) :: self
+    type(extremum_t), intent(in) :: by
+
+    sum = extremum_t(self%load + by%load, self%time + by%time, self%position + by%position, self%creep + by%creep)
+  end function plus
 
   !> Append a point to those at which the load turned back; the last one is only the present one.
   pure subroutine keep_turn(self, here)

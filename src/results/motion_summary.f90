@@ -4,9 +4,9 @@ module dst_motion_summary
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
-  use dst_leap_summary, only: leap_summary_t, observe_cycles
   use dst_motion, only: motion_t
   use dst_piece, only: stick_begins, slips, sticks
+  use dst_passage_summary, only: passage_summary_t
   use dst_piece_view, only: piece_view_t, moment_of
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
@@ -35,7 +35,7 @@ module dst_motion_summary
 
   !> The results of a run so far.
   type, extends(summary_t) :: motion_summary_t
-    type(leap_summary_t), private :: leaps
+    type(passage_summary_t), private :: leaps
   contains
     procedure :: start
     procedure :: follow
@@ -54,10 +54,6 @@ contains
     type(creep_end_t) :: end
 
     if (motion%piece%event == stick_begins) self%sticks = 1
-    select type (motion)
-    class is (cycle_map_t)
-      call observe_cycles(motion)
-    end select
     if (motion%in_closed_form) return
     associate (slider => motion%slider)
       ! High frequency: the longitudinal load is given.
@@ -75,7 +71,7 @@ contains
   !> Process the last piece.
   subroutine follow(self, motion)
     class(motion_summary_t), intent(inout) :: self
-    class(motion_t), intent(in), target :: motion
+    class(motion_t), intent(inout), target :: motion
     type(piece_view_t) :: view
 
     associate (piece => motion%piece)
@@ -126,6 +122,10 @@ contains
     end if
     select type (motion)
     class is (cycle_map_t)
+      if (motion%repeats > 0 .and. motion%has_multiplier) then
+        call put('lyapunov_exponent', motion%log_multiplier/real(motion%repeats, wp))
+        return
+      end if
       call motion%divergence%estimate(exponent, exponent_error, count, verdict)
       if (count > 1) then
         call put('lyapunov_exponent', exponent)

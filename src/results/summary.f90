@@ -13,7 +13,7 @@
 !> then friction turns towards the soft axis and keeps the balance. `slip_angle` is the angle that friction has then.
 module dst_summary
   use dst_archive, only: archive_t
-  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures
+  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures, most_cycles
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, int64
   use dst_stretch, only: stretch_t, moment_t, nowhere, most_turns
@@ -21,7 +21,7 @@ module dst_summary
   implicit none
   private
 
-  public :: summary_t, energies_t, passage_t
+  public :: summary_t, energies_t, contribution_t
   public :: summary_quantities, summary_values
 
   !> The results of `summary_values`, in its order.
@@ -96,15 +96,14 @@ module dst_summary
     procedure :: take_in
     procedure :: pass_over
     procedure :: follow_slip
-    procedure :: passage
+    procedure :: contribution
     procedure :: add
     procedure :: kept_cycles
     procedure :: serialise
   end type summary_t
 
-  !> The contribution of a passage from rest to rest to a summary: a leap of the cycle map, or one of its cycles. Times and
-  !> positions count from its beginning.
-  type :: passage_t
+  !> The contribution of a passage from rest to rest to a summary, or of several. Times and positions count from its beginning.
+  type :: contribution_t
     real(wp) :: duration = 0.0_wp           !! s
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp      !! s
@@ -114,7 +113,7 @@ module dst_summary
     type(extremum_t) :: highest, lowest     !! of the load
     !> Points at which the load turns back, with beginning and end.
     type(extremum_t), allocatable :: turns(:)
-  end type passage_t
+  end type contribution_t
 
   !> Energies [J] at the beginning of a motion and now, and the energy exchanged.
   type :: energies_t
@@ -177,39 +176,55 @@ contains
     call lengthen(self%late, duration, creep_time)
   end subroutine pass_over
 
-  !> Everything processed since the beginning, at time 0 and X = 0, as a passage.
-  pure function passage(self)
+  !> Everything processed since the beginning, at time 0 and X = 0.
+  pure function contribution(self) result(all)
     class(summary_t), intent(in) :: self
-    type(passage_t) :: passage
+    type(contribution_t) :: all
 
-    passage%duration = self%late%length
-    passage%sticks = self%sticks
-    passage%sticking_time = self%sticking_time
-    passage%creep_time = self%late%creep_time
-    passage%exchanged = self%exchanged
-    passage%largest_rate = self%largest_rate
-    passage%highest = self%late%highest
-    passage%lowest = self%late%lowest
-    if (allocated(self%cycles%turns)) passage%turns = self%cycles%turns(:self%cycles%turn_count)
-  end function passage
+    all%duration = self%late%length
+    all%sticks = self%sticks
+    all%sticking_time = self%sticking_time
+    all%creep_time = self%late%creep_time
+    all%exchanged = self%exchanged
+    all%largest_rate = self%largest_rate
+    all%highest = self%late%highest
+    all%lowest = self%late%lowest
+    if (allocated(self%cycles%turns)) all%turns = self%cycles%turns(:self%cycles%turn_count)
+  end function contribution
 
-  !> Add a passage that begins at a time [s] and a position X [m], and is in one half of the run.
-  subroutine add(self, passage, time, position)
+  !> Add so many times a contribution that begins at a time [s] and a position X [m], and is in one half of the run; X advances by
+  !> `advance` [m] in each. Of very many all but some are alike.
+  subroutine add(self, contribution, time, position, times, advance)
     class(summary_t), intent(inout) :: self
-    type(passage_t), intent(in) :: passage
-    real(wp), intent(in) :: time, position
+    type(contribution_t), intent(in) :: contribution
+    real(wp), intent(in) :: time, position, advance
+    integer(int64), intent(in) :: times
+    integer(int64) :: done, skipped, seen
     integer :: i
 
-    self%sticks = self%sticks + passage%sticks
-    self%sticking_time = self%sticking_time + passage%sticking_time
-    self%exchanged = self%exchanged + passage%exchanged
-    self%largest_rate = max(self%largest_rate, passage%largest_rate)
-    do i = 1, size(passage%turns)
-      associate (turn => passage%turns(i))
-        call take_load(self, extremum_t(turn%load, time + turn%time, position + turn%position))
+    associate (n => real(times, wp))
+      self%sticks = self%sticks + times*contribution%sticks
+      self%sticking_time = self%sticking_time + n*contribution%sticking_time
+      self%exchanged = self%exchanged + n*contribution%exchanged
+      self%largest_rate = max(self%largest_rate, contribution%largest_rate)
+      if (time >= self%half) call lengthen(self%late, n*contribution%duration, n*contribution%creep_time)
+    end associate
+    ! The cycles that are kept are then in the same places.
+    skipped = max(0_int64, (times - 2*most_cycles)/most_cycles)*most_cycles
+    done = 0
+    do while (done < times)
+      seen = self%cycles%count
+      associate (begin => extremum_t(0.0_wp, time + real(done, wp)*contribution%duration, position + real(done, wp)*advance))
+        do i = 1, size(contribution%turns)
+          call take_load(self, begin%plus(contribution%turns(i)))
+        end do
       end associate
+      done = done + 1
+      if (done /= most_cycles .or. skipped == 0) cycle
+      call self%cycles%skip(real(skipped, wp)*contribution%duration, real(skipped, wp)*advance, &
+        skipped*(self%cycles%count - seen))
+      done = done + skipped
     end do
-    if (time >= self%half) call lengthen(self%late, passage%duration, passage%creep_time)
   end subroutine add
 
   !> The extremes of the load, with a cut where the drive reverses.

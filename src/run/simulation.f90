@@ -75,8 +75,6 @@ contains
     call new_motion(self%scene, self%motion, self%other, error)
     if (.not. allocated(error)) call select_columns(self, error)
     if (allocated(error)) return
-    ! The summary uses the second half, so no leap may extend over its beginning.
-    self%motion%milestone = 0.5_wp*scene%t_end
     call self%summary%start(self%motion, scene%settle)
     allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
@@ -185,10 +183,11 @@ contains
 
   !> The row of output at `time` [s], within the last piece or, for a closed form, anywhere.
   subroutine state_at(self, time, row)
-    class(simulation_t), intent(in) :: self
+    class(simulation_t), intent(inout) :: self
     real(wp), intent(in) :: time
     real(wp), intent(out) :: row(:)
 
+    call self%motion%show(time)
     call row_of(self%motion%slider, self%motion%instant(time), self%selected, row)
   end subroutine state_at
 
@@ -265,6 +264,7 @@ contains
       else
         time = piece%from%time
         do while (piece%to%time > time .and. .not. allocated(error))
+          call self%motion%show(time)
           time = self%motion%next_instant(time)
           call take_sample(self, writer, time, error)
         end do
@@ -281,10 +281,14 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: time(:)
     integer, allocatable :: kind(:)
+    integer(int64) :: repetition
 
     if (self%motion%leapt) then
-      call self%motion%events(time, kind)
-      call writer%write_events(time, kind, error)
+      do repetition = 0, max(1_int64, self%motion%repetitions) - 1
+        call self%motion%events(repetition, time, kind)
+        call writer%write_events(time, kind, error)
+        if (allocated(error)) return
+      end do
     else
       call writer%write_events([self%motion%piece%to%time], [self%motion%piece%event], error)
     end if
@@ -336,6 +340,7 @@ contains
 
     if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
     if (allocated(error)) return
+    call self%motion%show(time)
     instant = self%motion%instant(time)
     call self%summary%see(self%motion, instant)
     self%waiting = self%waiting + 1

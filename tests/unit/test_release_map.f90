@@ -1,10 +1,13 @@
 !> The map from release to release: its tables give what steps give, and its branches are analytic in their own variables.
 program test_release_map
   use checks, only: check, finish
-  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm, nodes, tests, values
+  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
-  use dst_release_map, only: release_map_t, passage_t, new_release_map
+  use dst_full_cycles, only: map_of
+  use dst_passage, only: passage_t, duration, turn, measures
+  use dst_passage_table, only: passage_table_t, new_passage_table
+  use dst_release_map, only: release_map_t
   use dst_scene, only: scene_t
   use scenes, only: fig3
   implicit none
@@ -21,24 +24,35 @@ contains
   subroutine check_variables()
     character(*), parameter :: name(3) = ['root     ', 'distance ', 'logarithm']
     real(wp), parameter :: end = 0.4_wp, at(3) = [0.41_wp, 0.6_wp, 1.1_wp]
+    integer, parameter :: points = 29
     type(branch_t) :: branch
-    real(wp) :: value(nodes + tests, values), found(values), slope, distance
-    integer :: variable, i, k, side
+    type(passage_table_t) :: table
+    type(passage_t) :: passage
+    real(wp) :: value(measures + 1), distance
+    integer :: variable, i, k, side, place
 
     do variable = in_root, in_logarithm
       do i = 1, size(at)
         side = merge(1, -1, modulo(i + variable, 2) == 0)
         call new_branch(variable, end, real(side, wp), 0.8_wp, branch)
-        do k = 1, nodes + tests
-          value(k, :) = [1.0_wp, function_of(variable, abs(branch%angle(1, k) - end))]
+        call new_passage_table(points, table)
+        do k = 1, points
+          passage%measure = 1.0_wp
+          passage%measure(turn) = function_of(variable, abs(branch%angle(1, table%point(k)) - end))
+          call table%take(k, passage)
         end do
-        call branch%fill(1, value, .true., 1.0e-10_wp)
+        call table%settle()
+        call branch%keep(1, table)
         distance = at(i) - end
-        call check(trim(name(variable))//': tabulated', branch%is_known(branch%place_of(end + side*distance)))
-        call branch%evaluate(1, end + side*distance, found, slope)
-        call check(trim(name(variable))//': value', abs(found(2) - function_of(variable, distance)) <= 1.0e-10_wp)
-        call check(trim(name(variable))//': slope', abs(slope - side*slope_of(variable, distance)) <= 1.0e-7_wp)
-        call check(trim(name(variable))//': nothing on the other side', branch%place_of(end - side*distance) == 0)
+        associate (here => end + side*distance)
+          place = branch%place_of(here)
+          call check(trim(name(variable))//': tabulated', branch%intervals(place)%is_known)
+          call branch%intervals(place)%table%evaluate(branch%x_of(place, here), value)
+          call check(trim(name(variable))//': value', abs(value(turn) - function_of(variable, distance)) <= 1.0e-10_wp)
+          call check(trim(name(variable))//': slope', &
+            abs(branch%x_rate(place, here)*value(measures + 1) - side*slope_of(variable, distance)) <= 1.0e-7_wp)
+          call check(trim(name(variable))//': nothing on the other side', branch%place_of(end - side*distance) == 0)
+        end associate
       end do
     end do
   end subroutine check_variables
@@ -71,35 +85,24 @@ contains
     end select
   end function slope_of
 
-  !> Around a jump intervals are halved until they are short; the others are tabulated, and nothing is where a passage is unknown.
+  !> Halves of halves hold what the whole held, until they are short.
   subroutine check_halving()
-    real(wp), parameter :: jump = 0.3_wp
+    real(wp), parameter :: here = 0.3_wp
     type(branch_t) :: branch
-    real(wp) :: value(nodes + tests, values)
-    integer :: visit, place, i, k, known
-    logical :: is_wanted
+    integer :: place, before, i
 
     call new_branch(in_distance, 0.0_wp, 1.0_wp, 1.0_wp, branch)
-    do i = 0, 100
-      do visit = 1, 400
-        place = branch%place_of((i + 0.1_wp)/101)
-        is_wanted = branch%is_wanted(place)
-        if (.not. is_wanted) cycle
-        do k = 1, nodes + tests
-          value(k, :) = [1.0_wp, merge(0.0_wp, 1.0_wp, branch%angle(place, k) < jump)]
-        end do
-        call branch%fill(place, value, .true., 1.0e-10_wp)
-      end do
+    before = 0
+    do i = 1, 10
+      place = branch%place_of(here)
+      call check('a place holds its angle', abs(branch%x_of(place, here)) <= 1.0_wp)
+      call check('and has no halves', all(branch%intervals(place)%half == 0))
+      if (place == before) exit
+      before = place
+      call branch%halve(place)
     end do
-    known = 0
-    do i = 0, 100
-      if (branch%is_known(branch%place_of((i + 0.1_wp)/101))) known = known + 1
-    end do
-    call check('all but the neighbours of a jump are tabulated', known >= 98)
-    call check('a jump is not', .not. branch%is_known(branch%place_of(jump)))
-    call new_branch(in_distance, 0.0_wp, 1.0_wp, 1.0_wp, branch)
-    call branch%fill(1, value, .false., 1.0e-10_wp)
-    call check('what cannot be run is not tabulated', .not. branch%is_known(branch%place_of(0.5_wp)))
+    call check('not without end', i > 5 .and. i < 10)
+    call check('the others hold the rest', branch%place_of(0.9_wp) /= place .and. branch%place_of(1.1_wp) == 0)
   end subroutine check_halving
 
   !> A map that has followed many slow cycles against one that only steps.
@@ -114,7 +117,7 @@ contains
 
     scene = fig3(10.0_wp, 'radau13', 1.0e-9_wp)
     scene%stiffness_y = 1.0e6_wp
-    call new_release_map(scene, map, error)
+    call map_of(scene, map, error)
     call map%first(alpha, found, error)
     call check('the motion has a release', found .and. .not. allocated(error))
     do i = 1, 80
@@ -123,16 +126,16 @@ contains
       alpha = passage%to
     end do
     call check('80 slow cycles', .not. allocated(error) .and. found)
-    call new_release_map(scene, steps, error)
+    call map_of(scene, steps, error)
     n = 0
     do i = 1, 40
       alpha = (9.0_wp + 70.0_wp*(real(i, wp)/40)**2)*pi/180
       call map%next(alpha, .true., passage, found, error)
-      ! What was stepped has a rest.
-      if (.not. found .or. passage%at_rest > 0.0_wp) cycle
+      if (.not. found .or. passage%table(1) == 0) cycle
       n = n + 1
       call steps%next(alpha, .true., right, found, error)
-      call check('the same duration', abs(passage%duration - right%duration) <= 1.0e-7_wp*right%duration)
+      call check('the same duration', &
+        abs(passage%measure(duration) - right%measure(duration)) <= 1.0e-7_wp*right%measure(duration))
       call check('the same release', abs(passage%to - right%to) <= 1.0e-7_wp)
       if (right%has_slope) call check('the same slope', abs(passage%slope - right%slope) <= 1.0e-3_wp*max(1.0_wp, abs(right%slope)))
     end do
@@ -151,7 +154,7 @@ contains
     scene = fig3(10.0_wp, 'radau9', 1.0e-10_wp)
     scene%damping_x = 0.3_wp
     scene%damping_y = 2.0_wp
-    call new_release_map(scene, map, error)
+    call map_of(scene, map, error)
     call map%first(first, found(1), error)
     call map%first(second, found(2), error)
     call map%first(third, found(3), error)

@@ -119,27 +119,21 @@ contains
     integer :: i, count, verdict
 
     do i = 1, 40
-      call orbit%pass(merge(7.0_wp, 2.0_wp + merge(0.5_wp, -0.5_wp, modulo(i, 2) == 0), i <= 15))
-      if (modulo(i, 10) == 0) call orbit%lose()
-      call orbit%come_back()
+      call orbit%come_back(merge(7.0_wp, 2.0_wp + merge(0.5_wp, -0.5_wp, modulo(i, 2) == 0), i <= 15), modulo(i, 10) /= 0)
     end do
     call orbit%estimate(exponent, error, count, verdict)
     call check('the later half, without what is not known', count == 18)
     call check_close('its mean', exponent, 2.0_wp, 0.06_wp)
     call check('irregular', verdict == irregular .and. error < 0.1_wp)
     orbit = divergence_t()
-    call orbit%come_back()
     do i = 1, 10
-      call orbit%pass(-1.0_wp)
-      call orbit%pass(-2.0_wp)
-      call orbit%come_back()
+      call orbit%come_back(-3.0_wp, .true.)
     end do
     call orbit%estimate(exponent, error, count, verdict)
     call check('regular', verdict == regular .and. abs(exponent + 3.0_wp) <= 1.0e-14_wp)
     orbit = divergence_t()
     do i = 1, 12
-      call orbit%come_back()
-      call orbit%pass(real(modulo(7*i, 12), wp) - 5.5_wp)
+      call orbit%come_back(real(modulo(7*i, 12), wp) - 5.5_wp, .true.)
     end do
     call orbit%estimate(exponent, error, count, verdict)
     call check('undecided', verdict == undecided)

@@ -1,0 +1,224 @@
+!> One branch of the release map: its laps, or its slips, as polynomials in the variable in which they are analytic.
+!>
+!> Let d be the distance of a release from the end of sticks. Where sticks end by grazing, the time at rest goes to zero like the
+!> square root of d, and laps are analytic in it, slips in d; where they end while the object still rests for some time, both are
+!> analytic in ln d. Intervals of this variable are halved where one polynomial does not pass its test. The table of an interval is
+!> a function of the scene and the interval alone. docs/cycles.md, section 3.
+module dst_branch
+  use dst_archive, only: archive_t
+  use dst_kinds, only: wp
+  use dst_passage_table, only: passage_table_t
+  implicit none
+  private
+
+  public :: branch_t, new_branch, in_root, in_distance, in_logarithm
+
+  !> The variable.
+  integer, parameter :: in_root = 1, in_distance = 2, in_logarithm = 3
+  !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
+  integer, parameter :: most_halvings = 7
+  !> Nearest distance from the end in the variable ln d [rad]. Convention: nearer releases are run; twice: the same cycles of 12
+  !> random scenes.
+  real(wp), parameter :: nearest = 1.0e-7_wp
+
+  !> An interval of the variable.
+  type :: interval_t
+    real(wp) :: first = 0.0_wp, last = 0.0_wp
+    integer :: halvings = 0
+    !> Passages that were run in it; its halves, 0 if it was not halved.
+    integer :: visits = 0, half(2) = 0
+    logical :: is_tried = .false., is_known = .false.
+    type(passage_table_t) :: table
+  end type interval_t
+
+  !> A branch, which may be empty.
+  type :: branch_t
+    integer, private :: variable = in_distance
+    real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
+    integer :: count = 0
+    type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
+  contains
+    procedure :: place_of
+    procedure :: visit
+    procedure :: angle
+    procedure :: depth
+    procedure :: keep
+    procedure :: halve
+    procedure :: x_of
+    procedure :: x_rate
+    procedure :: serialise
+  end type branch_t
+
+contains
+
+  !> The branch on one side (+1 above, -1 below) of the angle at which sticks end, between two distances [rad] from it.
+  pure subroutine new_branch(variable, end, side, reach, branch, gap)
+    integer, intent(in) :: variable
+    real(wp), intent(in) :: end, side, reach
+    type(branch_t), intent(out) :: branch
+    real(wp), intent(in), optional :: gap
+
+    branch%variable = variable
+    branch%end = end
+    branch%side = side
+    branch%reach = reach
+    branch%count = 1
+    allocate (branch%intervals(2**(most_halvings + 1) - 1))
+    if (variable == in_logarithm) branch%intervals(1)%first = log(nearest)
+    if (present(gap)) branch%intervals(1)%first = variable_of(branch, gap)
+    branch%intervals(1)%last = variable_of(branch, reach)
+  end subroutine new_branch
+
+  !> The variable at a distance from the end [rad].
+  pure real(wp) function variable_of(self, distance) result(z)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: distance
+
+    select case (self%variable)
+    case (in_root)
+      z = sqrt(distance)
+    case (in_logarithm)
+      z = log(distance)
+    case default
+      z = distance
+    end select
+  end function variable_of
+
+  !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
+  pure integer function place_of(self, at) result(place)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: at
+    real(wp) :: distance, z
+
+    place = 0
+    distance = self%side*(at - self%end)
+    if (distance <= 0.0_wp .or. distance > self%reach) return
+    z = variable_of(self, distance)
+    if (z < self%intervals(1)%first) return
+    place = 1
+    do while (self%intervals(place)%half(1) > 0)
+      associate (here => self%intervals(place))
+        place = here%half(merge(1, 2, z <= 0.5_wp*(here%first + here%last)))
+      end associate
+    end do
+  end function place_of
+
+  !> Note that a passage was run in an interval; the number of them.
+  integer function visit(self, place)
+    class(branch_t), intent(inout) :: self
+    integer, intent(in) :: place
+
+    self%intervals(place)%visits = self%intervals(place)%visits + 1
+    visit = self%intervals(place)%visits
+  end function visit
+
+  !> The angle [rad] at a place `x` in [-1, 1] of an interval.
+  pure real(wp) function angle(self, place, x)
+    class(branch_t), intent(in) :: self
+    integer, intent(in) :: place
+    real(wp), intent(in) :: x
+    real(wp) :: z
+
+    associate (here => self%intervals(place))
+      z = here%first + 0.5_wp*(here%last - here%first)*(1.0_wp + x)
+    end associate
+    select case (self%variable)
+    case (in_root)
+      z = z**2
+    case (in_logarithm)
+      z = exp(z)
+    end select
+    angle = self%end + self%side*z
+  end function angle
+
+  !> Distance [rad] of an angle in an interval from the end of the interval that is nearer to the soft axis.
+  pure real(wp) function depth(self, place, at)
+    class(branch_t), intent(in) :: self
+    integer, intent(in) :: place
+    real(wp), intent(in) :: at
+
+    depth = at - min(self%angle(place, -1.0_wp), self%angle(place, 1.0_wp))
+  end function depth
+
+  !> The table of an interval.
+  pure subroutine keep(self, place, table)
+    class(branch_t), intent(inout) :: self
+    integer, intent(in) :: place
+    type(passage_table_t), intent(in) :: table
+
+    self%intervals(place)%is_known = .true.
+    self%intervals(place)%table = table
+  end subroutine keep
+
+  !> Halve an interval that has no table, unless it is too small.
+  pure subroutine halve(self, place)
+    class(branch_t), intent(inout) :: self
+    integer, intent(in) :: place
+
+    if (self%intervals(place)%halvings == most_halvings) return
+    associate (here => self%intervals(place), halves => self%intervals(self%count + 1:self%count + 2))
+      here%half = self%count + [1, 2]
+      halves%first = [here%first, 0.5_wp*(here%first + here%last)]
+      halves%last = [halves(2)%first, here%last]
+      halves%halvings = here%halvings + 1
+    end associate
+    self%count = self%count + 2
+  end subroutine halve
+
+  !> The place in [-1, 1] of an angle [rad] in an interval.
+  pure real(wp) function x_of(self, place, at) result(x)
+    class(branch_t), intent(in) :: self
+    integer, intent(in) :: place
+    real(wp), intent(in) :: at
+
+    associate (here => self%intervals(place))
+      x = 2.0_wp*(variable_of(self, self%side*(at - self%end)) - here%first)/(here%last - here%first) - 1.0_wp
+    end associate
+  end function x_of
+
+  !> Its derivative [1/rad].
+  pure real(wp) function x_rate(self, place, at) result(rate)
+    class(branch_t), intent(in) :: self
+    integer, intent(in) :: place
+    real(wp), intent(in) :: at
+
+    associate (here => self%intervals(place), distance => self%side*(at - self%end))
+      rate = 2.0_wp*self%side/(here%last - here%first)
+      if (self%variable == in_root) rate = 0.5_wp*rate/sqrt(distance)
+      if (self%variable == in_logarithm) rate = rate/distance
+    end associate
+  end function x_rate
+
+  !> Save or load, without the tables: they can be made again.
+  subroutine serialise(self, archive)
+    class(branch_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    type(branch_t) :: empty
+    integer :: i
+
+    call archive%serialise(self%variable)
+    call archive%serialise(self%end)
+    call archive%serialise(self%side)
+    call archive%serialise(self%reach)
+    i = self%count
+    call archive%serialise(i)
+    if (archive%is_loading() .and. i > 0) then
+      call new_branch(self%variable, self%end, self%side, self%reach, empty)
+      if (allocated(self%intervals)) deallocate (self%intervals)
+      call move_alloc(empty%intervals, self%intervals)
+    end if
+    self%count = i
+    do i = 1, self%count
+      associate (here => self%intervals(i))
+        call archive%serialise(here%first)
+        call archive%serialise(here%last)
+        call archive%serialise(here%halvings)
+        call archive%serialise(here%visits)
+        call archive%serialise(here%half(1))
+        call archive%serialise(here%half(2))
+        call archive%serialise(here%is_tried)
+        call archive%serialise(here%is_known)
+      end associate
+    end do
+  end subroutine serialise
+end module dst_branch

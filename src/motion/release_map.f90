@@ -1,0 +1,532 @@
+!> The motion as a map: from a release of the object to the next one.
+!>
+!> Under a steady drive the direction of friction at a release is the whole state, so that the motion is the iteration of a function
+!> of one number, alpha -> P(alpha). By steps alone the map is complete. It has two branches, parted at the angle where sticks end:
+!> above it a lap (slip and stick) turns the force towards the soft axis, below it a slip turns it back. Where many passages of a
+!> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. A table is made from runs that begin
+!> with the same state of the method, so that it is a function of the scene, V and its interval alone. docs/cycles.md, section 3.
+module dst_release_map
+  use dst_archive, only: archive_t
+  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm
+  use dst_drive, only: drive_segment_t
+  use dst_errors, only: error_t
+  use dst_kinds, only: wp, int64, pi
+  use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, still, duration, turn, slip_duration, measures
+  use dst_passage_table, only: passage_table_t, new_passage_table
+  use dst_piece, only: slip_begins, sticks
+  use dst_recording, only: recording_t
+  use dst_slip_stick, only: slip_stick_t
+  use dst_state, only: state_t
+  use dst_stepper, only: work_count_t
+  implicit none
+  private
+
+  public :: release_map_t, new_release_map
+
+  !> Largest error of a table, in rtol, relative to the duration and to the turn. Convention; measured in bench/cycle_map.py.
+  real(wp), parameter :: accurate = 0.1_wp
+  !> A difference of the angle at whose growth the slope is measured: this share of the turn, but not less than so many rtol.
+  !> Conventions. Ten times: the exponent of Fig. 3 is higher by 0.02, as a slip depends on its beginning like a square root near a
+  !> touch.
+  real(wp), parameter :: push = 1.0e-4_wp, least_push = 0.1_wp
+  !> The angle at which sticks end is found with this uncertainty [rad]; where they graze, it is extrapolated from so near.
+  real(wp), parameter :: fine = 1.0e-13_wp, fine_grazing = 3.0e-8_wp
+  !> Where sticks end by grazing, the share of rest goes to zero: at this distance it is below so much. Convention.
+  real(wp), parameter :: grazing_share = 0.02_wp
+  !> Laps are tabulated up to this angle [rad], slips in a canard down to so much below the end of sticks. Conventions: other
+  !> passages are run.
+  real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
+  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. The end of
+  !> sticks is looked for after this number of laps, if so many are expected up to the soft axis. Conventions.
+  real(wp), parameter :: profit = 2.0_wp
+  integer, parameter :: first_laps = 8
+  !> Points between those of a table at which it is tested: near both ends and in the middle.
+  real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
+  !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
+  !> table. Convention; twice: no change.
+  real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
+
+  !> The map under one steady drive velocity.
+  type :: release_map_t
+    !> The motion that runs passages; its last passage; and how it begins each of them.
+    class(slip_stick_t), allocatable :: steps
+    type(recording_t) :: recording
+    class(slip_stick_t), allocatable, private :: unused
+    real(wp) :: velocity = 0.0_wp                 !! V, m/s
+    !> No passage takes longer [s].
+    real(wp) :: longest = huge(1.0_wp)
+    !> An unstable fixed point at the end of sticks [rad], if there is one.
+    logical :: has_fixed = .false.
+    real(wp) :: fixed = 0.0_wp
+    !> Tables, once the branches are parted; with or without the motion inside; passages that were run for them.
+    type(branch_t) :: branch(2)                   !! laps, slips
+    logical :: keeps_motion = .false.
+    integer :: sampled = 0
+    !> The largest error of a table that is in use, over rtol = 1.
+    real(wp) :: error = 0.0_wp
+    logical, private :: is_parted = .false.
+    !> The last passage that was learnt, and the number of laps since the last slip.
+    type(passage_t), private :: before
+    integer, private :: row = 0
+    real(wp), private :: rtol = 0.0_wp
+  contains
+    procedure :: first
+    procedure :: next
+    procedure :: run
+    procedure :: look_up
+    procedure :: describe
+    procedure :: learn
+    procedure :: measure_slope
+    procedure :: come_back
+    procedure :: power
+    procedure :: theta
+    procedure :: work
+    procedure :: serialise
+  end type release_map_t
+
+contains
+
+  !> The map of the motion `steps`, which has been started, under a steady drive velocity [m/s], at this tolerance.
+  subroutine new_release_map(steps, velocity, rtol, keeps_motion, map)
+    class(slip_stick_t), intent(in) :: steps
+    real(wp), intent(in) :: velocity, rtol
+    logical, intent(in) :: keeps_motion       !! whether laps have to be described
+    type(release_map_t), intent(out) :: map
+
+    allocate (map%steps, source=steps)
+    map%steps%stepper%count = work_count_t()
+    map%steps%stepper%newton_share = min(map%steps%stepper%newton_share, max(exact_share, roundoff/rtol))
+    map%steps%t_end = huge(1.0_wp)**0.25_wp
+    map%steps%segment = 1
+    map%steps%drive%segment = [drive_segment_t(velocity=velocity)]
+    map%steps%piece%drive = map%steps%drive%segment(1)
+    map%velocity = velocity
+    map%rtol = rtol
+    map%keeps_motion = keeps_motion
+    allocate (map%unused, source=map%steps)
+  end subroutine new_release_map
+
+  !> No passage yet: the beginning of several.
+  pure type(passage_t) function beginning(alpha)
+    real(wp), intent(in) :: alpha
+
+    beginning = passage_t(from=alpha, to=alpha, slope=1.0_wp, has_slope=.true.)
+  end function beginning
+
+  !> The direction of friction [rad] at a release.
+  pure real(wp) function theta(self, alpha)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+
+    theta = theta_of(alpha, self%steps%slider, self%velocity)
+  end function theta
+
+  !> Points of a table: what laps over a right angle need at this tolerance (measured: 17 at 1e-5, 23 at 1e-8).
+  pure integer function points(self)
+    class(release_map_t), intent(in) :: self
+
+    points = max(13, nint(7.0_wp - 2.0_wp*log10(self%rtol)))
+  end function points
+
+  !> The first release of the motion that the map was made of, if no passage was run before.
+  subroutine first(self, alpha, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(out) :: alpha
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+
+    call step_to_release(self, self%longest, found, error)
+    alpha = alpha_of(self%steps%piece%to%y(2), self%steps%slider, self%velocity)
+  end subroutine first
+
+  !> From the present state to the next release, which has to occur before the time `longest` [s].
+  subroutine step_to_release(self, longest, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: longest
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+
+    found = .false.
+    call self%recording%clear()
+    associate (piece => self%steps%piece)
+      do while (piece%to%time <= longest .and. .not. found)
+        call self%steps%advance(error)
+        if (allocated(error)) return
+        call self%recording%append(piece)
+        found = piece%event == slip_begins .and. piece%contact == sticks
+      end do
+    end associate
+  end subroutine step_to_release
+
+  !> The passage from `alpha` [rad] by steps, if it takes no longer than `longest` [s].
+  subroutine run(self, alpha, longest, passage, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha, longest
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(work_count_t) :: count
+
+    count = self%steps%stepper%count
+    deallocate (self%steps)
+    allocate (self%steps, source=self%unused)
+    self%steps%stepper%count = count
+    call self%steps%place_at_release(self%theta(alpha), state_t())
+    call step_to_release(self, longest, found, error)
+    passage%from = alpha
+    if (found) passage = passage_of(alpha, self%recording, self%steps%slider, self%velocity)
+  end subroutine run
+
+  !> The passage from `alpha` [rad]: P(alpha); its slope only on request.
+  subroutine next(self, alpha, with_slope, passage, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    logical, intent(in) :: with_slope
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+
+    call self%look_up(alpha, passage, found)
+    if (found) return
+    call self%run(alpha, self%longest, passage, found, error)
+    if (allocated(error) .or. .not. found) return
+    if (with_slope) call self%measure_slope(passage)
+    call self%learn(passage, error)
+  end subroutine next
+
+  !> The passage that a table has.
+  pure subroutine look_up(self, alpha, passage, found)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+    type(passage_t), intent(out) :: passage
+    logical, intent(out) :: found
+    real(wp) :: value(measures + 1)
+    integer :: i, place
+
+    found = .false.
+    do i = 1, size(self%branch)
+      place = self%branch(i)%place_of(alpha)
+      if (place == 0) cycle
+      if (.not. self%branch(i)%intervals(place)%is_known) cycle
+      call self%branch(i)%intervals(place)%table%evaluate(self%branch(i)%x_of(place, alpha), value)
+      found = value(slip_duration) > 0.0_wp .and. value(duration) > value(slip_duration)
+      passage = passage_t(alpha, alpha + value(turn), value(:measures), is_plain=i == 1, table=[i, place], &
+        slope=1.0_wp + self%branch(i)%x_rate(place, alpha)*value(measures + 1), has_slope=.true.)
+      passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+      return
+    end do
+  end subroutine look_up
+
+  !> The motion of a passage, into `recording`: a lap from its table, another one by steps.
+  subroutine describe(self, passage, found)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    logical, intent(out) :: found
+    type(error_t), allocatable :: error
+    type(passage_t) :: again
+    real(wp) :: u(2, 2)
+
+    if (passage%table(1) /= 1) then
+      call self%run(passage%from, self%longest, again, found, error)
+      return
+    end if
+    found = .true.
+    associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(1))
+      u(:, 1) = slider%elongation_at_limit(self%theta(passage%from), self%velocity)
+      u(:, 2) = slider%elongation_at_limit(self%theta(passage%to), self%velocity)
+      call branch%intervals(place)%table%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
+        self%unused%piece, self%recording)
+    end associate
+  end subroutine describe
+
+  !> P' by a difference; there is none where the neighbours do not stay neighbours.
+  subroutine measure_slope(self, passage)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(inout) :: passage
+    type(error_t), allocatable :: error
+    !> The neighbours may take so much longer or less. Convention.
+    real(wp), parameter :: alike = 0.05_wp
+    type(passage_t) :: beside(2)
+    logical :: found(2)
+    real(wp) :: apart
+    integer :: i
+
+    apart = max(push*abs(passage%to - passage%from), least_push*self%rtol)
+    associate (lasting => passage%measure(duration))
+      do i = 1, 2
+        call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*lasting, beside(i), found(i), error)
+        if (allocated(error)) found(i) = .false.
+      end do
+      passage%has_slope = all(found)
+      if (passage%has_slope) &
+        passage%has_slope = abs(beside(2)%measure(duration) - beside(1)%measure(duration)) <= alike*lasting
+    end associate
+    if (.not. passage%has_slope) return
+    passage%slope = (beside(2)%to - beside(1)%to)/apart
+    passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+  end subroutine measure_slope
+
+  !> A passage was run: part the branches when many laps are expected, or a lap and the slip after it are known, and tabulate what is
+  !> often needed.
+  subroutine learn(self, passage, error)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+    type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: before
+    integer :: i
+
+    before = self%before
+    self%before = passage
+    self%row = self%row + 1
+    if (passage%turns_back()) self%row = 0
+    if (.not. self%is_parted) then
+      if (passage%turns_back()) then
+        if (before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
+          call part(self, passage%from, before, before, error)
+      else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
+        if (laps_left(before, passage, passage%to) >= 2.0_wp*profit*real(points(self), wp)) &
+          call part(self, 0.0_wp, passage, before, error)
+      end if
+    end if
+    if (allocated(error)) return
+    do i = 1, size(self%branch)
+      call tabulate(self, i, before, passage)
+    end do
+  end subroutine learn
+
+  !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad].
+  pure real(wp) function laps_left(before, last, way) result(laps)
+    type(passage_t), intent(in) :: before, last
+    real(wp), intent(in) :: way
+    real(wp) :: ratio
+
+    laps = 0.0_wp
+    if (last%turns_back() .or. .not. abs(before%measure(turn)) > 0.0_wp) return
+    laps = way/abs(last%measure(turn))
+    ! Turns that decrease in equal ratios lead to a lap that repeats itself.
+    ratio = last%measure(turn)/before%measure(turn)
+    if (ratio < 1.0_wp) laps = min(laps, log(still/abs(last%measure(turn)))/log(max(tiny(1.0_wp), ratio)))
+  end function laps_left
+
+  !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn, and what is
+  !> analytic on both sides. Another lap shows how the share of rest decreases.
+  subroutine part(self, below, lap, other_lap, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: below
+    type(passage_t), intent(in) :: lap, other_lap
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), parameter :: beside = 1.0e-7_wp    !! rad
+    !> The next guess lies above the estimated end by this share of the distance. Convention.
+    real(wp), parameter :: ahead = 0.02_wp
+    type(passage_t) :: last, former, here
+    real(wp) :: low, end, guess
+    logical :: found, grazes
+
+    self%is_parted = .true.
+    low = below
+    end = below
+    last = lap
+    former = other_lap
+    grazes = .false.
+    do while (last%from - low > fine)
+      guess = 0.5_wp*(low + last%from)
+      end = grazing_end(last, former)
+      grazes = last%share_of_rest() <= grazing_share .and. end < last%from
+      if (grazes .and. (last%from - end <= fine_grazing .or. last%from - low < low - end)) exit
+      if (end < last%from) guess = max(guess, end + ahead*(last%from - end))
+      ! Laps just above the end are about as long as each other; what takes longer is none.
+      call self%run(guess, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(guess)), here, found, error)
+      self%sampled = self%sampled + 1
+      if (allocated(error)) return
+      if (found .and. here%is_plain .and. here%to < here%from) then
+        former = last
+        last = here
+      else
+        low = guess
+      end if
+    end do
+    if (grazes) then
+      ! Nearer to it, the object does not rest long enough for a stick.
+      call new_branch(in_root, end, 1.0_wp, steepest - end, self%branch(1), last%from - end)
+      call new_branch(in_distance, end, -1.0_wp, abs(last%measure(turn)), self%branch(2))
+      return
+    end if
+    call self%run(last%from + beside, self%longest, here, found, error)
+    if (allocated(error) .or. .not. found) return
+    self%has_fixed = abs(last%to - last%from) <= beside
+    self%fixed = last%from
+    if (abs(here%to - last%from) <= beside) then
+      ! A lap to which the motion comes from both sides.
+      self%has_fixed = .false.
+      call new_branch(in_distance, last%from, 1.0_wp, steepest - last%from, self%branch(1))
+      return
+    end if
+    call new_branch(in_logarithm, last%from, 1.0_wp, steepest - last%from, self%branch(1))
+    call new_branch(in_logarithm, last%from, -1.0_wp, depth, self%branch(2))
+  end subroutine part
+
+  !> Where the share of rest of laps goes to zero like a square root [rad]: estimated from two laps; far above if it does not.
+  pure real(wp) function grazing_end(last, former) result(end)
+    type(passage_t), intent(in) :: last, former
+    real(wp) :: share, former_share
+
+    end = huge(end)
+    share = last%share_of_rest()**2
+    former_share = former%share_of_rest()**2
+    if (former_share > share) end = last%from - share*(former%from - last%from)/(former_share - share)
+  end function grazing_end
+
+  !> Tabulate the interval around a passage, if that is due.
+  subroutine tabulate(self, which, before, passage)
+    class(release_map_t), intent(inout) :: self
+    integer, intent(in) :: which               !! branch
+    type(passage_t), intent(in) :: before, passage
+    type(passage_table_t) :: table
+    logical :: found
+    integer :: place, visits
+
+    associate (branch => self%branch(which), n => points(self))
+      place = branch%place_of(passage%from)
+      if (place == 0) return
+      visits = branch%visit(place)
+      if (branch%intervals(place)%is_tried) return
+      found = visits >= (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)
+      if (.not. found .and. which == 1) &
+        found = laps_left(before, passage, branch%depth(place, passage%from)) >= profit*real(n, wp)
+      if (.not. found) return
+      branch%intervals(place)%is_tried = .true.
+      call fill(self, which, place, table, .true., found)
+      if (found) then
+        call branch%keep(place, table)
+      else
+        call branch%halve(place)
+      end if
+    end associate
+  end subroutine tabulate
+
+  !> The table of an interval; `found`: it passes its test.
+  subroutine fill(self, which, place, table, is_tested, found)
+    class(release_map_t), intent(inout) :: self
+    integer, intent(in) :: which, place
+    type(passage_table_t), intent(out) :: table
+    logical, intent(in) :: is_tested
+    logical, intent(out) :: found
+    type(passage_t) :: passage
+    real(wp) :: error
+    integer :: i
+
+    call new_passage_table(points(self), table)
+    do i = table%points, 1, -1
+      call sample(table%point(i))
+      if (.not. found) return
+      if (self%keeps_motion .and. which == 1) then
+        call table%take(i, passage, self%recording)
+      else
+        call table%take(i, passage)
+      end if
+    end do
+    call table%settle()
+    if (.not. is_tested) return
+    do i = 1, size(test_at)
+      call sample(test_at(i))
+      if (.not. found) return
+      error = max(table%error_of(test_at(i), passage), table%error_inside(test_at(i), self%recording))
+      found = error <= accurate*self%rtol
+      if (.not. found) return
+      self%error = max(self%error, error)
+    end do
+
+  contains
+
+    subroutine sample(x)
+      real(wp), intent(in) :: x
+      type(error_t), allocatable :: failure
+
+      self%sampled = self%sampled + 1
+      call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure)
+      ! The motion itself need not come there.
+      found = found .and. .not. allocated(failure) .and. (passage%is_plain .or. which == 2)
+    end subroutine sample
+  end subroutine fill
+
+  !> A slow cycle: passage after passage until one turns back, the `slip`. `whole` leads from its beginning to its end.
+  subroutine come_back(self, alpha, with_slope, whole, slip, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    logical, intent(in) :: with_slope
+    type(passage_t), intent(out) :: whole, slip
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    !> Passages after which there is no return, and Newton iterations in all after which nothing more is found: some seconds.
+    !> Conventions.
+    integer, parameter :: most = 200000
+    integer(int64), parameter :: most_work = 3000000_int64
+    integer :: i
+
+    whole = beginning(alpha)
+    do i = 1, most
+      call self%next(whole%to, with_slope, slip, found, error)
+      if (allocated(error) .or. .not. found) return
+      call whole%go_on(slip)
+      if (slip%turns_back()) return
+      if (self%steps%stepper%count%newton > most_work) exit
+    end do
+    found = .false.
+  end subroutine come_back
+
+  !> So many slow cycles, with their slope.
+  subroutine power(self, alpha, slow_cycles, whole, found, error)
+    class(release_map_t), intent(inout) :: self
+    real(wp), intent(in) :: alpha
+    integer, intent(in) :: slow_cycles
+    type(passage_t), intent(out) :: whole
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: one, slip
+    integer :: i
+
+    whole = beginning(alpha)
+    do i = 1, slow_cycles
+      call self%come_back(whole%to, .true., one, slip, found, error)
+      if (allocated(error) .or. .not. found) return
+      call whole%go_on(one)
+    end do
+  end subroutine power
+
+  !> The work done in passages that were run.
+  pure function work(self)
+    class(release_map_t), intent(in) :: self
+    type(work_count_t) :: work
+
+    work = self%steps%stepper%count
+    work%events = 0
+    work%cycles_sampled = self%sampled
+    work%map_error = self%error
+  end function work
+
+  !> Save or load; tables are made again.
+  subroutine serialise(self, archive)
+    class(release_map_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    logical :: found
+    integer :: i, place
+
+    do i = 1, size(self%branch)
+      call self%branch(i)%serialise(archive)
+      if (.not. archive%is_loading()) cycle
+      do place = 1, self%branch(i)%count
+        if (self%branch(i)%intervals(place)%is_known) &
+          call fill(self, i, place, self%branch(i)%intervals(place)%table, .false., found)
+      end do
+    end do
+    call archive%serialise(self%is_parted)
+    call archive%serialise(self%row)
+    call archive%serialise(self%before%from)
+    call archive%serialise(self%before%to)
+    call archive%serialise(self%before%measure)
+    call archive%serialise(self%before%is_plain)
+    call archive%serialise(self%sampled)
+    call archive%serialise(self%error)
+    call self%steps%stepper%count%serialise(archive)
+  end subroutine serialise
+end module dst_release_map
