@@ -307,7 +307,6 @@ contains
     integer :: i, points
 
     if (repeats > 0) call take(map, returns(size(returns)), repeats, cycles, error)
-    if (.not. allocated(error) .and. map%has_fixed) call take(map, map%fixed, 1, cycles, error)
     if (allocated(error)) return
     points = merge(few, many, repeats > 0)
     ! The first release comes from the beginning of the scene.
@@ -330,6 +329,7 @@ contains
       turn_before = turn
       alpha_before = alpha
     end do
+    if (map%has_fixed) call take(map, map%fixed, 1, cycles, error)
 
   contains
 

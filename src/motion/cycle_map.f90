@@ -28,8 +28,8 @@ module dst_cycle_map
   !> the time, which may hang on the angle a thousandfold. Differences have to shrink by this factor, for each slow cycle, before
   !> more is concluded from them. Conventions.
   real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp
-  !> Differences of this size are roundoff [rad].
-  real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp)
+  !> Differences of this size are roundoff [rad]; those that are so many times larger show how fast they shrink. Conventions.
+  real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp), well_above = 1000.0_wp
 
   !> A motion by steps, passages and repetitions.
   type, extends(motion_t) :: cycle_map_t
@@ -44,10 +44,10 @@ module dst_cycle_map
     type(slow_cycle_t) :: slow(0:most_repeats)
     integer(int64), private :: slow_cycles = 0
     real(wp), private :: returned(0:2*most_repeats) = 0.0_wp
-    !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in them.
+    !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
     integer :: repeats = 0
-    logical :: has_multiplier = .false.
-    real(wp) :: log_multiplier = 0.0_wp
+    logical :: has_multiplier(most_repeats) = .false.
+    real(wp) :: log_multiplier(most_repeats) = 0.0_wp
     type(divergence_t) :: divergence
     !> The last piece, if it is one passage.
     type(passage_t) :: passage
@@ -214,10 +214,11 @@ contains
       if (self%slow_cycles < 2*m + 1) return
       now = abs(returned(0) - returned(m))
       before = abs(returned(m) - returned(2*m))
-      if (now <= shrinking**m*before .and. now > roundoff) then
-        self%log_multiplier = log(now/before)
-        self%has_multiplier = .true.
-        now = now*(now/before)
+      if (now < before .and. now > roundoff) then
+        if (.not. self%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff)) &
+          self%log_multiplier(m) = log(now/before)
+        self%has_multiplier(m) = .true.
+        if (now <= shrinking**m*before) now = now*(now/before)
       end if
       if (now > max(roundoff, same*self%rtol)) cycle
       if (.not. all([(self%slow(place_of(self%slow_cycles - i))%is_complete, i=1, m)])) return
@@ -588,7 +589,9 @@ contains
     call archive%serialise(self%slow_cycles)
     call archive%serialise(self%returned)
     call archive%serialise(self%repeats)
-    call archive%serialise(self%has_multiplier)
+    do i = 1, most_repeats
+      call archive%serialise(self%has_multiplier(i))
+    end do
     call archive%serialise(self%log_multiplier)
     call archive%serialise(self%following(1))
     call archive%serialise(self%following(2))

@@ -65,9 +65,9 @@ module dst_release_map
     !> The largest error of a table that is in use, over rtol = 1.
     real(wp) :: error = 0.0_wp
     logical, private :: is_parted = .false.
-    !> The last passage that was learnt, and the number of laps since the last slip.
+    !> The last passage that was learnt, the number of all, and that of laps since the last slip.
     type(passage_t), private :: before
-    integer, private :: row = 0
+    integer, private :: learnt = 0, row = 0
     real(wp), private :: rtol = 0.0_wp
   contains
     procedure :: first
@@ -266,8 +266,8 @@ contains
     passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
   end subroutine measure_slope
 
-  !> A passage was run: part the branches when many laps are expected, or a lap and the slip after it are known, and tabulate what is
-  !> often needed.
+  !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
+  !> the slip after it; and tabulate what is often needed.
   subroutine learn(self, passage, error)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
@@ -277,11 +277,12 @@ contains
 
     before = self%before
     self%before = passage
+    self%learnt = self%learnt + 1
     self%row = self%row + 1
     if (passage%turns_back()) self%row = 0
     if (.not. self%is_parted) then
       if (passage%turns_back()) then
-        if (before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
+        if (self%learnt >= points(self) .and. before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
       else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
         if (laps_left(before, passage, passage%to) >= 2.0_wp*profit*real(points(self), wp)) &
@@ -520,6 +521,7 @@ contains
       end do
     end do
     call archive%serialise(self%is_parted)
+    call archive%serialise(self%learnt)
     call archive%serialise(self%row)
     call archive%serialise(self%before%from)
     call archive%serialise(self%before%to)

@@ -122,10 +122,12 @@ contains
     end if
     select type (motion)
     class is (cycle_map_t)
-      if (motion%repeats > 0 .and. motion%has_multiplier) then
-        call put('lyapunov_exponent', motion%log_multiplier/real(motion%repeats, wp))
-        return
-      end if
+      associate (m => motion%repeats)
+        if (m > 0) then
+          if (motion%has_multiplier(m)) call put('lyapunov_exponent', motion%log_multiplier(m)/real(m, wp))
+          return
+        end if
+      end associate
       call motion%divergence%estimate(exponent, exponent_error, count, verdict)
       if (count > 1) then
         call put('lyapunov_exponent', exponent)
