@@ -24,10 +24,10 @@ module dst_cycle_map
 
   !> A motion repeats after so many slow cycles at most. Convention.
   integer, parameter :: most_repeats = 8
-  !> Two releases are the same if the difference that is expected next is no larger than this share of rtol [rad]: nothing corrects
-  !> the time, which may hang on the angle a thousandfold. Differences have to shrink by this factor, for each slow cycle, before
-  !> more is concluded from them. Conventions.
-  real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp
+  !> Two releases are the same if their difference is no larger than this share of rtol [rad]: nothing corrects the time, which may
+  !> hang on the angle a thousandfold. Or, if differences shrink by this factor with each slow cycle, if the duration that is
+  !> expected next differs from the last one by no more than such a share, and the release as well. Conventions.
+  real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp, same_duration = 1.0e-3_wp
   !> Differences of this size are roundoff [rad]; those that are so many times larger show how fast they shrink. Conventions.
   real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp), well_above = 1000.0_wp
 
@@ -40,10 +40,11 @@ module dst_cycle_map
     !> Maps, one for each drive velocity so far, and the present one, 0 if there is none yet.
     type(release_map_t), allocatable :: maps(:)
     integer :: current = 0
-    !> The last slow cycles, at places modulo their number, the present one, and the releases with which they ended [rad].
+    !> The last slow cycles, at places modulo their number, the present one, and how the last ones ended, and how long
+    !> they were.
     type(slow_cycle_t) :: slow(0:most_repeats)
     integer(int64), private :: slow_cycles = 0
-    real(wp), private :: returned(0:2*most_repeats) = 0.0_wp
+    real(wp), private :: returned(0:2*most_repeats) = 0.0_wp, lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
     !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
     integer :: repeats = 0
     logical :: has_multiplier(most_repeats) = .false.
@@ -193,6 +194,9 @@ contains
     self%slow_cycles = self%slow_cycles + 1
     associate (n => self%slow_cycles)
       self%returned(modulo(n, size(self%returned, kind=int64))) = passage%to
+      associate (whole => self%slow(place_of(n - 1))%whole)
+        self%lasted(modulo(n, size(self%lasted, kind=int64))) = whole%measure(duration)
+      end associate
       call look_for_repetition(self)
       call self%slow(place_of(n))%clear()
     end associate
@@ -218,7 +222,8 @@ contains
         if (.not. self%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff)) &
           self%log_multiplier(m) = log(now/before)
         self%has_multiplier(m) = .true.
-        if (now <= shrinking**m*before) now = now*(now/before)
+        ! Differences of durations shrink like those of releases.
+        if (now <= shrinking**m*before .and. changed(m)*(now/before) <= same_duration*self%rtol*lasted(0)) now = now*(now/before)
       end if
       if (now > max(roundoff, same*self%rtol)) cycle
       if (.not. all([(self%slow(place_of(self%slow_cycles - i))%is_complete, i=1, m)])) return
@@ -235,6 +240,21 @@ contains
 
       returned = self%returned(modulo(self%slow_cycles - ago, size(self%returned, kind=int64)))
     end function returned
+
+    !> The duration of a slow cycle [s].
+    pure real(wp) function lasted(ago)
+      integer, intent(in) :: ago
+
+      lasted = self%lasted(modulo(self%slow_cycles - ago, size(self%lasted, kind=int64)))
+    end function lasted
+
+    !> The largest change of a duration from so many slow cycles before [s].
+    pure real(wp) function changed(by)
+      integer, intent(in) :: by
+      integer :: ago
+
+      changed = maxval([(abs(lasted(ago) - lasted(ago + by)), ago=0, by - 1)])
+    end function changed
   end subroutine look_for_repetition
 
   !> The slow cycle number `i` of those that repeat: its place.
@@ -588,6 +608,7 @@ contains
     call archive%serialise(self%passage%table(2))
     call archive%serialise(self%slow_cycles)
     call archive%serialise(self%returned)
+    call archive%serialise(self%lasted)
     call archive%serialise(self%repeats)
     do i = 1, most_repeats
       call archive%serialise(self%has_multiplier(i))

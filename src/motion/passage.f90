@@ -22,6 +22,7 @@ module dst_passage
   !> sides in turn. Convention; twice: the same cycles of 12 random scenes.
   real(wp), parameter :: still = 1.0e-8_wp
 
+  !> From one release to the next, or over several passages.
   type :: passage_t
     real(wp) :: from = 0.0_wp, to = 0.0_wp      !! alpha, rad
     real(wp) :: measure(measures) = 0.0_wp
@@ -65,7 +66,7 @@ contains
     self%has_slope = self%has_slope .and. next%has_slope
   end subroutine go_on
 
-  !> alpha [rad] of a direction `theta` of friction [rad], under this drive velocity [m/s]; and back.
+  !> alpha [rad] of a direction `theta` of friction [rad], under this drive velocity [m/s].
   pure real(wp) function alpha_of(theta, slider, velocity) result(alpha)
     real(wp), intent(in) :: theta, velocity
     type(slider_t), intent(in) :: slider
@@ -75,6 +76,7 @@ contains
     end associate
   end function alpha_of
 
+  !> The direction of friction [rad] at an angle alpha [rad].
   pure real(wp) function theta_of(alpha, slider, velocity) result(theta)
     real(wp), intent(in) :: alpha, velocity
     type(slider_t), intent(in) :: slider

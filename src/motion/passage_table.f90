@@ -23,6 +23,7 @@ module dst_passage_table
   !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention.
   real(wp), parameter :: allowed_inside = 100.0_wp
 
+  !> Passages at Chebyshev points.
   type :: passage_table_t
     integer :: points = 0
     real(wp), allocatable :: point(:)

@@ -14,6 +14,7 @@ module dst_slow_cycle
   !> Largest numbers of passages, and of pieces of those that were recorded. Conventions: a longer slow cycle is not reused.
   integer, parameter :: most_passages = 100000, most_pieces = 16000
 
+  !> Consecutive passages.
   type :: slow_cycle_t
     integer :: count = 0
     type(passage_t), allocatable :: passage(:)     !! valid up to `count`
@@ -34,6 +35,7 @@ module dst_slow_cycle
 
 contains
 
+  !> A slow cycle begins.
   pure subroutine clear(self)
     class(slow_cycle_t), intent(inout) :: self
 
