@@ -27,10 +27,10 @@ module dst_motion_summary
     quantity_t('newton', '1', 'Newton iterations', .true.), &
     quantity_t('landings', '1', 'steps solved for the length at which they end in a stop', .true.), &
     quantity_t('events', '1', 'stick and slip events', .true.), &
-    quantity_t('cycles_leapt', '1', 'fast cycles that the cycle map leapt', .true.), &
-    quantity_t('cycles_sampled', '1', 'fast cycles that were run for the cycle map', .true.), &
-    quantity_t('excursions_reused', '1', 'excursions between fast cycles that repeated an earlier one', .true.), &
-    quantity_t('map_error', '1', 'largest relative error of the cycle map, in cycles that were left out'), &
+    quantity_t('cycles_leapt', '1', 'passages from release to release that the cycle map leapt', .true.), &
+    quantity_t('cycles_sampled', '1', 'passages that were run for the cycle map', .true.), &
+    quantity_t('excursions_reused', '1', 'passages computed by steps that were repeated', .true.), &
+    quantity_t('map_error', '1', 'largest relative error of the cycle map, in passages that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
   !> The results of a run so far.
