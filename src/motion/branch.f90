@@ -39,6 +39,7 @@ module dst_branch
     type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
   contains
     procedure :: place_of
+    procedure :: has_table
     procedure :: visit
     procedure :: angle
     procedure :: depth
@@ -102,6 +103,14 @@ contains
       end associate
     end do
   end function place_of
+
+  !> Whether any interval is tabulated.
+  pure logical function has_table(self)
+    class(branch_t), intent(in) :: self
+
+    has_table = .false.
+    if (self%count > 0) has_table = any(self%intervals(:self%count)%is_known)
+  end function has_table
 
   !> Note that a passage was run in an interval; the number of them.
   integer function visit(self, place)

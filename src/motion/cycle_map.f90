@@ -138,7 +138,9 @@ contains
       if (.not. self%released) return
       if (self%in_passage) then
         passage = passage_of(self%alpha, self%recording, self%slider, velocity)
-        if (self%divergence%is_wanted()) call self%maps(self%current)%measure_slope(passage)
+        ! Where laps have no table, that would make the run dearer than without a map.
+        if (self%divergence%is_wanted() .and. self%maps(self%current)%branch(1)%has_table()) &
+          call self%maps(self%current)%measure_slope(passage)
         call arrive(self, passage)
       else
         call take_map(self, velocity)

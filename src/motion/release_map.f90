@@ -37,9 +37,10 @@ module dst_release_map
   !> passages are run.
   real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
   !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. The end of
-  !> sticks is looked for after this number of laps, if so many are expected up to the soft axis. Conventions.
+  !> sticks is looked for after this number of laps, if so many are expected up to the soft axis, or after this multiple of
+  !> passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
-  integer, parameter :: first_laps = 8
+  integer, parameter :: first_laps = 8, many = 3
   !> Points between those of a table at which it is tested: near both ends and in the middle.
   real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
@@ -282,7 +283,8 @@ contains
     if (passage%turns_back()) self%row = 0
     if (.not. self%is_parted) then
       if (passage%turns_back()) then
-        if (self%learnt >= points(self) .and. before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
+        if (self%learnt >= many*points(self) .and. before%is_plain .and. before%from > passage%from &
+          .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
       else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
         if (laps_left(before, passage, passage%to) >= 2.0_wp*profit*real(points(self), wp)) &
