@@ -11,7 +11,7 @@ module dst_cycle_map
   use dst_motion, only: motion_t, serialise_motion
   use dst_passage, only: passage_t, passage_of, alpha_of, duration, slip_duration, drive_work, friction_work, damper_work
   use dst_piece, only: piece_t, no_event, stick_begins, slip_begins, slips, sticks
-  use dst_recording, only: recording_t
+  use dst_recording, only: recording_t, most_pieces
   use dst_release_map, only: release_map_t, new_release_map
   use dst_slip_stick, only: slip_stick_t
   use dst_slow_cycle, only: slow_cycle_t
@@ -130,7 +130,8 @@ contains
     associate (piece => self%steps%piece, velocity => self%steps%piece%drive%velocity)
       if (self%in_passage) call self%recording%append(piece)
       self%released = .false.
-      if (abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp .or. piece%to%time >= piece%drive%end) then
+      if (abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp .or. piece%to%time >= piece%drive%end &
+        .or. self%recording%count >= most_pieces) then
         call forget(self)
         return
       end if
@@ -156,6 +157,7 @@ contains
     class(cycle_map_t), intent(inout) :: self
 
     self%in_passage = .false.
+    call self%recording%clear()
     self%repeats = 0
     self%slow_cycles = 0
     self%has_multiplier = .false.

@@ -10,7 +10,10 @@ module dst_recording
   implicit none
   private
 
-  public :: recording_t
+  public :: recording_t, most_pieces
+
+  !> Largest number of pieces: some 40 MB. Convention: a passage with more is not kept.
+  integer, parameter :: most_pieces = 50000
 
   !> A piece without the data that all pieces share.
   type :: kept_piece_t

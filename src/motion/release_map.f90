@@ -14,7 +14,7 @@ module dst_release_map
   use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, still, duration, turn, slip_duration, measures
   use dst_passage_table, only: passage_table_t, new_passage_table
   use dst_piece, only: slip_begins, sticks
-  use dst_recording, only: recording_t
+  use dst_recording, only: recording_t, most_pieces
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
@@ -150,7 +150,7 @@ contains
     found = .false.
     call self%recording%clear()
     associate (piece => self%steps%piece)
-      do while (piece%to%time <= longest .and. .not. found)
+      do while (piece%to%time <= longest .and. self%recording%count < most_pieces .and. .not. found)
         call self%steps%advance(error)
         if (allocated(error)) return
         call self%recording%append(piece)

@@ -596,7 +596,7 @@ def test_functions_give_the_same_bits_in_threads(threads: int) -> None:
 
 
 def test_errors_in_threads_keep_their_texts(fig3: ds.Scene) -> None:
-    scenes = [fig3.replace(integrator={"max_steps": n}) for n in (100, 3000, 1000)]
+    scenes = [fig3.replace(integrator={"max_steps": n}) for n in (100, 300, 1000)]
 
     def message(n: int) -> str:
         try:
