@@ -122,11 +122,11 @@ contains
     theta = theta_of(alpha, self%steps%slider, self%velocity)
   end function theta
 
-  !> Points of a table: what laps over a right angle need at this tolerance (measured: 17 at 1e-5, 23 at 1e-8).
+  !> Points of a table: what laps over a right angle and the motion inside need at this tolerance (measured: 23 at 1e-5, 29 at 1e-8).
   pure integer function points(self)
     class(release_map_t), intent(in) :: self
 
-    points = max(13, nint(7.0_wp - 2.0_wp*log10(self%rtol)))
+    points = max(17, nint(13.0_wp - 2.0_wp*log10(self%rtol)))
   end function points
 
   !> The first release of the motion that the map was made of, if no passage was run before.

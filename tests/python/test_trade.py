@@ -420,7 +420,7 @@ def test_families(creep):
     found = [f for f in families(creep, "final_velocity") if (f.kind, f.method) == ("full", "radau9")]
     (family,) = found
     assert family.error.size == np.count_nonzero((creep["method"] == "radau9") & (creep["cycle_map"] == "auto") & creep.done)
-    assert family.error[0] > 1e3 * family.error[-1]
+    assert family.error[0] > 1e2 * family.error[-1]
     assert family.error.min() >= creep.floor("final_velocity")
 
 
@@ -457,7 +457,7 @@ def test_own_quantities_and_candidates(fig3, executable):
     assert list(trade["rtol"][2:6]) == [3e-6, 1e-5, 1e-8, 1e-8]
     assert list(trade["contact"][2:6]) == ["exact", "smoothed", "exact", "exact"]
     assert trade["result_code"][5] == 2 and "rtoll" in trade["text"][5]
-    best = ds.run(scene, integrator={"method": "radau13", "rtol": 1e-13})
+    best = ds.run(scene, integrator={"method": "radau13", "rtol": 1e-13, "cycle_map": "off"})
     for i, settings in enumerate(more[:3], 2):
         tried = ds.run(scene, **settings)
         for name in ("rms", "path", "elongation"):
