@@ -18,6 +18,8 @@ module dst_divergence
   !> differ from 0. Conventions.
   integer, parameter :: least_count = 8, first_measured = 3
   real(wp), parameter :: certain = 3.0_wp
+  !> The share of slow cycles that has to be known; otherwise those that are measured count. Convention.
+  real(wp), parameter :: nearly_all = 0.99_wp
   !> Number of slow cycles that are kept. Convention.
   integer, parameter :: kept = 1024
   !> Number of batches for the standard error. Convention.
@@ -73,15 +75,29 @@ contains
     real(wp), intent(out) :: exponent, error
     integer, intent(out) :: count, verdict
     real(wp) :: logarithm(kept), batch(most_batches)
-    integer :: i, place, batches
+    integer :: i, place, batches, late
+    logical :: is_complete
 
-    count = 0
-    do i = 1, int(min(self%known_count, int(kept, int64)))
-      place = int(modulo(self%known_count - i, int(kept, int64))) + 1
-      if (self%number(place) <= self%returns/2 .and. i > least_count) exit
-      count = i
-      logarithm(i) = self%logarithm(place)
-    end do
+    ! Those that are known by chance are no fair selection of all.
+    associate (n => int(min(self%known_count, int(kept, int64))))
+      late = 0
+      do i = 1, n
+        place = int(modulo(self%known_count - i, int(kept, int64))) + 1
+        if (self%number(place) > self%returns/2) late = i
+      end do
+      is_complete = real(late, wp) >= nearly_all*real(min(int(kept, int64), self%returns - self%returns/2), wp)
+      count = 0
+      do i = 1, n
+        place = int(modulo(self%known_count - i, int(kept, int64))) + 1
+        if (is_complete) then
+          if (self%number(place) <= self%returns/2 .and. count >= least_count) exit
+        else if (self%number(place) <= first_measured .or. self%number(place) > first_measured + least_count) then
+          cycle
+        end if
+        count = count + 1
+        logarithm(count) = self%logarithm(place)
+      end do
+    end associate
     exponent = 0.0_wp
     error = huge(error)
     verdict = undecided
