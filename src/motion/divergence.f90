@@ -14,9 +14,9 @@ module dst_divergence
 
   !> Kinds of motion.
   integer, parameter :: regular = 1, undecided = 0, irregular = -1
-  !> Smallest number of slow cycles, after how many they are measured, and number of standard errors by which the exponent has to
+  !> Smallest number of slow cycles, after how many they are measured, and how many, and number of standard errors by which the exponent has to
   !> differ from 0. Conventions.
-  integer, parameter :: least_count = 8, first_measured = 3
+  integer, parameter :: least_count = 8, first_measured = 3, measured = 24
   real(wp), parameter :: certain = 3.0_wp
   !> The share of slow cycles that has to be known; otherwise those that are measured count. Convention.
   real(wp), parameter :: nearly_all = 0.99_wp
@@ -49,7 +49,7 @@ contains
   pure logical function is_wanted(self)
     class(divergence_t), intent(in) :: self
 
-    is_wanted = self%returns >= first_measured .and. self%returns < first_measured + least_count
+    is_wanted = self%returns >= first_measured .and. self%returns < first_measured + measured
   end function is_wanted
 
   !> A slow cycle is complete; it stretches a difference by exp(log_stretch), if that is known.
@@ -91,7 +91,7 @@ contains
         place = int(modulo(self%known_count - i, int(kept, int64))) + 1
         if (is_complete) then
           if (self%number(place) <= self%returns/2 .and. count >= least_count) exit
-        else if (self%number(place) <= first_measured .or. self%number(place) > first_measured + least_count) then
+        else if (self%number(place) <= first_measured .or. self%number(place) > first_measured + measured) then
           cycle
         end if
         count = count + 1

@@ -238,13 +238,16 @@ contains
           piece%to%y(1:2) = path(max_degree, column_y:column_y + 1)
           piece%to%position = path(max_degree, column_position)
         end associate
-        if (k == self%panels) piece%event = stick_begins
+        if (k == self%panels) then
+          ! The rest ends with the release, which is known.
+          piece%event = stick_begins
+          piece%to%u = u(:, 2) - velocity*(passage%measure(duration) - slip)*like%drive_coupling(1:2)
+          piece%to%position = velocity*slip - dot_product(piece%to%u - u(:, 1), slider%along)
+        end if
         call recording%append(piece)
       end do
-      ! The rest ends with the release, which is known.
       piece%from = piece%to
       piece%from%y = 0.0_wp
-      piece%from%u = u(:, 2) - velocity*(passage%measure(duration) - slip)*like%drive_coupling(1:2)
       piece%to%time = passage%measure(duration)
       piece%to%u = u(:, 2)
       piece%to%y = 0.0_wp
