@@ -42,7 +42,7 @@ module dst_full_cycles
   integer, parameter :: few = 8, many = 256
   integer, parameter :: max_iterations = 40
   !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
-  real(wp), parameter :: alike = 1.0e-8_wp
+  real(wp), parameter :: alike = 1.0e-6_wp
   !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
