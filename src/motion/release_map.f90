@@ -252,7 +252,7 @@ contains
     real(wp) :: apart
     integer :: i
 
-    apart = max(push*abs(passage%to - passage%from), least_push*self%rtol)
+    apart = max(push*abs(passage%to - passage%from), least_push*self%rtol, still)
     associate (lasting => passage%measure(duration))
       do i = 1, 2
         call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*lasting, beside(i), found(i), error)
