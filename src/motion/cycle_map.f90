@@ -405,7 +405,10 @@ contains
 
     passage = self%passage
     begin = 0.0_wp
-    if (self%repetitions == 0) return
+    if (self%repetitions == 0) then
+      if (present(place)) place = last_place(self)
+      return
+    end if
     n = k
     do i = 1, self%repeats
       associate (slow => self%slow(block_place(self, i)))
@@ -421,6 +424,17 @@ contains
     end do
   end subroutine passage_number
 
+  !> The place of the passage before the following one of those that repeat.
+  pure function last_place(self) result(place)
+    class(cycle_map_t), intent(in) :: self
+    integer :: place(2)
+
+    place = [self%following(1), self%following(2) - 1]
+    if (place(2) == 0) place(1) = 1 + modulo(place(1) - 2, max(1, self%repeats))
+    place(1) = block_place(self, place(1))
+    if (place(2) == 0) place(2) = self%slow(place(1))%count
+  end function last_place
+
   !> Show passage number `k` of a repetition of the leap (0: the first one).
   subroutine show_passage(self, repetition, k)
     class(cycle_map_t), intent(inout) :: self
@@ -428,24 +442,15 @@ contains
     integer, intent(in) :: k
     type(passage_t) :: passage
     real(wp) :: begin
-    integer :: place(2), i, j
+    integer :: place(2)
     logical :: found
 
-    place = 0
     call self%passage_number(k, passage, begin, place)
-    if (self%repetitions == 0 .and. self%repeats > 0) then
-      ! It is one of those that repeat: that before the following one.
-      do i = 1, self%repeats
-        do j = 1, self%slow(block_place(self, i))%count
-          if (.not. abs(self%slow(block_place(self, i))%passage(j)%from - passage%from) > 0.0_wp) place = [block_place(self, i), j]
-        end do
-      end do
-    end if
     associate (from => self%piece%from)
       self%shown_from = from
       begin = begin + real(repetition, wp)*self%block_duration()
       call self%shown_from%later(from, begin)
-      self%shown_from%u = self%slider%elongation_at_limit(self%maps(self%current)%theta(passage%from), self%piece%drive%velocity)
+      self%shown_from%u = self%maps(self%current)%elongation(passage%from)
       self%shown_from%position = from%position + self%piece%drive%velocity*begin &
         - dot_product(self%shown_from%u - from%u, self%slider%along)
     end associate

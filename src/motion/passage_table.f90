@@ -123,7 +123,7 @@ contains
     allocate (self%inside(0:max_degree, slip_columns, n, self%points))
   end subroutine set_panels
 
-  !> Convert the measures to polynomials; the variable changes by `width` [rad] in [-1, 1].
+  !> Convert the measures to polynomials.
   pure subroutine settle(self)
     class(passage_table_t), intent(inout) :: self
 

@@ -81,6 +81,7 @@ module dst_release_map
     procedure :: come_back
     procedure :: power
     procedure :: theta
+    procedure :: elongation
     procedure :: work
     procedure :: serialise
   end type release_map_t
@@ -121,6 +122,15 @@ contains
 
     theta = theta_of(alpha, self%steps%slider, self%velocity)
   end function theta
+
+  !> The elongation of the springs [m] at a release.
+  pure function elongation(self, alpha) result(u)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+    real(wp) :: u(2)
+
+    u = self%steps%slider%elongation_at_limit(self%theta(alpha), self%velocity)
+  end function elongation
 
   !> Points of a table: what laps over a right angle and the motion inside need at this tolerance (measured: 23 at 1e-5, 29 at 1e-8).
   pure integer function points(self)
@@ -233,8 +243,8 @@ contains
     end if
     found = .true.
     associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(1))
-      u(:, 1) = slider%elongation_at_limit(self%theta(passage%from), self%velocity)
-      u(:, 2) = slider%elongation_at_limit(self%theta(passage%to), self%velocity)
+      u(:, 1) = self%elongation(passage%from)
+      u(:, 2) = self%elongation(passage%to)
       call branch%intervals(place)%table%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
         self%unused%piece, self%recording)
     end associate
@@ -356,14 +366,13 @@ contains
     end if
     call self%run(last%from + beside, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
-    self%has_fixed = abs(last%to - last%from) <= beside
-    self%fixed = last%from
     if (abs(here%to - last%from) <= beside) then
       ! A lap to which the motion comes from both sides.
-      self%has_fixed = .false.
       call new_branch(in_distance, last%from, 1.0_wp, steepest - last%from, self%branch(1))
       return
     end if
+    self%has_fixed = abs(last%to - last%from) <= beside
+    self%fixed = last%from
     call new_branch(in_logarithm, last%from, 1.0_wp, steepest - last%from, self%branch(1))
     call new_branch(in_logarithm, last%from, -1.0_wp, depth, self%branch(2))
   end subroutine part

@@ -136,7 +136,7 @@ contains
     do k = 1, map%passages()
       call map%passage_number(k, passage, elapsed)
       call here%later(begin, elapsed)
-      here%u = map%slider%elongation_at_limit(map%maps(map%current)%theta(passage%from), map%piece%drive%velocity)
+      here%u = map%maps(map%current)%elongation(passage%from)
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
       if (passage%table(1) == 1 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
@@ -212,16 +212,12 @@ contains
       contribution%largest_rate = value(largest_rate)
       contribution%highest = extremum_t(value(highest), value(highest + 1), value(highest + 2))
       contribution%lowest = extremum_t(value(lowest), value(lowest + 1), value(lowest + 2))
-      u = map%slider%elongation_at_limit(map%maps(map%current)%theta(passage%to), map%piece%drive%velocity) &
-        - map%slider%elongation_at_limit(map%maps(map%current)%theta(passage%from), map%piece%drive%velocity)
+      u = map%maps(map%current)%elongation(passage%to)
       allocate (contribution%turns(3))
       contribution%turns(1:2) = [contribution%highest, contribution%lowest]
       if (contribution%highest%time > contribution%lowest%time) contribution%turns(1:2) = contribution%turns([2, 1])
-      contribution%turns(3) = extremum_t(map%slider%stiffness(1)*map%piece%to%u(1), lasting, &
-        map%piece%drive%velocity*lasting - dot_product(u, map%slider%along))
-      associate (to => map%slider%elongation_at_limit(map%maps(map%current)%theta(passage%to), map%piece%drive%velocity))
-        contribution%turns(3)%load = map%slider%stiffness(1)*to(1)
-      end associate
+      contribution%turns(3) = extremum_t(map%slider%stiffness(1)*u(1), lasting, &
+        map%piece%drive%velocity*lasting - dot_product(u - map%maps(map%current)%elongation(passage%from), map%slider%along))
     end associate
   end subroutine look_up
 
