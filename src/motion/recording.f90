@@ -3,7 +3,7 @@
 module dst_recording
   use dst_archive, only: archive_t
   use dst_dense_output, only: n_columns, column_position
-  use dst_interpolation, only: grid_t, max_degree
+  use dst_interpolation, only: grid_t, max_degree, last_begun
   use dst_kinds, only: wp
   use dst_piece, only: piece_t, no_event
   use dst_state, only: state_t
@@ -137,18 +137,8 @@ contains
   pure integer function place_of(self, elapsed) result(place)
     class(recording_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
-    integer :: above, middle
 
-    place = 1
-    above = self%count + 1
-    do while (above - place > 1)
-      middle = (place + above)/2
-      if (self%kept(middle)%from%time <= elapsed) then
-        place = middle
-      else
-        above = middle
-      end if
-    end do
+    place = last_begun(self%kept(:self%count)%from%time, elapsed)
   end function place_of
 
   !> Duration [s].

@@ -2,6 +2,7 @@
 !> that no table describes.
 module dst_slow_cycle
   use dst_archive, only: archive_t
+  use dst_interpolation, only: last_begun
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
   use dst_recording, only: recording_t
@@ -101,18 +102,8 @@ contains
   pure integer function place_of(self, elapsed) result(place)
     class(slow_cycle_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
-    integer :: above, middle
 
-    place = 1
-    above = self%count + 1
-    do while (above - place > 1)
-      middle = (place + above)/2
-      if (self%begin(middle) <= elapsed) then
-        place = middle
-      else
-        above = middle
-      end if
-    end do
+    place = last_begun(self%begin(:self%count), elapsed)
   end function place_of
 
   !> Save or load; passages of tables are taken from the map again.

@@ -5,7 +5,7 @@ module dst_interpolation
   implicit none
   private
 
-  public :: grid_t, new_grid, chebyshev_grid, max_degree
+  public :: grid_t, new_grid, chebyshev_grid, max_degree, last_begun
 
   !> Degree of the largest polynomial.
   integer, parameter :: max_degree = 7
@@ -56,6 +56,23 @@ contains
 
     grid = new_grid([(sin(0.5_wp*pi*real(i, wp)/real(max_degree, wp))**2, i=0, max_degree)])
   end function chebyshev_grid
+
+  !> Number of the last of some parts, one after another, that begins at or before a position; the first one, if there is none.
+  pure integer function last_begun(begins, at) result(last)
+    real(wp), intent(in) :: begins(:), at
+    integer :: above, middle
+
+    last = 1
+    above = size(begins) + 1
+    do while (above - last > 1)
+      middle = (last + above)/2
+      if (begins(middle) <= at) then
+        last = middle
+      else
+        above = middle
+      end if
+    end do
+  end function last_begun
 
   !> Values at n positions `tau` (which may be outside [0, 1]), at most max_degree + 1, of the polynomial through `nodal`, in
   !> Newton's form: for several positions the cheapest, and accurate enough for a first guess. All loops have the full

@@ -8,6 +8,7 @@
 !>
 !> Source: F. N. Fritsch and R. E. Carlson, Monotone piecewise cubic interpolation, SIAM J. Numer. Anal. 17 (1980) 238.
 module dst_monotone_cubic
+  use dst_interpolation, only: last_begun
   use dst_kinds, only: wp
   implicit none
   private
@@ -84,7 +85,7 @@ contains
         slope(i) = self%slope(1)
         cycle
       end if
-      k = panel_of(self%x, at(i))
+      k = last_begun(self%x(:size(self%x) - 1), at(i))
       width = self%x(k + 1) - self%x(k)
       t = (at(i) - self%x(k))/width
       rest = (self%x(k + 1) - at(i))/width
@@ -95,21 +96,4 @@ contains
       slope(i) = self%slope(k) + t*(2.0_wp*(secant - self%slope(k)) - bend*(2.0_wp - 3.0_wp*t))
     end do
   end subroutine evaluate
-
-  !> The panel that contains a position between the first and the last point.
-  pure integer function panel_of(x, at) result(low)
-    real(wp), intent(in) :: x(:), at
-    integer :: high, middle
-
-    low = 1
-    high = size(x)
-    do while (high - low > 1)
-      middle = (low + high)/2
-      if (at >= x(middle)) then
-        low = middle
-      else
-        high = middle
-      end if
-    end do
-  end function panel_of
 end module dst_monotone_cubic
