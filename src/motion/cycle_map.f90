@@ -191,7 +191,8 @@ contains
     associate (now => self%slow(place_of(self%slow_cycles)))
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
-      if (passage%table(1) == 0) call self%maps(self%current)%learn(passage, error)
+      if (passage%table(1) == 0) call self%maps(self%current)%learn(passage, &
+        self%piece%to%until(min(self%t_end, self%piece%drive%end)), error)
       if (.not. passage%turns_back()) return
       call self%divergence%come_back(now%whole%log_slope, now%whole%has_slope)
     end associate
@@ -457,11 +458,11 @@ contains
     self%is_shown = .true.
     if (passage%table(1) == 0) then
       associate (slow => self%slow(place(1)))
-        self%shown = slow%recording(slow%recorded(place(2)))
+        call self%shown%copy(slow%recording(slow%recorded(place(2))))
       end associate
     else
       call self%maps(self%current)%describe(passage, found)
-      self%shown = self%maps(self%current)%recording
+      call self%shown%copy(self%maps(self%current)%recording)
     end if
   end subroutine show_passage
 

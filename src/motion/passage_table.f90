@@ -18,8 +18,9 @@ module dst_passage_table
 
   !> The motion inside slip: change of u since the release [m], v [m/s], change of theta [rad].
   integer, parameter :: slip_columns = 4
-  !> Panels into which a long piece in closed form is divided. Convention.
-  integer, parameter :: closed_form_panels = 3
+  !> Panels into which a long piece in closed form is divided; and the number of pieces for which a panel is one of them: of more,
+  !> as explicit methods need, several are one panel. Conventions.
+  integer, parameter :: closed_form_panels = 3, few_pieces = 24
   !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention.
   real(wp), parameter :: allowed_inside = 100.0_wp
 
@@ -98,20 +99,23 @@ contains
     end associate
   end function slip_at
 
-  !> Panels as the pieces of the slip of a lap; pieces in closed form are divided, as they are too long for polynomials on the grid.
+  !> Panels as the pieces of the slip of a lap, or some of them together; pieces in closed form are divided, as they are too long for
+  !> polynomials on the grid.
   pure subroutine set_panels(self, recording)
     class(passage_table_t), intent(inout) :: self
     type(recording_t), intent(in) :: recording
     type(piece_t) :: piece
-    integer :: i, j, parts, n
+    integer :: i, j, parts, n, together
 
     associate (last => recording%count - 1, slip => recording%kept(recording%count)%from%time)
       allocate (self%panel_end(0:closed_form_panels*last))
       self%panel_end(0) = 0.0_wp
       n = 0
+      together = 1 + (last - 1)/few_pieces
       do i = 1, last
         call recording%get(i, state_t(), piece)
         parts = merge(1, closed_form_panels, abs(piece%path%grid%node(1) - self%grid%node(1)) > 0.0_wp)
+        if (parts == 1 .and. modulo(i, together) > 0 .and. i < last) cycle
         do j = 1, parts
           n = n + 1
           self%panel_end(n) = (piece%from%time + real(j, wp)/real(parts, wp)*piece%path%step)/slip

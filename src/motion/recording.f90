@@ -36,6 +36,7 @@ module dst_recording
   contains
     procedure :: clear
     procedure :: append
+    procedure :: copy
     procedure :: get
     procedure :: place_of
     procedure :: duration
@@ -126,6 +127,18 @@ contains
       piece%path%nodal(:, column_position) = kept%nodal(:, column_position) + begin%position
     end associate
   end subroutine get
+
+  !> Become a copy of another recording, without its spare room.
+  pure subroutine copy(self, other)
+    class(recording_t), intent(inout) :: self
+    type(recording_t), intent(in) :: other
+
+    self%count = other%count
+    self%kept = other%kept(:other%count)
+    self%like = other%like
+    self%grids = other%grids
+    self%grid = other%grid
+  end subroutine copy
 
   pure logical function same_grid(one, other)
     type(grid_t), intent(in) :: one, other

@@ -31,7 +31,7 @@ module dst_release_map
   real(wp), parameter :: push = 1.0e-4_wp, least_push = 0.1_wp
   !> The angle at which sticks end is found with this uncertainty [rad]; where they graze, it is extrapolated from so near.
   real(wp), parameter :: fine = 1.0e-13_wp, fine_grazing = 3.0e-8_wp
-  !> Where sticks end by grazing, the share of rest goes to zero: at this distance it is below so much. Convention.
+  !> Where sticks end by grazing, the share of rest goes to zero: it is taken for that below so much of what it was. Convention.
   real(wp), parameter :: grazing_share = 0.02_wp
   !> Laps are tabulated up to this angle [rad], slips in a canard down to so much below the end of sticks. Conventions: other
   !> passages are run.
@@ -202,7 +202,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     if (with_slope) call self%measure_slope(passage)
-    call self%learn(passage, error)
+    call self%learn(passage, huge(1.0_wp), error)
   end subroutine next
 
   !> The passage that a table has.
@@ -279,9 +279,10 @@ contains
 
   !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
   !> the slip after it; and tabulate what is often needed.
-  subroutine learn(self, passage, error)
+  subroutine learn(self, passage, rest, error)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
+    real(wp), intent(in) :: rest               !! how long the map will be needed, s
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: before
     integer :: i
@@ -297,25 +298,25 @@ contains
           .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
       else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
-        if (laps_left(before, passage, passage%to) >= 2.0_wp*profit*real(points(self), wp)) &
+        if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
           call part(self, 0.0_wp, passage, before, error)
       end if
     end if
     if (allocated(error)) return
     do i = 1, size(self%branch)
-      call tabulate(self, i, before, passage)
+      call tabulate(self, i, before, passage, rest)
     end do
   end subroutine learn
 
-  !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad].
-  pure real(wp) function laps_left(before, last, way) result(laps)
+  !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
+  pure real(wp) function laps_left(before, last, way, rest) result(laps)
     type(passage_t), intent(in) :: before, last
-    real(wp), intent(in) :: way
+    real(wp), intent(in) :: way, rest
     real(wp) :: ratio
 
     laps = 0.0_wp
     if (last%turns_back() .or. .not. abs(before%measure(turn)) > 0.0_wp) return
-    laps = way/abs(last%measure(turn))
+    laps = min(way/abs(last%measure(turn)), rest/last%measure(duration))
     ! Turns that decrease in equal ratios lead to a lap that repeats itself.
     ratio = last%measure(turn)/before%measure(turn)
     if (ratio < 1.0_wp) laps = min(laps, log(still/abs(last%measure(turn)))/log(max(tiny(1.0_wp), ratio)))
@@ -331,6 +332,7 @@ contains
     real(wp), parameter :: beside = 1.0e-7_wp    !! rad
     !> The next guess lies above the estimated end by this share of the distance. Convention.
     real(wp), parameter :: ahead = 0.02_wp
+    real(wp), parameter :: far = 4.0_wp
     type(passage_t) :: last, former, here
     real(wp) :: low, end, guess
     logical :: found, grazes
@@ -344,7 +346,9 @@ contains
     do while (last%from - low > fine)
       guess = 0.5_wp*(low + last%from)
       end = grazing_end(last, former)
-      grazes = last%share_of_rest() <= grazing_share .and. end < last%from
+      ! What lies much farther from two laps than they from each other is no estimate.
+      grazes = last%from - end <= far*(former%from - last%from) .and. end < last%from .and. &
+        (last%share_of_rest() <= grazing_share*lap%share_of_rest() .or. last%from - end <= fine_grazing)
       if (grazes .and. (last%from - end <= fine_grazing .or. last%from - low < low - end)) exit
       if (end < last%from) guess = max(guess, end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
@@ -389,10 +393,11 @@ contains
   end function grazing_end
 
   !> Tabulate the interval around a passage, if that is due.
-  subroutine tabulate(self, which, before, passage)
+  subroutine tabulate(self, which, before, passage, rest)
     class(release_map_t), intent(inout) :: self
     integer, intent(in) :: which               !! branch
     type(passage_t), intent(in) :: before, passage
+    real(wp), intent(in) :: rest
     type(passage_table_t) :: table
     logical :: found
     integer :: place, visits
@@ -404,7 +409,7 @@ contains
       if (branch%intervals(place)%is_tried) return
       found = visits >= (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)
       if (.not. found .and. which == 1) &
-        found = laps_left(before, passage, branch%depth(place, passage%from)) >= profit*real(n, wp)
+        found = laps_left(before, passage, branch%depth(place, passage%from), rest) >= profit*real(n, wp)
       if (.not. found) return
       branch%intervals(place)%is_tried = .true.
       call fill(self, which, place, table, .true., found)

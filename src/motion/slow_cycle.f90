@@ -68,7 +68,7 @@ contains
     if (passage%table(1) > 0) return
     self%recordings = self%recordings + 1
     self%recorded(self%count) = self%recordings
-    self%recording(self%recordings) = recording
+    call self%recording(self%recordings)%copy(recording)
     self%pieces = self%pieces + recording%count
   end subroutine append
 

@@ -24,8 +24,9 @@ module dst_passage_summary
   !> Points of a part, and between them, at which it is tested; halvings of a table. Conventions.
   integer, parameter :: nodes = 9, most_halvings = 6
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
-  !> Permitted error of an observation, relative to the largest one. Convention; a tenth: no change of Fig. 3.
-  real(wp), parameter :: smooth = 1.0e-8_wp
+  !> Permitted error of an observation, relative to the largest one, and that of X relative to the elongation of the spring, from
+  !> which it is found. Conventions; a tenth: no change of Fig. 3.
+  real(wp), parameter :: smooth = 1.0e-8_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
 
   !> A part of a table of the map, in its variable x.
   type :: part_t
@@ -226,7 +227,7 @@ contains
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place, number
     type(observations_t), intent(inout) :: table
-    real(wp) :: value(nodes, values), test(values), polynomial(nodes), points(nodes)
+    real(wp) :: value(nodes, values), test(values), polynomial(nodes), points(nodes), allowed(values)
     integer :: kind(3), here(3), i
     logical :: is_smooth, slips
 
@@ -242,12 +243,14 @@ contains
         is_smooth = is_smooth .and. all(here == kind)
       end do
       part%coefficient = chebyshev_coefficients(value)
+      allowed = smooth*maxval(abs(value), dim=1)
+      allowed([highest + 2, lowest + 2]) = allowed([highest + 2, lowest + 2]) &
+        + roundoff*map%slider%law%static_limit/map%slider%stiffness(1)
       do i = 1, size(test_at)
         if (.not. is_smooth) exit
         call observe(test_at(i), test, here, slips)
         call chebyshev_polynomials(nodes, test_at(i), polynomial)
-        is_smooth = all(here == kind) .and. all(abs(matmul(polynomial, part%coefficient) - test) &
-          <= smooth*maxval(abs(value), dim=1))
+        is_smooth = all(here == kind) .and. all(abs(matmul(polynomial, part%coefficient) - test) <= allowed)
       end do
       part%is_known = is_smooth
       if (is_smooth .or. part%halvings == most_halvings) return
