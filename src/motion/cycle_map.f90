@@ -448,8 +448,8 @@ contains
 
     call self%passage_number(k, passage, begin, place)
     associate (from => self%piece%from)
+      if (repetition > 0) begin = begin + real(repetition, wp)*self%block_duration()
       self%shown_from = from
-      begin = begin + real(repetition, wp)*self%block_duration()
       call self%shown_from%later(from, begin)
       self%shown_from%u = self%maps(self%current)%elongation(passage%from)
       self%shown_from%position = from%position + self%piece%drive%velocity*begin &
@@ -522,7 +522,8 @@ contains
     real(wp), allocatable, intent(out) :: time(:)
     integer, allocatable, intent(out) :: kind(:)
     type(passage_t) :: passage
-    real(wp) :: begin, offset
+    type(state_t) :: from, at(2)
+    real(wp) :: begin, skipped
     integer :: k
 
     if (.not. self%leapt) then
@@ -530,27 +531,32 @@ contains
       kind = pack([self%piece%event], self%piece%event /= no_event)
       return
     end if
-    offset = self%piece%from%time_rest
-    if (repetition > 0) offset = offset + real(repetition, wp)*self%block_duration()
+    skipped = 0.0_wp
+    if (repetition > 0) skipped = real(repetition, wp)*self%block_duration()
     allocate (time(2*self%passages()), kind(2*self%passages()))
     do k = 1, self%passages()
       call self%passage_number(k, passage, begin)
-      time(2*k - 1:2*k) = self%piece%from%time + (offset + (begin + passage%measure([slip_duration, duration])))
+      call from%later(self%piece%from, begin + skipped)
+      call at%later(from, passage%measure([slip_duration, duration]))
+      time(2*k - 1:2*k) = at%time
       kind(2*k - 1:2*k) = [stick_begins, slip_begins]
     end do
+    if (repetition >= self%repetitions - 1) time(2*self%passages()) = self%piece%to%time
   end subroutine events
 
   pure real(wp) function next_instant(self, time)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: time
+    type(state_t) :: at
     integer :: i
 
     next_instant = max(time, self%piece%to%time)
     if (.not. self%leapt .or. time >= self%piece%to%time) return
     do i = self%shown%place_of(self%shown_from%until(time)), self%shown%count
-      associate (from => self%shown_from, end => self%shown%kept(i)%to%time)
-        next_instant = min(self%piece%to%time, from%time + (from%time_rest + end))
+      associate (end => self%shown%kept(i)%to)
+        call at%later(self%shown_from, end%time + end%time_rest)
       end associate
+      next_instant = min(self%piece%to%time, at%time)
       if (next_instant > time) return
     end do
     next_instant = self%piece%to%time

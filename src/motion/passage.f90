@@ -97,7 +97,7 @@ contains
     associate (value => passage%measure, from => recording%kept(1)%from, to => recording%kept(n)%to)
       value(duration) = recording%duration()
       value(turn) = turn_of(slider, velocity, from%u, to%u, velocity*value(duration) - (to%position - from%position))
-      value(slip_duration) = recording%kept(n)%from%time
+      value(slip_duration) = recording%kept(n)%from%time + recording%kept(n)%from%time_rest
       value(drive_work) = to%drive_work - from%drive_work
       value(friction_work) = to%friction_work - from%friction_work
       value(damper_work) = to%damper_work - from%damper_work

@@ -250,6 +250,7 @@ contains
         end if
         call recording%append(piece)
       end do
+      call recording%kept(self%panels)%to%arrive(slip)
       piece%from = piece%to
       piece%from%y = 0.0_wp
       piece%to%time = passage%measure(duration)
@@ -259,5 +260,6 @@ contains
     piece%contact = sticks
     piece%event = slip_begins
     call recording%append(piece)
+    call recording%kept(self%panels + 1)%to%arrive(passage%measure(duration))
   end subroutine describe
 end module dst_passage_table
