@@ -346,6 +346,8 @@ class Motion {
   std::vector<vec> stage;            // w at the nodes
   size_t piece = 0, panel = 0, next_sample = 0;
   real t = 0, X = 0, fast = 0;
+  real t_lost = 0;  // what the sums for t and u have lost to roundoff
+  vec u_lost;
   vec u, w;
   bool sticking = false;
   real h = 0;                        // the next step
@@ -366,6 +368,19 @@ class Motion {
     const real end = pieces[piece].end;
     return next_sample < s.samples.size() ? std::min(end, s.samples[next_sample]) : end;
   }
+
+  real time_left() const { return (horizon() - t) - t_lost; }
+
+  // t + d and u + change, with what the sums before have lost.
+  void pass(real d, vec change) {
+    const real later = t + (d + t_lost);
+    t_lost += d - (later - t);
+    t = later;
+    const vec there = u + (change + u_lost);
+    u_lost = u_lost + (change - (there - u));
+    u = there;
+  }
+  void arrive(real at) { t = at, t_lost = 0; }
 
   void event(int kind) { std::cout << "event " << text(t) << " " << kind << "\n"; }
 
@@ -390,16 +405,19 @@ class Motion {
   // To the release, the end of the piece, or the next sample. |f(d)|^2 is a polynomial of degree 4 in the share of this time.
   void rest() {
     const Piece& p = pieces[piece];
-    const real duration = horizon() - t, size = norm(force(0, u, w)), square = s.limit * s.limit;
+    const real duration = time_left(), size = norm(force(0, u, w)), square = s.limit * s.limit;
     const vec f0 = force(0, u, w), f1 = duration * (V(0) * (s.K * s.e) + p.acceleration * (s.C * s.e));
     const vec f2 = duration * duration * p.acceleration / 2 * (s.K * s.e);
     const list excess = {std::min(real(0), (size - s.limit) * (size + s.limit) / square), 2 * dot(f0, f1) / square,
                          (dot(f1, f1) + 2 * dot(f0, f2)) / square, 2 * dot(f1, f2) / square, dot(f2, f2) / square};
     const list release = size > s.limit * (1 + 16 * epsilon) ? list{0} : zeros(excess);  // at once where V has jumped
     const real d = release.empty() ? duration : release[0] * duration;
-    u = u + p.travel(t, d) * s.e;
-    t = release.empty() ? horizon() : t + d;
-    if (release.empty()) return sample();
+    const real end = horizon();
+    pass(d, p.travel(t, d) * s.e);
+    if (release.empty()) {
+      arrive(end);
+      return sample();
+    }
     event(2);
     begin_from_rest();
   }
@@ -424,7 +442,7 @@ class Motion {
                    std::sqrt(2 * s.scale() / std::max(jerk, real(0))), std::fabs(V(0) / q)})
       if (x > 0) unit = std::min(unit, x);
     const real noise = jerk > 0 && b == 0 ? 1000 * epsilon * s.limit / (s.m * jerk) : 0;
-    const real d = std::min(std::max(real(1e-6L) * unit, noise), horizon() - t);
+    const real d = std::min(std::max(real(1e-6L) * unit, noise), time_left());
     // w = (b d + jerk d^2/2)(n + turn d side) + O(d^3)
     series[1] = b * n;
     series[2] = jerk / 2 * n + b * turn * side;
@@ -449,9 +467,8 @@ class Motion {
   }
 
   void advance(real d, vec slipped) {
-    u = u + pieces[piece].travel(t, d) * s.e - slipped;
+    pass(d, pieces[piece].travel(t, d) * s.e - slipped);
     X += dot(slipped, s.e);
-    t += d;
   }
 
   // ---- slip
@@ -576,7 +593,7 @@ class Motion {
     peak = std::max(peak, v);
     const real stop = time_to_stop(v, f, F(v));
     if (stop > 0 && v < (norm(f) < s.kinetic ? 1e-10L : 1e-17L) * peak && finish(f)) return;
-    const real end = horizon() - t;
+    const real end = time_left();
     real step = std::min(h, fast * pi);
     if (stop > 0) step = std::min(step, real(0.8L) * std::max(stop, s.m * v / (norm(f) + F(v))));
     bool to_end = false;
@@ -630,7 +647,7 @@ class Motion {
     const real proposed = step * std::min(real(4), std::max(real(0.3L), error > 0 ? growth(error) : 4));
     h = to_end ? std::max(h, proposed) : proposed;
     if (!to_end) return;
-    t = end;
+    arrive(end);
     sample();
   }
 
@@ -638,7 +655,7 @@ class Motion {
   bool finish(vec f) {
     const real v = norm(w), stop = time_to_stop(v, f, s.kinetic), change = norm(force(stop, u + V(0) * stop * s.e, {}) - f);
     const bool nearly = stop > 0 && change + std::fabs(F(v) - s.kinetic) <= 1e-6L * std::fabs(s.kinetic - norm(f));
-    if (!nearly || stop >= horizon() - t) return false;
+    if (!nearly || stop >= time_left()) return false;
     const bool on_one_line = f.x * w.y == f.y * w.x;
     advance(stop, stop / 2 * w);
     if (norm(f) < s.kinetic || (on_one_line && norm(f) <= s.limit)) {
