@@ -848,17 +848,20 @@ contains
     held%run%writer%rows = 0
   end subroutine run_samples
 
-  !> Fetch the waiting events: time [s] and kind (1 = stick begins, 2 = slip begins).
-  subroutine run_events(handle, n_events, time, kind)
+  !> Fetch the waiting events: time [s], kind (1 = stick begins, 2 = slip begins), how often it occurs, and its period [s].
+  subroutine run_events(handle, n_events, events)
     integer(c_long_long), intent(in) :: handle
     integer(c_int), intent(in) :: n_events
-    real(c_double), intent(out) :: time(n_events)
-    integer(c_int), intent(out) :: kind(n_events)
+    real(c_double), intent(out) :: events(n_events, 4)
     type(holder_t), pointer :: held
 
     held => holder_of(handle)
-    time = real(held%run%writer%event_time(:n_events), c_double)
-    kind = int(held%run%writer%event_kind(:n_events), c_int)
+    associate (log => held%run%writer%log(:n_events))
+      events(:, 1) = real(log%time, c_double)
+      events(:, 2) = real(log%kind, c_double)
+      events(:, 3) = real(log%occurs, c_double)
+      events(:, 4) = real(log%period, c_double)
+    end associate
     held%run%writer%events = 0
   end subroutine run_events
 

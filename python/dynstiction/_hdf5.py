@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._open import dataset_in, info_of, open_file, own_datasets, values_in
 from .errors import FileError, IncompleteWarning
-from .record import EVENT_DTYPE, EVENTS, Described, Info, Record
+from .record import EVENTS, LOG_DTYPE, Described, Info, Record
 
 __all__ = ["PROGRAM", "read"]
 
@@ -49,14 +49,14 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
     columns = _read_columns(file, "time_series")
-    events_by_name = {info.name: values for info, values in _read_columns(file, "events").items()}
-    events = np.empty(events_by_name["time"].size, dtype=EVENT_DTYPE)
+    log_by_name = {info.name: values for info, values in _read_columns(file, "events").items()}
+    log = np.empty(log_by_name["time"].size, dtype=LOG_DTYPE)
     for column in EVENTS:
-        events[column] = events_by_name[column]
+        log[column] = log_by_name[column]
     parameters = list(_read_scalars(file, "parameters"))
     chosen = next((str(value) for info, value in parameters if info.name == "fields"), "default")
     ordered = _in_order(((info, info) for info in columns), "columns", ["time", *chosen.split()])
-    for times in (columns[ordered[0][0]], events["time"]):
+    for times in (columns[ordered[0][0]], log["time"]):
         # Also false for NaN.
         if not np.all(np.diff(times, prepend=0.0) >= 0.0):
             raise FileError(f"{name}: is damaged: its times do not ascend")
@@ -67,7 +67,7 @@ def _read_contents(file: h5py.File, name: str) -> Record:
     attributes |= {name: int(attributes[name]) for name in COUNTS if name in attributes}
     return Record(
         columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
-        events=events,
+        log=log,
         summary=Described(_in_order(_read_scalars(file, "summary"), "summary"), "summary"),
         statistics=Described(_in_order(_read_scalars(file, "statistics"), "statistics"), "statistics"),
         parameters=Described(_in_order(parameters, "keys"), "parameters"),

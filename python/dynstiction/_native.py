@@ -125,14 +125,14 @@ class KeyInfo(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Results of one call of `Run.advance`: samples (rows, columns; each column contiguous), event times and kinds."""
+    """Results of one call of `Run.advance`: samples (rows, columns; each column contiguous), and the columns of events."""
 
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
     reached: bool
     samples: NDArray[np.float64]
-    event_time: NDArray[np.float64]
-    event_kind: NDArray[np.int32]
+    events: NDArray[np.float64]
+    """(rows, 4)"""
 
 
 class _Memory:
@@ -256,16 +256,16 @@ class Run(Session):
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
         samples, outcome = np.empty((0, len(self.columns))), None
-        time, kind = np.empty(0), np.empty(0, dtype=np.int32)
+        events = np.empty((0, 4))
         with self._use() as handle:
             finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
             if n_rows > 0:
                 samples = _core.run_samples(handle, len(self.columns), n_rows)
             if n_events > 0:
-                time, kind = _core.run_events(handle, n_events)
+                events = _core.run_events(handle, n_events)
             if finished:
                 outcome = status, _named_text(handle, "message") if status != 0 else "done"
-        return Advance(outcome, bool(reached), samples, time, kind)
+        return Advance(outcome, bool(reached), samples, events)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""

@@ -97,7 +97,7 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
     if result.columns:
         _write_series(file.create_group("time_series"), result.columns.info(), "time")
         _write_series(
-            file.create_group("events"), [(EVENTS[name], result.events[name]) for name in EVENTS], "time"
+            file.create_group("events"), [(EVENTS[name], result.log[name]) for name in EVENTS], "time"
         )
     if trade is not None:
         _write_series(file.create_group("trade"), trade.info(), "point")

@@ -52,7 +52,7 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
         return _write({folder / f"{name}_trade.csv": lambda: _table(result.columns.info())}, overwrite)
     tables: dict[str, Callable[[], Table]] = {
         "time_series": lambda: _table(result.columns.info()),
-        "events": lambda: _table((info, result.events[info.name]) for info in EVENTS.values()),
+        "events": lambda: _table((EVENTS[name], result.events[name]) for name in result.events.dtype.names),
         "summary": lambda: (ABOUT, _summary_rows(result)),
     }
     return _write({folder / f"{name}_{table}.csv": make for table, make in tables.items()}, overwrite)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -21,16 +22,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EVENTS",
-    "EVENT_DTYPE",
+    "LOG_DTYPE",
     "SLIP_BEGINS",
     "STICK_BEGINS",
     "Described",
     "Info",
     "Record",
     "Table",
+    "events_between",
     "frame_of",
     "headed",
+    "log_until",
     "number_shown",
+    "occurrences",
     "rows_of",
     "si_units",
     "unit_shown",
@@ -39,7 +43,9 @@ __all__ = [
 STICK_BEGINS = 1
 SLIP_BEGINS = 2
 
-EVENT_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32)])
+LOG_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32), ("occurs", np.int64), ("period", np.float64)])
+MOST_EVENTS = 20_000_000
+"""The largest number of events that is given as one array: 240 MB."""
 
 T = TypeVar("T")
 C = TypeVar("C", bound=NDArray[np.generic])
@@ -56,6 +62,8 @@ class Info(NamedTuple):
 EVENTS = {
     "time": Info("time", "s", "time of the event"),
     "kind": Info("kind", "1", "1 = stick begins, 2 = slip begins"),
+    "occurs": Info("occurs", "1", "how many times the event occurs"),
+    "period": Info("period", "s", "the time after which it occurs again"),
 }
 
 
@@ -268,6 +276,59 @@ def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
     ]
 
 
+def occurrences(log: NDArray[np.void], latest: float) -> NDArray[np.int64]:
+    """How often each event of a log occurs up to a time [s]."""
+    period = np.where(log["period"] > 0.0, log["period"], 1.0)
+    times = np.floor((latest - log["time"]) / period) + 1.0
+    # A single one is compared as it is: a difference would be rounded.
+    times = np.where(log["occurs"] > 1, times, np.where(log["time"] <= latest, 1.0, 0.0))
+    return np.clip(times, 0.0, log["occurs"]).astype(np.int64)
+
+
+def log_until(log: NDArray[np.void], latest: float) -> NDArray[np.void]:
+    """The log of what occurs up to a time [s]: whole repetitions of a block, and those of the last one row by row."""
+    times = occurrences(log, latest)
+    if (times == log["occurs"]).all():
+        return log
+    first = int(np.argmax(times < log["occurs"]))
+    same = (log["occurs"] == log["occurs"][first]) & (log["period"] == log["period"][first])
+    same[:first] &= np.logical_and.accumulate(same[:first][::-1])[::-1]
+    same[first:] &= np.logical_and.accumulate(same[first:])
+    block, times = log[same].copy(), times[same]
+    last = block[times > times[-1]]
+    last["time"] += times[-1] * last["period"]
+    last["occurs"], last["period"] = 1, 0.0
+    block["occurs"] = times[-1]
+    return np.concatenate([log[: np.argmax(same)], block[block["occurs"] > 0], last])
+
+
+def events_between(log: NDArray[np.void], first: float, last: float) -> NDArray[np.void]:
+    """Time [s] and kind of each event of a log from one time [s] to another, both included.
+
+    Successive rows that occur equally often with one period are a block: all of them occur, then all of them again.
+    """
+    count = int((occurrences(log, last) - occurrences(log, np.nextafter(first, -np.inf))).sum())
+    if count > MOST_EVENTS:
+        raise UsageError(
+            f"there are {count} events from {first:g} to {last:g} s, more than {MOST_EVENTS} for one array: ask for those "
+            "of a shorter time with result.events_between, or see result.log, where the motion repeats"
+        )
+    edges = np.flatnonzero((np.diff(log["occurs"]) != 0) | (np.diff(log["period"]) != 0.0)) + 1
+    parts = [np.empty(0, dtype=[("time", np.float64), ("kind", np.int32)])]
+    for rows in np.split(log, edges):
+        times = np.zeros(1)
+        if rows.size > 0 and rows["occurs"][0] > 1:
+            begin = np.floor((first - rows["time"][-1]) / rows["period"][0])
+            number = np.arange(max(0.0, begin), occurrences(rows[:1], last)[0])
+            times = number * rows["period"][0]
+        part = np.empty((times.size, rows.size), dtype=parts[0].dtype)
+        part["time"] = rows["time"] + times[:, None]
+        part["kind"] = rows["kind"]
+        parts.append(part.ravel())
+    events = np.concatenate(parts)
+    return events[(events["time"] >= first) & (events["time"] <= last)]
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     """The results of one run: its time series as a mapping of columns, events, summary, statistics, provenance.
@@ -277,8 +338,9 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     columns : Described of ndarray, shape (n,), float64
         The time series by name, ``time`` [s] first: ``u_x``, ``u_y`` [m], ``w_x``, ``w_y`` [m/s], …;
         ``columns.units`` and ``columns.long_names`` describe them.
-    events : structured ndarray, shape (n_events,)
-        ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
+    log : structured ndarray
+        The events of a run, those of a motion that repeats once: ``log["time"]`` [s], ``log["kind"]`` (1 = stick begins,
+        2 = slip begins), how many times it ``log["occurs"]``, and after which ``log["period"]`` [s]. `events` has each of them.
     summary : Described of float or int
         Period, peak force, …, if the run has them; counts are integers.
     statistics : Described of int or float
@@ -292,7 +354,7 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     """
 
     columns: Described[NDArray[np.float64]]
-    events: NDArray[np.void]
+    log: NDArray[np.void]
     summary: Described[float]
     statistics: Described[float]
     parameters: Described[float | str] = field(default_factory=lambda: Described([]))
@@ -302,6 +364,32 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
 
     def __len__(self) -> int:
         return len(self.columns)
+
+    @cached_property
+    def events(self) -> NDArray[np.void]:
+        """All events, shape (n_events,): ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
+
+        Raises
+        ------
+        UsageError
+            If there are more than twenty million.
+        """
+        return self.events_between(-np.inf, np.inf)
+
+    def events_between(self, first: float, last: float) -> NDArray[np.void]:
+        """The events from one time to another, both included: ``time`` [s] and ``kind``, as in `events`.
+
+        Parameters
+        ----------
+        first, last : float
+            Times [s].
+
+        Raises
+        ------
+        UsageError
+            If there are more than twenty million.
+        """
+        return events_between(self.log, first, last)
 
     @property
     def time(self) -> NDArray[np.float64]:

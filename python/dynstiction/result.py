@@ -11,7 +11,17 @@ import numpy as np
 from ._arguments import flag, number, path_name, shown
 from .errors import UsageError, printable
 from .html import sparkline, table
-from .record import EVENTS, STICK_BEGINS, Described, Record, frame_of, headed, number_shown, unit_shown
+from .record import (
+    EVENTS,
+    STICK_BEGINS,
+    Described,
+    Record,
+    frame_of,
+    headed,
+    number_shown,
+    occurrences,
+    unit_shown,
+)
 from .thinning import extremes
 
 if TYPE_CHECKING:
@@ -51,8 +61,7 @@ class Result(Record):
         latest = number("until", until, checked=False)
         if np.isnan(latest):
             raise UsageError("until is not a number: give a time [s], or infinity for all")
-        began = (self.events["kind"] == STICK_BEGINS) & (self.events["time"] <= latest)
-        return int(np.count_nonzero(began))
+        return int(occurrences(self.log[self.log["kind"] == STICK_BEGINS], latest).sum())
 
     def to_xarray(self) -> xarray.Dataset:
         """Time series as an `xarray.Dataset` over ``time`` [s], with units and provenance.
@@ -89,7 +98,7 @@ class Result(Record):
             raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
         if which == "time_series":
             return super().to_pandas().set_index("time")
-        return frame_of(Described((info, self.events[name]) for name, info in EVENTS.items()))
+        return frame_of(Described((EVENTS[name], self.events[name]) for name in self.events.dtype.names))
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw the result.

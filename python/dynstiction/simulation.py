@@ -17,7 +17,7 @@ from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Changes
-from .record import EVENT_DTYPE, Described, Info
+from .record import EVENTS, LOG_DTYPE, Described, Info, events_between, log_until
 from .result import Result
 from .scene import DeckLike, Scene
 
@@ -99,8 +99,7 @@ class Simulation(Closing):
             self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
         self._samples = _Samples(len(self._core.columns), self._expected_rows())
-        self._event_times: list[NDArray[np.float64]] = []
-        self._event_kinds: list[NDArray[np.int32]] = []
+        self._log: list[NDArray[np.float64]] = []
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([], "summary")
         self._statistics: Described[float] = Described([], "statistics")
@@ -161,13 +160,15 @@ class Simulation(Closing):
             If another thread is using the simulation.
         """
         with self._alone:
-            return self._events_so_far()
+            log = self._log_so_far()
+        return events_between(log, 0.0, self._t_end)
 
-    def _events_so_far(self) -> NDArray[np.void]:
-        time = np.concatenate(self._event_times)
-        events = np.empty(time.size, dtype=EVENT_DTYPE)
-        events["time"], events["kind"] = time, np.concatenate(self._event_kinds)
-        return events if self.finished else events[events["time"] <= self._time]
+    def _log_so_far(self) -> NDArray[np.void]:
+        columns = np.concatenate(self._log)
+        log = np.empty(len(columns), dtype=LOG_DTYPE)
+        for name, values in zip(EVENTS, columns.T, strict=True):
+            log[name] = values
+        return log if self.finished else log_until(log, self._time)
 
     @property
     def result(self) -> Result:
@@ -192,7 +193,7 @@ class Simulation(Closing):
             columns = [values[:n].copy() for values in columns]
         return Result(
             columns=Described(zip(self._core.columns, columns, strict=True), "columns"),
-            events=self._events_so_far(),
+            log=self._log_so_far(),
             summary=self._summary if self.finished else Described([], "summary"),
             statistics=self._statistics if self.finished else Described([], "statistics"),
             parameters=self._parameters,
@@ -302,10 +303,9 @@ class Simulation(Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                outcome, reached, rows, time, kind = self._core.advance(seconds, aim)
+                outcome, reached, rows, events = self._core.advance(seconds, aim)
                 self._samples.append(rows)
-                self._event_times.append(time)
-                self._event_kinds.append(kind)
+                self._log.append(events)
             if outcome is not None:
                 self._outcome = outcome
                 summary, work = self._core.ending()

@@ -3,13 +3,13 @@
 !> Kinds of writer: HDF5 file (`dst_hdf5_writer`), arrays in memory (`dst_memory_writer`).
 module dst_writer
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_errors, only: error_t
   use dst_text, only: name_width, unit_width, meaning_width
   implicit none
   private
 
-  public :: writer_t, quantity_t, outcome_t, find_quantity, absent
+  public :: writer_t, quantity_t, event_t, outcome_t, find_quantity, absent
 
   !> Description of a column of the time series, of a summary value or of a counter.
   type :: quantity_t
@@ -19,6 +19,14 @@ module dst_writer
     !> Whether the quantity is a count, and is stored as an integer.
     logical :: counts = .false.
   end type quantity_t
+
+  !> An event that occurs once, or again and again after a period.
+  type :: event_t
+    real(wp) :: time = 0.0_wp             !! for the first time, s
+    integer :: kind = 0                   !! 1 = stick begins, 2 = slip begins
+    integer(int64) :: occurs = 1          !! so many times
+    real(wp) :: period = 0.0_wp           !! s
+  end type event_t
 
   !> How a run ended.
   type :: outcome_t
@@ -37,7 +45,8 @@ module dst_writer
   contains
     !> Append samples(column, row); the rows come in order of time.
     procedure(write_samples), deferred :: write_samples
-    !> Append events: time [s] and kind (1 = stick begins, 2 = slip begins).
+    !> Append events, in order of time. Several that occur again and again are a block: all of them occur, then all of them again
+    !> a period later.
     procedure(write_events), deferred :: write_events
     !> Write how the run ended, and close; nothing may be written afterwards.
     procedure(finish), deferred :: finish
@@ -51,11 +60,10 @@ module dst_writer
       type(error_t), allocatable, intent(out) :: error
     end subroutine write_samples
 
-    subroutine write_events(self, time, kind, error)
-      import :: writer_t, wp, error_t
+    subroutine write_events(self, events, error)
+      import :: writer_t, event_t, error_t
       class(writer_t), intent(inout) :: self
-      real(wp), intent(in) :: time(:)
-      integer, intent(in) :: kind(:)
+      type(event_t), intent(in) :: events(:)
       type(error_t), allocatable, intent(out) :: error
     end subroutine write_events
 

@@ -8,7 +8,7 @@
 module dst_hdf5_writer
   use dst_kinds, only: wp, real64, int64
   use dst_errors, only: error_t, raise, file_error, result_done
-  use dst_writer, only: writer_t, quantity_t, outcome_t
+  use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
   use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5f_acc_trunc, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, put_attribute, put_value, &
@@ -36,12 +36,12 @@ module dst_hdf5_writer
 
   logical, parameter :: doubles_lose_digits = digits(1.0_wp) > digits(1.0_real64)
   !> Groups of columns, and the datasets that keep one column.
-  integer, parameter :: series = 1, events = 2, parts = merge(2, 1, doubles_lose_digits)
+  integer, parameter :: series = 1, log = 2, parts = merge(2, 1, doubles_lose_digits)
   character(*), parameter :: group_name(2) = [character(11) :: 'time_series', 'events']
 
   !> A dataset of doubles that grows with the run.
   type :: column_t
-    integer :: group = series                        !! or `events`
+    integer :: group = series                        !! or `log`
     integer :: place = 0                             !! in the rows of that group
     integer :: part = 1                              !! 2: rounding errors of the doubles
     type(quantity_t) :: quantity
@@ -106,19 +106,21 @@ contains
     character(*), intent(in) :: shown_name
     type(quantity_t), intent(in) :: quantities(:)
     integer, intent(in), optional :: expected_rows
-    type(quantity_t), parameter :: event_quantities(2) = [quantity_t('time', 's', 'time of the event'), &
-      quantity_t('kind', '1', '1 = stick begins, 2 = slip begins')]
+    type(quantity_t), parameter :: event_quantities(4) = [quantity_t('time', 's', 'time of the event'), &
+      quantity_t('kind', '1', '1 = stick begins, 2 = slip begins'), &
+      quantity_t('occurs', '1', 'how many times the event occurs', .true.), &
+      quantity_t('period', 's', 'the time after which it occurs again')]
     integer :: chunk_rows, part, i
 
     self%shown_name = shown_name
     chunk_rows = usual_chunk
     if (present(expected_rows)) chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
     allocate (self%columns(0), self%waiting(series)%values(chunk_rows, size(quantities)), &
-      self%waiting(events)%values(event_chunk, size(event_quantities)))
+      self%waiting(log)%values(event_chunk, size(event_quantities)))
     if (size(quantities) == 0) return
     do part = 1, parts
       self%columns = [self%columns, (column_t(series, i, part, quantities(i)), i=1, size(quantities)), &
-        (column_t(events, i, part, event_quantities(i)), i=1, size(event_quantities))]
+        (column_t(log, i, part, event_quantities(i)), i=1, size(event_quantities))]
     end do
   end subroutine prepare
 
@@ -143,6 +145,8 @@ contains
           column%quantity%long_name = 'to be added to '//column%path(1)
         else if (column%quantity%name == 'sticking' .or. column%quantity%name == 'kind') then
           stored_as = h5t_std_i8le
+        else if (column%quantity%counts) then
+          stored_as = h5t_std_i64le
         end if
         call create_dataset(groups(column%group, column%part), column%quantity, size(self%waiting(column%group)%values, 1), &
           column%dataset, h5, stored_as)
@@ -207,15 +211,16 @@ contains
     end do
   end subroutine write_samples
 
-  subroutine write_events(self, time, kind, error)
+  subroutine write_events(self, events, error)
     class(hdf5_writer_t), intent(inout) :: self
-    real(wp), intent(in) :: time(:)
-    integer, intent(in) :: kind(:)
+    type(event_t), intent(in) :: events(:)
     type(error_t), allocatable, intent(out) :: error
     integer :: i
 
-    do i = 1, size(time)
-      call self%write_row(events, [time(i), real(kind(i), wp)], error)
+    do i = 1, size(events)
+      associate (event => events(i))
+        call self%write_row(log, [event%time, real(event%kind, wp), real(event%occurs, wp), event%period], error)
+      end associate
       if (allocated(error)) return
     end do
   end subroutine write_events

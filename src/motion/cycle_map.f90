@@ -17,6 +17,7 @@ module dst_cycle_map
   use dst_slow_cycle, only: slow_cycle_t
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
+  use dst_writer, only: event_t
   implicit none
   private
 
@@ -30,6 +31,8 @@ module dst_cycle_map
   real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp, same_duration = 1.0e-3_wp
   !> Differences of this size are roundoff [rad]; those that are so many times larger show how fast they shrink. Conventions.
   real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp), well_above = 1000.0_wp
+  !> Of repetitions with so many events each is listed. Convention.
+  integer, parameter :: most_listed = 100000
 
   !> A motion by steps, passages and repetitions.
   type, extends(motion_t) :: cycle_map_t
@@ -515,33 +518,36 @@ contains
     instant = self%steps%instant_of(piece%at(time), piece%contact)
   end function instant
 
-  !> Events of the last piece, or of one of its repetitions (0: the first one).
-  pure subroutine events(self, repetition, time, kind)
+  !> Events of the last piece. Repetitions with very many are a block that occurs again and again.
+  pure subroutine events(self, log)
     class(cycle_map_t), intent(in) :: self
-    integer(int64), intent(in) :: repetition
-    real(wp), allocatable, intent(out) :: time(:)
-    integer, allocatable, intent(out) :: kind(:)
+    type(event_t), allocatable, intent(out) :: log(:)
     type(passage_t) :: passage
     type(state_t) :: from, at(2)
-    real(wp) :: begin, skipped
+    real(wp) :: begin, skipped, period
+    integer(int64) :: repetition, occurs, i
     integer :: k
 
     if (.not. self%leapt) then
-      time = pack([self%piece%to%time], self%piece%event /= no_event)
-      kind = pack([self%piece%event], self%piece%event /= no_event)
+      log = pack([event_t(self%piece%to%time, self%piece%event)], self%piece%event /= no_event)
       return
     end if
-    skipped = 0.0_wp
-    if (repetition > 0) skipped = real(repetition, wp)*self%block_duration()
-    allocate (time(2*self%passages()), kind(2*self%passages()))
-    do k = 1, self%passages()
-      call self%passage_number(k, passage, begin)
-      call from%later(self%piece%from, begin + skipped)
-      call at%later(from, passage%measure([slip_duration, duration]))
-      time(2*k - 1:2*k) = at%time
-      kind(2*k - 1:2*k) = [stick_begins, slip_begins]
-    end do
-    if (repetition >= self%repetitions - 1) time(2*self%passages()) = self%piece%to%time
+    associate (times => max(1_int64, self%repetitions), events => 2_int64*self%passages())
+      period = merge(self%block_duration(), 0.0_wp, self%repetitions > 0)
+      occurs = merge(times, 1_int64, times*events > most_listed)
+      allocate (log(events*times/occurs))
+      do repetition = 0, times/occurs - 1
+        skipped = real(repetition, wp)*period
+        do k = 1, self%passages()
+          call self%passage_number(k, passage, begin)
+          call from%later(self%piece%from, begin + skipped)
+          call at%later(from, passage%measure([slip_duration, duration]))
+          i = repetition*events + 2*k
+          log(i - 1:i) = [event_t(at(1)%time, stick_begins, occurs, period), event_t(at(2)%time, slip_begins, occurs, period)]
+        end do
+      end do
+      if (occurs == 1) log(size(log))%time = self%piece%to%time
+    end associate
   end subroutine events
 
   pure real(wp) function next_instant(self, time)

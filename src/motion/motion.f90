@@ -20,6 +20,7 @@ module dst_motion
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
+  use dst_writer, only: event_t
   implicit none
   private
 
@@ -146,16 +147,11 @@ contains
   end subroutine show
 
   !> Times [s] and kinds of the events of the last piece, or of one of its repetitions (0: the first one).
-  pure subroutine events(self, repetition, time, kind)
+  pure subroutine events(self, log)
     class(motion_t), intent(in) :: self
-    integer(int64), intent(in) :: repetition
-    real(wp), allocatable, intent(out) :: time(:)
-    integer, allocatable, intent(out) :: kind(:)
+    type(event_t), allocatable, intent(out) :: log(:)
 
-    associate (unused => repetition)
-    end associate
-    time = pack([self%piece%to%time], self%piece%event /= no_event)
-    kind = pack([self%piece%event], self%piece%event /= no_event)
+    log = pack([event_t(self%piece%to%time, self%piece%event)], self%piece%event /= no_event)
   end subroutine events
 
   !> The next time [s] after `time` that is sampled if no interval is given: the end of the last piece, or of a step in it.

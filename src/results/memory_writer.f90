@@ -3,7 +3,7 @@ module dst_memory_writer
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, out_of_memory
   use dst_text, only: integer_text
-  use dst_writer, only: writer_t, outcome_t
+  use dst_writer, only: writer_t, event_t, outcome_t
   implicit none
   private
 
@@ -12,8 +12,7 @@ module dst_memory_writer
   !> The samples and events since they were last fetched.
   type, extends(writer_t) :: memory_writer_t
     real(wp), allocatable :: samples(:, :)      !! (column, row), valid up to rows
-    real(wp), allocatable :: event_time(:)      !! s, valid up to events
-    integer, allocatable :: event_kind(:)
+    type(event_t), allocatable :: log(:)        !! valid up to events
     integer :: rows = 0
     integer :: events = 0
   contains
@@ -68,35 +67,27 @@ contains
       ': raise output.interval, name fewer output.fields, or fetch them more often')
   end subroutine raise_no_memory
 
-  subroutine write_events(self, time, kind, error)
+  subroutine write_events(self, events, error)
     class(memory_writer_t), intent(inout) :: self
-    real(wp), intent(in) :: time(:)
-    integer, intent(in) :: kind(:)
+    type(event_t), intent(in) :: events(:)
     type(error_t), allocatable, intent(out) :: error
-    real(wp), allocatable :: times(:)
-    integer, allocatable :: kinds(:)
+    type(event_t), allocatable :: larger(:)
     integer :: room, status
 
     room = 0
-    if (allocated(self%event_time)) room = size(self%event_time)
-    if (self%events > room - size(time)) then
-      call enlarge(room, self%events, max(64, size(time)))
-      allocate (times(room), stat=status)
-      if (status == 0) allocate (kinds(room), stat=status)
+    if (allocated(self%log)) room = size(self%log)
+    if (self%events > room - size(events)) then
+      call enlarge(room, self%events, max(64, size(events)))
+      allocate (larger(room), stat=status)
       if (status /= 0 .or. room == 0) then
         call raise_no_memory(self%events, 'events', error)
         return
       end if
-      if (self%events > 0) then
-        times(:self%events) = self%event_time(:self%events)
-        kinds(:self%events) = self%event_kind(:self%events)
-      end if
-      call move_alloc(times, self%event_time)
-      call move_alloc(kinds, self%event_kind)
+      if (self%events > 0) larger(:self%events) = self%log(:self%events)
+      call move_alloc(larger, self%log)
     end if
-    self%event_time(self%events + 1:self%events + size(time)) = time
-    self%event_kind(self%events + 1:self%events + size(time)) = kind
-    self%events = self%events + size(time)
+    self%log(self%events + 1:self%events + size(events)) = events
+    self%events = self%events + size(events)
   end subroutine write_events
 
   !> The caller reads the outcome directly.

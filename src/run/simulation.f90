@@ -17,7 +17,7 @@ module dst_simulation
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
   use dst_text, only: short_text
-  use dst_writer, only: writer_t, quantity_t, outcome_t
+  use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   implicit none
   private
 
@@ -252,6 +252,7 @@ contains
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
+    type(event_t), allocatable :: log(:)
     logical :: all_taken
     real(wp) :: time
 
@@ -269,30 +270,13 @@ contains
           call take_sample(self, writer, time, error)
         end do
       end if
-      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) call write_events(self, writer, error)
+      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) then
+        call self%motion%events(log)
+        call writer%write_events(log, error)
+      end if
     end associate
     self%recorded = all_taken
   end subroutine record
-
-  !> The events of the last piece.
-  subroutine write_events(self, writer, error)
-    class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
-    type(error_t), allocatable, intent(out) :: error
-    real(wp), allocatable :: time(:)
-    integer, allocatable :: kind(:)
-    integer(int64) :: repetition
-
-    if (self%motion%leapt) then
-      do repetition = 0, max(1_int64, self%motion%repetitions) - 1
-        call self%motion%events(repetition, time, kind)
-        call writer%write_events(time, kind, error)
-        if (allocated(error)) return
-      end do
-    else
-      call writer%write_events([self%motion%piece%to%time], [self%motion%piece%event], error)
-    end if
-  end subroutine write_events
 
   !> The samples due by now, up to a full buffer; `all_taken` says whether these were all.
   subroutine take_samples(self, writer, all_taken, error)

@@ -134,6 +134,41 @@ def test_a_long_run_has_every_stick() -> None:
     assert (result.events["kind"][::2] == 1).all() and (result.events["kind"][1::2] == 2).all()
 
 
+def test_events_of_a_motion_that_repeats_are_a_block(program, tmp_path) -> None:
+    """Each event can be had, from memory, from files, and while the run goes on."""
+    # A repetition of less than 100,000 events is listed.
+    listed, block = (ds.run(FIG3, scene={"t_end": t_end}, output={"interval": 1.0}) for t_end in (80.0, 300.0))
+    assert (listed.log["occurs"] == 1).all()
+    assert block.log.size < 10000
+    assert block.log["occurs"].sum() == block.statistics["events"] == block.events.size == 2 * block.sticks()
+    early = block.events_between(-1.0, 79.0)
+    expected = listed.events[listed.events["time"] <= 79.0]
+    np.testing.assert_array_equal(early["kind"], expected["kind"])
+    np.testing.assert_allclose(early["time"], expected["time"], rtol=0.0, atol=1e-12)
+    assert block.sticks(79.0) == listed.sticks(79.0)
+    assert (np.diff(block.events["time"]) > 0.0).all()
+    middle = block.events_between(150.0, 160.0)
+    np.testing.assert_array_equal(middle, block.events[(block.events["time"] >= 150.0) & (block.events["time"] <= 160.0)])
+    block.save(tmp_path / "saved.h5")
+    assert ds.open(tmp_path / "saved.h5").events.tobytes() == block.events.tobytes()
+    with ds.Simulation(FIG3, scene={"t_end": 300.0}, output={"interval": 1.0}) as simulation:
+        simulation.step_to(200.0)
+        np.testing.assert_array_equal(simulation.events["kind"], block.events_between(0.0, 200.0)["kind"])
+        np.testing.assert_allclose(simulation.events["time"], block.events_between(0.0, 200.0)["time"], rtol=1e-15)
+    program("run", FIG3, "-o", "file.h5", "--quiet", settings=["scene.t_end=300", "output.interval=1"], status=0)
+    assert ds.open(tmp_path / "file.h5").events.tobytes() == block.events.tobytes()
+
+
+def test_more_events_than_an_array_may_have_are_refused() -> None:
+    result = ds.run(FIG3, scene={"t_end": 1e6}, output={"interval": 1e6})
+    assert result.sticks() > 4e8
+    assert result.sticks(10.0) == 5398
+    with pytest.raises(ds.UsageError, match="events_between"):
+        _ = result.events
+    block = result.log[result.log["occurs"] > 1]
+    assert result.events_between(5e5, 5e5 + block["period"][0] * (1.0 - 1e-9)).size == block.size
+
+
 def test_what_is_no_choice_is_refused(program) -> None:
     done = program("run", FIG3, "-o", "x.h5", "--set", "integrator.cycle_map=maybe")
     assert done.returncode == 2

@@ -258,8 +258,8 @@ contains
       /max(tiny(1.0_wp), abs(found%state%drive_work))
     allocate (found%time(writer%events), found%kind(writer%events))
     if (writer%events > 0) then
-      found%time = writer%event_time(:writer%events)
-      found%kind = writer%event_kind(:writer%events)
+      found%time = writer%log(:writer%events)%time
+      found%kind = writer%log(:writer%events)%kind
     end if
     found%samples = writer%samples(:, :writer%rows)
   end subroutine take

@@ -4,7 +4,7 @@ program test_hdf5_writer
   use checks, only: check, finish
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
-  use dst_writer, only: quantity_t, outcome_t
+  use dst_writer, only: event_t, quantity_t, outcome_t
   use dst_hdf5_library, only: hid_t, h5fopen, h5fclose, h5dopen, h5dread, h5idec_ref, h5dget_space, h5sget_simple_extent_npoints, &
     h5f_acc_rdonly, h5t_native_double, h5s_all, h5p_default
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, get_attribute, get_text
@@ -40,7 +40,7 @@ contains
     do i = 1, size(blocks)
       call writer%write_samples(ramp(first, blocks(i)), error)
       call check('samples written', .not. allocated(error))
-      call writer%write_events([real(i, wp)], [2 - modulo(i, 2)], error)
+      call writer%write_events([event_t(real(i, wp), 2 - modulo(i, 2))], error)
       call check('events written', .not. allocated(error))
       first = first + blocks(i)
     end do
@@ -78,7 +78,7 @@ contains
 
     call create_hdf5(writer, former, former, metadata(), columns(), error)
     call writer%write_samples(ramp(0, 2000), error)
-    call writer%write_events([1.0_wp, 2.0_wp], [1, 2], error)
+    call writer%write_events([event_t(1.0_wp, 1), event_t(2.0_wp, 2)], error)
     call writer%finish(outcome(stopped_early), error)
     call check('stopped early', .not. allocated(error))
     call check('stopped early is not complete', root_integer('complete', former) == 0)
@@ -91,7 +91,7 @@ contains
     call writer%copy_rows(former, error)
     call check('copied', .not. allocated(error))
     call writer%write_samples(ramp(2000, 2500), error)
-    call writer%write_events([4.0_wp], [2], error)
+    call writer%write_events([event_t(4.0_wp, 2)], error)
     call writer%finish(outcome(result_done), error)
     call check('finished after resuming', .not. allocated(error))
     call check('rows over the resumption', all(same(read_column('time_series/time'), [(0.5_wp*i, i=0, 4499)])))
@@ -114,12 +114,12 @@ contains
     samples(3, :) = 0.0_wp
     call create_hdf5(writer, former, former, metadata(), columns(), error)
     call writer%write_samples(samples(:, :50), error)
-    call writer%write_events(time(:2), [1, 2], error)
+    call writer%write_events([event_t(time(1), 1), event_t(time(2), 2)], error)
     call writer%finish(outcome(stopped_early), error)
     call create_hdf5(writer, file_name, file_name, metadata(), columns(), error)
     call writer%copy_rows(former, error)
     call writer%write_samples(samples(:, 51:), error)
-    call writer%write_events(time(3:4), [1, 2], error)
+    call writer%write_events([event_t(time(3), 1), event_t(time(4), 2)], error)
     call writer%finish(outcome(result_done), error)
     call check_digits('u_x', 'time_series/u_x', time)
     call check_digits('events', 'events/time', time(:4))

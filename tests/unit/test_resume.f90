@@ -153,9 +153,9 @@ contains
     call check(name//': every sample', same(all_samples%samples(:, :writer%rows), writer%samples(:, :writer%rows)))
     if (writer%events > 0) then
       call check(name//': every event', &
-        same(reshape(all_samples%event_time(:writer%events), [1, writer%events]), &
-        reshape(writer%event_time(:writer%events), [1, writer%events])) &
-        .and. all(all_samples%event_kind(:writer%events) == writer%event_kind(:writer%events)))
+        same(reshape(all_samples%log(:writer%events)%time, [1, writer%events]), &
+        reshape(writer%log(:writer%events)%time, [1, writer%events])) &
+        .and. all(all_samples%log(:writer%events)%kind == writer%log(:writer%events)%kind))
     end if
     call whole%outcome(error, expected)
     call cut%outcome(error, found)

@@ -77,8 +77,8 @@ contains
     found%sticks = 0
     allocate (found%event_time(writer%events))
     if (writer%events == 0) return
-    found%event_time = writer%event_time(:writer%events)
-    found%sticks = count(writer%event_kind(:writer%events) == stick_begins)
+    found%event_time = writer%log(:writer%events)%time
+    found%sticks = count(writer%log(:writer%events)%kind == stick_begins)
   end function run
 
   !> Distance of a vector from another, relative to the latter.
@@ -105,8 +105,8 @@ contains
         call check_close('reference: time', writer%samples(1, row), t, eps)
         call check_close('reference: u', relative(writer%samples(2:3, row), reference(2:3, k)), 0.0_wp, 1.0e-10_wp)
         call check_close('reference: w', relative(writer%samples(4:5, row), reference(4:5, k)), 0.0_wp, 1.0e-8_wp)
-        call check('reference: sticks', sticks(k) == count(writer%event_kind(:writer%events) == stick_begins &
-          .and. writer%event_time(:writer%events) <= t))
+        call check('reference: sticks', sticks(k) == count(writer%log(:writer%events)%kind == stick_begins &
+          .and. writer%log(:writer%events)%time <= t))
       end associate
     end do
   end subroutine test_reference
