@@ -84,7 +84,7 @@ def print_exponent(name: str, changes: dict, rtol: float, seeds: tuple[float, ..
         for seed in seeds
     ]
     values, errors, verdicts = (
-        np.array([summary[key] for summary in summaries])
+        np.array([summary.get(key, np.nan) for summary in summaries])
         for key in ("lyapunov_exponent", "lyapunov_error", "regularity")
     )
     error = values.std(ddof=1) / np.sqrt(values.size)

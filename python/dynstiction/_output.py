@@ -117,7 +117,8 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     place = _place(path)
     part = f"{place}.part"
     try:
-        former = os.stat(place) if os.path.exists(place) else None
+        # A file that has appeared since is not replaced.
+        former = os.stat(place) if overwrite and os.path.exists(place) else None
         descriptor = _locked(name, part, data[:BEGINNING])
         try:
             with open(descriptor, "wb", closefd=False) as stream:

@@ -1,9 +1,9 @@
-!> One branch of the release map: its laps, or its slips, as polynomials in the variable in which they are analytic.
+!> One branch of the release map: its laps, or its slips, as polynomials in the logarithm of the distance from the end of sticks.
 !>
-!> Let d be the distance of a release from the end of sticks. Where sticks end by grazing, the time at rest goes to zero like the
-!> square root of d, and laps are analytic in it, slips in d; where they end while the object still rests for some time, both are
-!> analytic in ln d. Intervals of this variable are halved where one polynomial does not pass its test. The table of an interval is
-!> a function of the scene and the interval alone. docs/cycles.md, section 3.
+!> Near the end of sticks laps are analytic in the square root of the distance, if sticks end by grazing, or not even that, and there
+!> may be another such place just beyond. In the logarithm all of them are analytic, and it does not matter that the end is known
+!> only so well. Intervals of it are halved where one polynomial does not pass its test. The table of an interval is a function of the
+!> scene and the interval alone. docs/cycles.md, section 3.
 module dst_branch
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
@@ -11,17 +11,12 @@ module dst_branch
   implicit none
   private
 
-  public :: branch_t, new_branch, in_root, in_distance, in_logarithm
+  public :: branch_t, new_branch
 
-  !> The variable.
-  integer, parameter :: in_root = 1, in_distance = 2, in_logarithm = 3
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
   integer, parameter :: most_halvings = 7
-  !> Nearest distance from the end in the variable ln d [rad]. Convention: nearer releases are run; twice: the same cycles of 12
-  !> random scenes.
-  real(wp), parameter :: nearest = 1.0e-7_wp
 
-  !> An interval of the variable.
+  !> An interval of the logarithm.
   type :: interval_t
     real(wp) :: first = 0.0_wp, last = 0.0_wp
     integer :: halvings = 0
@@ -33,8 +28,7 @@ module dst_branch
 
   !> A branch, which may be empty.
   type :: branch_t
-    integer, private :: variable = in_distance
-    real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
+    real(wp), private :: end = 0.0_wp, side = 1.0_wp, nearest = 0.0_wp, reach = -1.0_wp     !! rad
     integer :: count = 0
     type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
   contains
@@ -53,37 +47,19 @@ module dst_branch
 contains
 
   !> The branch on one side (+1 above, -1 below) of the angle at which sticks end, between two distances [rad] from it.
-  pure subroutine new_branch(variable, end, side, reach, branch, gap)
-    integer, intent(in) :: variable
-    real(wp), intent(in) :: end, side, reach
+  pure subroutine new_branch(end, side, nearest, reach, branch)
+    real(wp), intent(in) :: end, side, nearest, reach
     type(branch_t), intent(out) :: branch
-    real(wp), intent(in), optional :: gap
 
-    branch%variable = variable
     branch%end = end
     branch%side = side
+    branch%nearest = nearest
     branch%reach = reach
     branch%count = 1
     allocate (branch%intervals(2**(most_halvings + 1) - 1))
-    if (variable == in_logarithm) branch%intervals(1)%first = log(nearest)
-    if (present(gap)) branch%intervals(1)%first = variable_of(branch, gap)
-    branch%intervals(1)%last = variable_of(branch, reach)
+    branch%intervals(1)%first = log(nearest)
+    branch%intervals(1)%last = log(reach)
   end subroutine new_branch
-
-  !> The variable at a distance from the end [rad].
-  pure real(wp) function variable_of(self, distance) result(z)
-    class(branch_t), intent(in) :: self
-    real(wp), intent(in) :: distance
-
-    select case (self%variable)
-    case (in_root)
-      z = sqrt(distance)
-    case (in_logarithm)
-      z = log(distance)
-    case default
-      z = distance
-    end select
-  end function variable_of
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
   pure integer function place_of(self, at) result(place)
@@ -93,9 +69,8 @@ contains
 
     place = 0
     distance = self%side*(at - self%end)
-    if (distance <= 0.0_wp .or. distance > self%reach) return
-    z = variable_of(self, distance)
-    if (z < self%intervals(1)%first) return
+    if (distance < self%nearest .or. distance > self%reach) return
+    z = log(distance)
     place = 1
     do while (self%intervals(place)%half(1) > 0)
       associate (here => self%intervals(place))
@@ -131,13 +106,7 @@ contains
     associate (here => self%intervals(place))
       z = here%first + 0.5_wp*(here%last - here%first)*(1.0_wp + x)
     end associate
-    select case (self%variable)
-    case (in_root)
-      z = z**2
-    case (in_logarithm)
-      z = exp(z)
-    end select
-    angle = self%end + self%side*z
+    angle = self%end + self%side*exp(z)
   end function angle
 
   !> Distance [rad] of an angle in an interval from the end of the interval that is nearer to the soft axis.
@@ -181,7 +150,7 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place))
-      x = 2.0_wp*(variable_of(self, self%side*(at - self%end)) - here%first)/(here%last - here%first) - 1.0_wp
+      x = 2.0_wp*(log(self%side*(at - self%end)) - here%first)/(here%last - here%first) - 1.0_wp
     end associate
   end function x_of
 
@@ -192,9 +161,7 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place), distance => self%side*(at - self%end))
-      rate = 2.0_wp*self%side/(here%last - here%first)
-      if (self%variable == in_root) rate = 0.5_wp*rate/sqrt(distance)
-      if (self%variable == in_logarithm) rate = rate/distance
+      rate = 2.0_wp*self%side/((here%last - here%first)*distance)
     end associate
   end function x_rate
 
@@ -205,14 +172,14 @@ contains
     type(branch_t) :: empty
     integer :: i
 
-    call archive%serialise(self%variable)
     call archive%serialise(self%end)
     call archive%serialise(self%side)
+    call archive%serialise(self%nearest)
     call archive%serialise(self%reach)
     i = self%count
     call archive%serialise(i)
     if (archive%is_loading() .and. i > 0) then
-      call new_branch(self%variable, self%end, self%side, self%reach, empty)
+      call new_branch(self%end, self%side, self%nearest, self%reach, empty)
       if (allocated(self%intervals)) deallocate (self%intervals)
       call move_alloc(empty%intervals, self%intervals)
     end if

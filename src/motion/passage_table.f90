@@ -22,7 +22,7 @@ module dst_passage_table
   !> as explicit methods need, several are one panel. Conventions.
   integer, parameter :: closed_form_panels = 3, few_pieces = 24
   !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention.
-  real(wp), parameter :: allowed_inside = 100.0_wp
+  real(wp), parameter :: allowed_inside = 300.0_wp
 
   !> Passages at Chebyshev points.
   type :: passage_table_t
@@ -30,7 +30,7 @@ module dst_passage_table
     real(wp), allocatable :: point(:)
     !> Coefficients of the measures (point, measure) in Chebyshev polynomials, and of the derivative of the turn.
     real(wp), allocatable :: coefficient(:, :)
-    !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
+    !> The slip of the passages at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
     !> no panels if the motion inside is not kept.
     integer :: panels = 0
     real(wp), allocatable, private :: panel_end(:)

@@ -7,7 +7,7 @@
 !> with the same state of the method, so that it is a function of the scene, V and its interval alone. docs/cycles.md, section 3.
 module dst_release_map
   use dst_archive, only: archive_t
-  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm
+  use dst_branch, only: branch_t, new_branch
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64, pi
@@ -29,23 +29,27 @@ module dst_release_map
   !> Conventions. Ten times: the exponent of Fig. 3 is higher by 0.02, as a slip depends on its beginning like a square root near a
   !> touch.
   real(wp), parameter :: push = 1.0e-4_wp, least_push = 0.1_wp
-  !> The angle at which sticks end is found with this uncertainty [rad]; where they graze, it is extrapolated from so near.
-  real(wp), parameter :: fine = 1.0e-13_wp, fine_grazing = 3.0e-8_wp
-  !> Where sticks end by grazing, the share of rest goes to zero: it is taken for that below so much of what it was. Convention.
-  real(wp), parameter :: grazing_share = 0.02_wp
-  !> Laps are tabulated up to this angle [rad], slips in a canard down to so much below the end of sticks. Conventions: other
-  !> passages are run.
+  !> Tables begin at this distance from the end of sticks [rad], or at this share of the turn of a lap there: so many slow cycles have
+  !> a release that is nearer and is run. The end is found with a tenth of this uncertainty. Conventions.
+  real(wp), parameter :: nearest = 1.0e-7_wp, near_share = 0.01_wp, fine = 0.1_wp
+  !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
+  !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
   real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
   !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. The end of
   !> sticks is looked for after this number of laps, if so many are expected up to the soft axis, or after this multiple of
   !> passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
+  !> Passages that are run for the parting of branches and for tables that do not pass their tests: at most this share of those that
+  !> are expected in all. So much dearer than without tables is a motion at worst. Convention.
+  real(wp), parameter :: in_vain = 0.2_wp
   integer, parameter :: first_laps = 8, many = 3
   !> Points between those of a table at which it is tested: near both ends and in the middle.
   real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
   !> table. Convention; twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
+  !> So many passages are as good as a motion without end.
+  real(wp), parameter :: without_end = 1.0e9_wp
 
   !> The map under one steady drive velocity.
   type :: release_map_t
@@ -69,6 +73,9 @@ module dst_release_map
     !> The last passage that was learnt, the number of all, and that of laps since the last slip.
     type(passage_t), private :: before
     integer, private :: learnt = 0, row = 0
+    !> The duration of those that were learnt [s], and the number of those that were run in vain.
+    real(wp), private :: lasted = 0.0_wp
+    integer, private :: vain = 0
     real(wp), private :: rtol = 0.0_wp
   contains
     procedure :: first
@@ -136,7 +143,7 @@ contains
   pure integer function points(self)
     class(release_map_t), intent(in) :: self
 
-    points = max(17, nint(13.0_wp - 2.0_wp*log10(self%rtol)))
+    points = max(21, nint(1.0_wp - 4.5_wp*log10(self%rtol)))
   end function points
 
   !> The first release of the motion that the map was made of, if no passage was run before.
@@ -202,7 +209,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     if (with_slope) call self%measure_slope(passage)
-    call self%learn(passage, huge(1.0_wp), error)
+    call self%learn(passage, without_end*passage%measure(duration), error)
   end subroutine next
 
   !> The passage that a table has.
@@ -228,7 +235,8 @@ contains
     end do
   end subroutine look_up
 
-  !> The motion of a passage, into `recording`: a lap from its table, another one by steps.
+  !> The motion of a passage, into `recording`: a lap from its table, another one by steps. In slips the motion between the ends of
+  !> steps is not accurate enough for a table.
   subroutine describe(self, passage, found)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
@@ -250,30 +258,37 @@ contains
     end associate
   end subroutine describe
 
-  !> P' by a difference; there is none where the neighbours do not stay neighbours.
+  !> P' by a difference; there is none where the neighbours do not stay neighbours. Near the end of sticks it has to be small.
   subroutine measure_slope(self, passage)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(inout) :: passage
     type(error_t), allocatable :: error
-    !> The neighbours may take so much longer or less. Convention.
-    real(wp), parameter :: alike = 0.05_wp
+    !> The neighbours may take so much longer or less. Their growth may differ by so much; else they are brought nearer by a factor,
+    !> a few times. Conventions.
+    real(wp), parameter :: alike = 0.05_wp, straight = 0.003_wp, nearer = 0.25_wp
+    integer, parameter :: times = 4
     type(passage_t) :: beside(2)
     logical :: found(2)
-    real(wp) :: apart
-    integer :: i
+    real(wp) :: apart, least
+    integer :: i, k
 
-    apart = max(push*abs(passage%to - passage%from), least_push*self%rtol, still)
-    associate (lasting => passage%measure(duration))
+    least = max(least_push*self%rtol, still)
+    apart = max(push*abs(passage%to - passage%from), least)
+    do k = 1, times
       do i = 1, 2
-        call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*lasting, beside(i), found(i), error)
+        call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*passage%measure(duration), beside(i), found(i), error)
         if (allocated(error)) found(i) = .false.
       end do
       passage%has_slope = all(found)
-      if (passage%has_slope) &
-        passage%has_slope = abs(beside(2)%measure(duration) - beside(1)%measure(duration)) <= alike*lasting
-    end associate
-    if (.not. passage%has_slope) return
-    passage%slope = (beside(2)%to - beside(1)%to)/apart
+      if (passage%has_slope) passage%has_slope = &
+        abs(beside(2)%measure(duration) - beside(1)%measure(duration)) <= alike*passage%measure(duration)
+      if (.not. passage%has_slope) return
+      associate (growth => [passage%to - beside(1)%to, beside(2)%to - passage%to])
+        passage%slope = sum(growth)/apart
+        if (abs(growth(2) - growth(1)) <= straight*abs(sum(growth)) .or. nearer*apart < least) exit
+      end associate
+      apart = nearer*apart
+    end do
     passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
   end subroutine measure_slope
 
@@ -290,9 +305,10 @@ contains
     before = self%before
     self%before = passage
     self%learnt = self%learnt + 1
+    self%lasted = self%lasted + passage%measure(duration)
     self%row = self%row + 1
     if (passage%turns_back()) self%row = 0
-    if (.not. self%is_parted) then
+    if (.not. self%is_parted .and. affordable(self, rest)) then
       if (passage%turns_back()) then
         if (self%learnt >= many*points(self) .and. before%is_plain .and. before%from > passage%from &
           .and. .not. before%turns_back()) &
@@ -308,6 +324,14 @@ contains
     end do
   end subroutine learn
 
+  !> Whether a table may be made in vain, in a motion that goes on so long [s].
+  pure logical function affordable(self, rest)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: rest
+
+    affordable = real(self%vain + points(self), wp)/real(self%learnt, wp) <= in_vain*(1.0_wp + rest/self%lasted)
+  end function affordable
+
   !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
   pure real(wp) function laps_left(before, last, way, rest) result(laps)
     type(passage_t), intent(in) :: before, last
@@ -322,63 +346,50 @@ contains
     if (ratio < 1.0_wp) laps = min(laps, log(still/abs(last%measure(turn)))/log(max(tiny(1.0_wp), ratio)))
   end function laps_left
 
-  !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn, and what is
-  !> analytic on both sides. Another lap shows how the share of rest decreases.
+  !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn. Another lap
+  !> shows how the share of rest decreases, which tells the end where sticks end by grazing.
   subroutine part(self, below, lap, other_lap, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: below
     type(passage_t), intent(in) :: lap, other_lap
     type(error_t), allocatable, intent(out) :: error
-    real(wp), parameter :: beside = 1.0e-7_wp    !! rad
     !> The next guess lies above the estimated end by this share of the distance. Convention.
     real(wp), parameter :: ahead = 0.02_wp
-    real(wp), parameter :: far = 4.0_wp
     type(passage_t) :: last, former, here
-    real(wp) :: low, end, guess
-    logical :: found, grazes
+    real(wp) :: low, end, top, near
+    logical :: found
 
     self%is_parted = .true.
+    top = max(steepest, lap%from)
     low = below
-    end = below
     last = lap
     former = other_lap
-    grazes = .false.
-    do while (last%from - low > fine)
-      guess = 0.5_wp*(low + last%from)
-      end = grazing_end(last, former)
-      ! What lies much farther from two laps than they from each other is no estimate.
-      grazes = last%from - end <= far*(former%from - last%from) .and. end < last%from .and. &
-        (last%share_of_rest() <= grazing_share*lap%share_of_rest() .or. last%from - end <= fine_grazing)
-      if (grazes .and. (last%from - end <= fine_grazing .or. last%from - low < low - end)) exit
-      if (end < last%from) guess = max(guess, end + ahead*(last%from - end))
+    do
+      end = max(low, min(last%from, grazing_end(last, former)))
+      if (.not. end < last%from) end = low
+      near = max(nearest, near_share*abs(last%measure(turn)))
+      if (last%from - end <= fine*near) exit
+      end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
-      call self%run(guess, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(guess)), here, found, error)
+      call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error)
       self%sampled = self%sampled + 1
+      self%vain = self%vain + 1
       if (allocated(error)) return
       if (found .and. here%is_plain .and. here%to < here%from) then
         former = last
         last = here
       else
-        low = guess
+        low = end
       end if
     end do
-    if (grazes) then
-      ! Nearer to it, the object does not rest long enough for a stick.
-      call new_branch(in_root, end, 1.0_wp, steepest - end, self%branch(1), last%from - end)
-      call new_branch(in_distance, end, -1.0_wp, abs(last%measure(turn)), self%branch(2))
-      return
-    end if
-    call self%run(last%from + beside, self%longest, here, found, error)
+    call self%run(last%from + near, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
-    if (abs(here%to - last%from) <= beside) then
-      ! A lap to which the motion comes from both sides.
-      call new_branch(in_distance, last%from, 1.0_wp, steepest - last%from, self%branch(1))
-      return
-    end if
-    self%has_fixed = abs(last%to - last%from) <= beside
+    call new_branch(end, 1.0_wp, near, top - end, self%branch(1))
+    ! To a stable lap the motion comes from both sides.
+    if (abs(here%to - last%from) <= near) return
+    self%has_fixed = abs(last%to - last%from) <= near
     self%fixed = last%from
-    call new_branch(in_logarithm, last%from, 1.0_wp, steepest - last%from, self%branch(1))
-    call new_branch(in_logarithm, last%from, -1.0_wp, depth, self%branch(2))
+    call new_branch(end, -1.0_wp, near, max(depth, abs(last%measure(turn))), self%branch(2))
   end subroutine part
 
   !> Where the share of rest of laps goes to zero like a square root [rad]: estimated from two laps; far above if it does not.
@@ -400,7 +411,7 @@ contains
     real(wp), intent(in) :: rest
     type(passage_table_t) :: table
     logical :: found
-    integer :: place, visits
+    integer :: place, visits, before_it
 
     associate (branch => self%branch(which), n => points(self))
       place = branch%place_of(passage%from)
@@ -410,13 +421,15 @@ contains
       found = visits >= (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)
       if (.not. found .and. which == 1) &
         found = laps_left(before, passage, branch%depth(place, passage%from), rest) >= profit*real(n, wp)
-      if (.not. found) return
+      if (.not. (found .and. affordable(self, rest))) return
       branch%intervals(place)%is_tried = .true.
+      before_it = self%sampled
       call fill(self, which, place, table, .true., found)
       if (found) then
         call branch%keep(place, table)
       else
         call branch%halve(place)
+        self%vain = self%vain + self%sampled - before_it
       end if
     end associate
   end subroutine tabulate
@@ -539,6 +552,8 @@ contains
     call archive%serialise(self%is_parted)
     call archive%serialise(self%learnt)
     call archive%serialise(self%row)
+    call archive%serialise(self%lasted)
+    call archive%serialise(self%vain)
     call archive%serialise(self%before%from)
     call archive%serialise(self%before%to)
     call archive%serialise(self%before%measure)

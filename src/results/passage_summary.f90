@@ -1,6 +1,6 @@
 !> The contribution of the leaps of a cycle map to a summary, passage by passage.
 !>
-!> What the summary wants to know of a lap is a function of its release. It is interpolated, in parts of a table of the map that are
+!> What the summary wants to know of a passage is a function of its release. It is interpolated, in parts of a table of the map that are
 !> halved until that is accurate; where it is not smooth, and for passages that were recorded, the motion inside is followed piece
 !> by piece. For repetitions the contribution of all their passages is found once.
 module dst_passage_summary
@@ -19,8 +19,9 @@ module dst_passage_summary
 
   public :: passage_summary_t
 
-  !> The observations of a lap: the time in creep [s], the largest |X'| [m/s], highest and lowest load [N] with time [s] and X [m].
-  integer, parameter :: creep_time = 1, largest_rate = 2, highest = 3, lowest = 6, values = 8
+  !> The observations of a passage: the time in creep [s], the largest |X'| [m/s], and load [N], time [s] and X [m] at the points at
+  !> which the load turns back. Of a passage with more of them there are no observations. Convention.
+  integer, parameter :: creep_time = 1, largest_rate = 2, first_turn = 3, most_turns = 5, values = 2 + 3*most_turns
   !> Points of a part, and between them, at which it is tested; halvings of a table. Conventions.
   integer, parameter :: nodes = 9, most_halvings = 6
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
@@ -33,6 +34,7 @@ module dst_passage_summary
     real(wp) :: first = -1.0_wp, last = 1.0_wp
     integer :: halvings = 0, half(2) = 0
     logical :: is_tried = .false., is_known = .false., begins_to_slip = .false.
+    integer :: turns = 0
     real(wp) :: coefficient(nodes, values) = 0.0_wp
   end type part_t
 
@@ -169,7 +171,7 @@ contains
     end do
   end subroutine take_in_shown
 
-  !> The contribution of a lap from the observations, if they are smooth there.
+  !> The contribution of a passage from the observations, if they are smooth there.
   subroutine look_up(self, map, passage, has_slipped, contribution, is_known)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
@@ -178,7 +180,7 @@ contains
     type(contribution_t), intent(out) :: contribution
     logical, intent(out) :: is_known
     real(wp) :: value(values), polynomial(nodes), x, u(2)
-    integer :: here, i
+    integer :: here, i, turns
 
     here = 0
     do i = 1, size(self%tables)
@@ -193,7 +195,7 @@ contains
       x = branch%x_of(passage%table(2), passage%from)
       i = 1
       do
-        if (.not. table%part(i)%is_tried) call try_part(map, passage%table(2), table, i)
+        if (.not. table%part(i)%is_tried) call try_part(map, passage%table, table, i)
         if (table%part(i)%half(1) == 0) exit
         i = table%part(i)%half(merge(1, 2, x <= 0.5_wp*(table%part(i)%first + table%part(i)%last)))
       end do
@@ -202,6 +204,7 @@ contains
       associate (part => table%part(i))
         call chebyshev_polynomials(nodes, 2.0_wp*(x - part%first)/(part%last - part%first) - 1.0_wp, polynomial)
         value = matmul(polynomial, part%coefficient)
+        turns = part%turns
       end associate
     end associate
     associate (lasting => passage%measure(duration))
@@ -211,24 +214,25 @@ contains
       contribution%creep_time = min(lasting, max(contribution%sticking_time, value(creep_time)))
       contribution%exchanged = passage%measure(exchanged)
       contribution%largest_rate = value(largest_rate)
-      contribution%highest = extremum_t(value(highest), value(highest + 1), value(highest + 2))
-      contribution%lowest = extremum_t(value(lowest), value(lowest + 1), value(lowest + 2))
       u = map%maps(map%current)%elongation(passage%to)
-      allocate (contribution%turns(3))
-      contribution%turns(1:2) = [contribution%highest, contribution%lowest]
-      if (contribution%highest%time > contribution%lowest%time) contribution%turns(1:2) = contribution%turns([2, 1])
-      contribution%turns(3) = extremum_t(map%slider%stiffness(1)*u(1), lasting, &
-        map%piece%drive%velocity*lasting - dot_product(u - map%maps(map%current)%elongation(passage%from), map%slider%along))
+      allocate (contribution%turns(turns + 1))
+      do i = 1, turns
+        associate (turn => value(first_turn + 3*(i - 1):))
+          contribution%turns(i) = extremum_t(turn(1), turn(2), turn(3))
+        end associate
+      end do
+      contribution%turns(turns + 1) = extremum_t(map%slider%stiffness(1)*u(1), lasting, map%piece%drive%velocity*lasting &
+        - dot_product(u - map%maps(map%current)%elongation(passage%from), map%slider%along))
     end associate
   end subroutine look_up
 
-  !> Observe laps in a part of a table; it is halved if the observations are not smooth.
+  !> Observe passages in a part of a table; it is halved if the observations are not smooth.
   subroutine try_part(map, place, table, number)
     class(cycle_map_t), intent(inout), target :: map
-    integer, intent(in) :: place, number
+    integer, intent(in) :: place(2), number
     type(observations_t), intent(inout) :: table
     real(wp) :: value(nodes, values), test(values), polynomial(nodes), points(nodes), allowed(values)
-    integer :: kind(3), here(3), i
+    integer :: kind(2), here(2), i
     logical :: is_smooth, slips
 
     associate (part => table%part(number))
@@ -240,12 +244,11 @@ contains
         call observe(points(i), value(i, :), here, slips)
         part%begins_to_slip = part%begins_to_slip .or. slips
         if (i == 1) kind = here
-        is_smooth = is_smooth .and. all(here == kind)
+        is_smooth = is_smooth .and. all(here == kind) .and. here(1) <= most_turns
       end do
       part%coefficient = chebyshev_coefficients(value)
       allowed = smooth*maxval(abs(value), dim=1)
-      allowed([highest + 2, lowest + 2]) = allowed([highest + 2, lowest + 2]) &
-        + roundoff*map%slider%law%static_limit/map%slider%stiffness(1)
+      allowed(first_turn + 2::3) = allowed(first_turn + 2::3) + roundoff*map%slider%law%static_limit/map%slider%stiffness(1)
       do i = 1, size(test_at)
         if (.not. is_smooth) exit
         call observe(test_at(i), test, here, slips)
@@ -253,6 +256,7 @@ contains
         is_smooth = all(here == kind) .and. all(abs(matmul(polynomial, part%coefficient) - test) <= allowed)
       end do
       part%is_known = is_smooth
+      part%turns = kind(1)
       if (is_smooth .or. part%halvings == most_halvings) return
       part%half = table%count + [1, 2]
       table%part(part%half)%first = [part%first, 0.5_wp*(part%first + part%last)]
@@ -263,42 +267,39 @@ contains
 
   contains
 
-    !> The observations of the lap at a position in [-1, 1] of the part, and where in it the extremes are, and whether it is all creep.
+    !> The observations of the passage at a position in [-1, 1] of the part, and how often the load turns back in it, and whether it
+    !> is all creep.
     subroutine observe(position, value, kind, slips)
       real(wp), intent(in) :: position
       real(wp), intent(out) :: value(values)
-      integer, intent(out) :: kind(3)
+      integer, intent(out) :: kind(2)
       logical, intent(out) :: slips
       type(passage_t) :: passage
       type(summary_t) :: summary
-      type(contribution_t) :: lap
+      type(contribution_t) :: one
       real(wp) :: x
       logical :: found
+      integer :: i
 
       associate (part => table%part(number), maps => map%maps(map%current))
         x = part%first + 0.5_wp*(part%last - part%first)*(1.0_wp + position)
-        call maps%look_up(maps%branch(1)%angle(place, x), passage, found)
+        call maps%look_up(maps%branch(place(1))%angle(place(2), x), passage, found)
         call maps%describe(passage, found)
-        map%shown = maps%recording
+        call map%shown%copy(maps%recording)
       end associate
       call begin_passage(map, map%shown%kept(1)%from%u, summary)
       call take_in_shown(map, state_t(), summary)
-      lap = summary%contribution()
+      one = summary%contribution()
       slips = summary%has_slipped
-      value(creep_time) = lap%creep_time
-      value(largest_rate) = lap%largest_rate
-      value(highest:highest + 2) = [lap%highest%load, lap%highest%time, lap%highest%position]
-      value(lowest:lowest + 2) = [lap%lowest%load, lap%lowest%time, lap%lowest%position]
-      kind = [place_in(lap%highest), place_in(lap%lowest), merge(1, 0, lap%creep_time >= lap%duration)]
+      value = 0.0_wp
+      value(creep_time) = one%creep_time
+      value(largest_rate) = one%largest_rate
+      associate (turns => size(one%turns) - 1)
+        do i = 1, min(turns, most_turns)
+          value(first_turn + 3*(i - 1):first_turn + 3*i - 1) = [one%turns(i)%load, one%turns(i)%time, one%turns(i)%position]
+        end do
+        kind = [turns, merge(1, 0, one%creep_time >= one%duration)]
+      end associate
     end subroutine observe
-
-    !> At the beginning (-1), at the end (1), or between.
-    pure integer function place_in(extremum)
-      type(extremum_t), intent(in) :: extremum
-
-      place_in = 0
-      if (.not. extremum%time > 0.0_wp) place_in = -1
-      if (extremum%time >= map%shown%duration()) place_in = 1
-    end function place_in
   end subroutine try_part
 end module dst_passage_summary

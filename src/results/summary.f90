@@ -111,7 +111,7 @@ module dst_summary
     real(wp) :: exchanged = 0.0_wp          !! J
     real(wp) :: largest_rate = 0.0_wp       !! of |X'|, m/s
     type(extremum_t) :: highest, lowest     !! of the load
-    !> Points at which the load turns back, with beginning and end.
+    !> Points at which the load turns back, and the end.
     type(extremum_t), allocatable :: turns(:)
   end type contribution_t
 

@@ -1,7 +1,7 @@
 !> The map from release to release: its tables give what steps give, and its branches are analytic in their own variables.
 program test_release_map
   use checks, only: check, finish
-  use dst_branch, only: branch_t, new_branch, in_root, in_distance, in_logarithm
+  use dst_branch, only: branch_t, new_branch
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
   use dst_full_cycles, only: map_of
@@ -20,7 +20,7 @@ program test_release_map
 
 contains
 
-  !> A function that is analytic in a variable needs one interval in it, and its slope is right.
+  !> A function that is analytic in the distance, its square root or its logarithm needs one interval, and its slope is right.
   subroutine check_variables()
     character(*), parameter :: name(3) = ['root     ', 'distance ', 'logarithm']
     real(wp), parameter :: end = 0.4_wp, at(3) = [0.41_wp, 0.6_wp, 1.1_wp]
@@ -31,10 +31,10 @@ contains
     real(wp) :: value(measures + 1), distance
     integer :: variable, i, k, side, place
 
-    do variable = in_root, in_logarithm
+    do variable = 1, size(name)
       do i = 1, size(at)
         side = merge(1, -1, modulo(i + variable, 2) == 0)
-        call new_branch(variable, end, real(side, wp), 0.8_wp, branch)
+        call new_branch(end, real(side, wp), 1.0e-5_wp, 0.8_wp, branch)
         call new_passage_table(points, table)
         do k = 1, points
           passage%measure = 1.0_wp
@@ -62,9 +62,9 @@ contains
     real(wp), intent(in) :: distance
 
     select case (variable)
-    case (in_root)
+    case (1)
       function_of = exp(-sqrt(distance))
-    case (in_distance)
+    case (2)
       function_of = exp(-distance)
     case default
       function_of = sin(0.1_wp*log(distance))
@@ -76,9 +76,9 @@ contains
     real(wp), intent(in) :: distance
 
     select case (variable)
-    case (in_root)
+    case (1)
       slope_of = -0.5_wp*exp(-sqrt(distance))/sqrt(distance)
-    case (in_distance)
+    case (2)
       slope_of = -exp(-distance)
     case default
       slope_of = 0.1_wp*cos(0.1_wp*log(distance))/distance
@@ -91,7 +91,7 @@ contains
     type(branch_t) :: branch
     integer :: place, before, i
 
-    call new_branch(in_distance, 0.0_wp, 1.0_wp, 1.0_wp, branch)
+    call new_branch(0.0_wp, 1.0_wp, 1.0e-4_wp, 1.0_wp, branch)
     before = 0
     do i = 1, 10
       place = branch%place_of(here)
