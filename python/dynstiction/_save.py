@@ -27,7 +27,7 @@ __all__ = ["refuse_to_replace", "write"]
 TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
 # The oldest format in which the descriptions of the data have checksums.
 FORMAT = ("v108", "v108")
-STORED_AS = {"sticking": np.int8, "kind": np.int8}
+STORED_AS = {"sticking": np.int8, "kind": np.int8, "occurs": np.int64}
 ERROR, NOT_APPLICABLE = "error_", -1.0
 """Columns of a comparison that may have no value, and the value that is written instead."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -365,7 +364,7 @@ class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     def __len__(self) -> int:
         return len(self.columns)
 
-    @cached_property
+    @property
     def events(self) -> NDArray[np.void]:
         """All events, shape (n_events,): ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
 

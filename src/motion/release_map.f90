@@ -143,7 +143,7 @@ contains
   pure integer function points(self)
     class(release_map_t), intent(in) :: self
 
-    points = max(21, nint(17.0_wp - 3.0_wp*log10(self%rtol)))
+    points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
   end function points
 
   !> The first release of the motion that the map was made of, if no passage was run before.

@@ -84,7 +84,7 @@ class Objects:
         self.fork_safe = ds.Simulation(self.scene)
         self.closed = ds.Simulation(self.scene)
         self.closed.close()
-        # By steps: the map would leap so many sticks a second that their events fill the memory.
+        # By steps: with the map it would be at its end at once.
         self.busy = ds.Simulation(self.scene, scene={"t_end": 1e9}, output={"interval": 1e9}, integrator={"cycle_map": "off"})
         self.thread = threading.Thread(target=self._keep_busy, daemon=True)
         self.thread.start()

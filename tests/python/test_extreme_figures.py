@@ -40,7 +40,7 @@ MADE = {
     "times clustered": lambda: changed(time=np.concatenate([1e-300 * np.arange(n - 1), [1e3]])),
     "one sample": lambda: changed(np.ones(1), np.zeros(1)),
     "two samples": lambda: changed(np.ones(2), np.array([0.0, 1.0])),
-    "no events": lambda: ds.Result(**(vars(base) | {"events": base.events[:0]})),
+    "no events": lambda: ds.Result(**(vars(base) | {"log": base.log[:0]})),
 }
 for value in (5e-324, 1e-300, 1e-20, 1e20, 1e300):
     MADE[f"constant {value}"] = lambda value=value: changed(np.full(n, value))

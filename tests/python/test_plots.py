@@ -13,6 +13,7 @@ from dynstiction import plot
 from dynstiction._native import Info
 from dynstiction.plot.paper import deck
 from dynstiction.plot.style import VERMILION
+from dynstiction.record import LOG_DTYPE
 from matplotlib import image
 from matplotlib.figure import Figure
 from programs import INPUTS, Program
@@ -25,7 +26,7 @@ def result_of(**columns: np.ndarray) -> ds.Result:
     infos = [(Info(name, "1", name), np.asarray(values, dtype=float)) for name, values in columns.items()]
     return ds.Result(
         columns=ds.Described(infos),
-        events=np.empty(0, dtype=[("time", float), ("kind", np.int32)]),
+        log=np.empty(0, dtype=LOG_DTYPE),
         summary=ds.Described([]),
         statistics=ds.Described([]),
         attributes={"complete": 1},
@@ -559,7 +560,7 @@ def test_a_run_that_was_stopped_shows_what_it_reached(slipped: ds.Result) -> Non
     time, _ = releases(slipped)
     shorter = [(info, values[slipped.time <= 1.0]) for info, values in slipped.columns.info()]
     stopped = replace(
-        slipped, columns=ds.Described(shorter), events=slipped.events[slipped.events["time"] <= 1.0], attributes=slipped.attributes
+        slipped, columns=ds.Described(shorter), log=slipped.log[slipped.log["time"] <= 1.0], attributes=slipped.attributes
     )
     above, _, whole = plot.draw(stopped, "cycle_map").axes[:3]
     assert not above.texts[1:], "there is no excursion before 1 s"

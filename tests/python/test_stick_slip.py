@@ -7,7 +7,7 @@ import pickle
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction.record import EVENT_DTYPE, Info
+from dynstiction.record import LOG_DTYPE, Info
 from programs import INPUTS
 
 SAME = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
@@ -19,7 +19,7 @@ def made(force: np.ndarray, time: np.ndarray, events: list[tuple[float, int]] | 
     parameters = {"mu_0": 0.5, "normal_load": 2.0}
     return ds.Result(
         columns=ds.Described((Info(n, "1", n), np.asarray(v, dtype=float)) for n, v in columns.items()),
-        events=np.array(events or [], dtype=EVENT_DTYPE),
+        log=np.array([(*event, 1, 0.0) for event in events or []], dtype=LOG_DTYPE),
         summary=ds.Described([]),
         statistics=ds.Described([]),
         parameters=ds.Described((Info(n, "1", n), v) for n, v in parameters.items()),

@@ -51,8 +51,8 @@ program test_cycle_map
   call test_lookers_on()
   ! Inside repetitions, and inside laps.
   call test_cuts('Fig. 3', fig3(5.0_wp, 'radau9', 1.0e-7_wp), 2.0e-5_wp)
-  call test_cuts('dopri5', fig3(0.25_wp, 'dopri5', 1.0e-4_wp), 1.0e-6_wp)
-  call test_cuts('mirrored', mirrored(fig3(0.25_wp, 'radau13', 1.0e-7_wp)), 1.0e-6_wp)
+  call test_cuts('dopri5', fig3(0.4_wp, 'dopri5', 1.0e-4_wp), 1.0e-6_wp)
+  call test_cuts('mirrored', mirrored(fig3(0.4_wp, 'radau13', 1.0e-7_wp)), 1.0e-6_wp)
 
   call test_unused('smoothed', smoothed())
   call test_unused('ramp', ramp())
