@@ -26,7 +26,6 @@ module dst_passage
   type :: passage_t
     real(wp) :: from = 0.0_wp, to = 0.0_wp      !! alpha, rad
     real(wp) :: measure(measures) = 0.0_wp
-    integer :: pieces = 0                       !! in which it was run
     !> Whether it is one slip and one rest; and its table in the map (branch, place), 0 if it was run.
     logical :: is_plain = .false.
     integer :: table(2) = 0
@@ -105,7 +104,6 @@ contains
       value(exchanged) = recording%exchanged()
       passage%from = alpha
       passage%to = alpha + value(turn)
-      passage%pieces = n
     end associate
     if (n < 2) return
     associate (kept => recording%kept(:n))

@@ -39,8 +39,8 @@ module dst_release_map
   !> sticks is looked for after this number of laps, if so many are expected up to the soft axis, or after this multiple of
   !> passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
-  !> Steps for the parting of branches and for tables that do not pass their tests: at most this share of those that are expected in
-  !> all. So much dearer than without tables is a motion at worst. Convention.
+  !> Passages that are run for the parting of branches and for tables that do not pass their tests: at most this share of those that
+  !> are expected in all. So much dearer than without tables is a motion at worst. Convention.
   real(wp), parameter :: in_vain = 0.2_wp
   integer, parameter :: first_laps = 8, many = 3
   !> Points between those of a table at which it is tested: near both ends and in the middle.
@@ -73,9 +73,9 @@ module dst_release_map
     !> The last passage that was learnt, the number of all, and that of laps since the last slip.
     type(passage_t), private :: before
     integer, private :: learnt = 0, row = 0
-    !> The duration of those that were learnt [s], the steps in them, and steps in vain.
+    !> The duration of those that were learnt [s], and the number of those that were run in vain.
     real(wp), private :: lasted = 0.0_wp
-    integer(int64), private :: pieces = 0, vain = 0
+    integer, private :: vain = 0
     real(wp), private :: rtol = 0.0_wp
   contains
     procedure :: first
@@ -306,17 +306,16 @@ contains
     self%before = passage
     self%learnt = self%learnt + 1
     self%lasted = self%lasted + passage%measure(duration)
-    self%pieces = self%pieces + passage%pieces
     self%row = self%row + 1
     if (passage%turns_back()) self%row = 0
-    if (.not. self%is_parted .and. affordable(self, points(self), rest)) then
+    if (.not. self%is_parted .and. affordable(self, rest)) then
       if (passage%turns_back()) then
         if (self%learnt >= many*points(self) .and. before%is_plain .and. before%from > passage%from &
           .and. .not. before%turns_back()) &
-          call part(self, passage%from, before, before, rest, error)
+          call part(self, passage%from, before, before, error)
       else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
         if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
-          call part(self, 0.0_wp, passage, before, rest, error)
+          call part(self, 0.0_wp, passage, before, error)
       end if
     end if
     if (allocated(error)) return
@@ -325,14 +324,12 @@ contains
     end do
   end subroutine learn
 
-  !> Whether so many passages more may be run in vain, in a motion that goes on so long [s].
-  pure logical function affordable(self, passages, rest)
+  !> Whether a table may be made in vain, in a motion that goes on so long [s].
+  pure logical function affordable(self, rest)
     class(release_map_t), intent(in) :: self
-    integer, intent(in) :: passages
     real(wp), intent(in) :: rest
 
-    affordable = real(self%vain, wp)/real(self%pieces, wp) + real(passages, wp)/real(self%learnt, wp) &
-      <= in_vain*(1.0_wp + rest/self%lasted)
+    affordable = real(self%vain + points(self), wp)/real(self%learnt, wp) <= in_vain*(1.0_wp + rest/self%lasted)
   end function affordable
 
   !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
@@ -351,16 +348,15 @@ contains
 
   !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn. Another lap
   !> shows how the share of rest decreases, which tells the end where sticks end by grazing.
-  subroutine part(self, below, lap, other_lap, rest, error)
+  subroutine part(self, below, lap, other_lap, error)
     class(release_map_t), intent(inout) :: self
-    real(wp), intent(in) :: below, rest
+    real(wp), intent(in) :: below
     type(passage_t), intent(in) :: lap, other_lap
     type(error_t), allocatable, intent(out) :: error
     !> The next guess lies above the estimated end by this share of the distance. Convention.
     real(wp), parameter :: ahead = 0.02_wp
     type(passage_t) :: last, former, here
     real(wp) :: low, end, top, near
-    integer(int64) :: before
     logical :: found
 
     self%is_parted = .true.
@@ -373,13 +369,11 @@ contains
       if (.not. end < last%from) end = low
       near = max(nearest, near_share*abs(last%measure(turn)))
       if (last%from - end <= fine*near) exit
-      if (.not. affordable(self, 1, rest)) return
-      before = self%steps%stepper%count%steps
       end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
       call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error)
       self%sampled = self%sampled + 1
-      self%vain = self%vain + self%steps%stepper%count%steps - before
+      self%vain = self%vain + 1
       if (allocated(error)) return
       if (found .and. here%is_plain .and. here%to < here%from) then
         former = last
@@ -417,8 +411,7 @@ contains
     real(wp), intent(in) :: rest
     type(passage_table_t) :: table
     logical :: found
-    integer(int64) :: steps
-    integer :: place, visits
+    integer :: place, visits, before_it
 
     associate (branch => self%branch(which), n => points(self))
       place = branch%place_of(passage%from)
@@ -428,15 +421,15 @@ contains
       found = visits >= (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)
       if (.not. found .and. which == 1) &
         found = laps_left(before, passage, branch%depth(place, passage%from), rest) >= profit*real(n, wp)
-      if (.not. (found .and. affordable(self, n, rest))) return
+      if (.not. (found .and. affordable(self, rest))) return
       branch%intervals(place)%is_tried = .true.
-      steps = self%steps%stepper%count%steps
+      before_it = self%sampled
       call fill(self, which, place, table, .true., found)
       if (found) then
         call branch%keep(place, table)
       else
         call branch%halve(place)
-        self%vain = self%vain + self%steps%stepper%count%steps - steps
+        self%vain = self%vain + self%sampled - before_it
       end if
     end associate
   end subroutine tabulate
@@ -560,7 +553,6 @@ contains
     call archive%serialise(self%learnt)
     call archive%serialise(self%row)
     call archive%serialise(self%lasted)
-    call archive%serialise(self%pieces)
     call archive%serialise(self%vain)
     call archive%serialise(self%before%from)
     call archive%serialise(self%before%to)
