@@ -57,7 +57,7 @@ GROUPS = {
     "parameters": "Every key with a number, as used. In SI units; angles are in degrees if the name says so.",
     "time_series": "The columns that `output.fields` names, one value for each sample.",
     "events": "Every stick and slip, whether or not a sample is near. Where a motion repeats with more than 100 000 of them, they are a block: successive rows that "
-    "`occurs` times, each time a `period` later, all of them before all of them again. `result.events_between` gives each event of an interval.",
+    "occur `occurs` times, each time a `period` later, all of them before all of them again. `result.events_between` gives each event of an interval.",
     "summary": "Summary values of the run. They are those of the motion between the steps, too, whatever `output.interval` is. A value that does not exist is left out.",
     "statistics": "Counts of the work.",
 }

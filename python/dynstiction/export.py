@@ -13,7 +13,7 @@ import numpy as np
 from ._open import info_of, open_file, own_datasets, values_in
 from ._output import check_outputs, make_folder, put
 from ._trade import Trade
-from .record import EVENTS, Info, headed, unit_shown
+from .record import Info, event_columns, headed, unit_shown
 from .result import Result
 
 __all__ = ["export_csv", "export_sweep_csv"]
@@ -52,7 +52,7 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
         return _write({folder / f"{name}_trade.csv": lambda: _table(result.columns.info())}, overwrite)
     tables: dict[str, Callable[[], Table]] = {
         "time_series": lambda: _table(result.columns.info()),
-        "events": lambda: _table((EVENTS[name], result.events[name]) for name in result.events.dtype.names),
+        "events": lambda: _table(event_columns(result.events)),
         "summary": lambda: (ABOUT, _summary_rows(result)),
     }
     return _write({folder / f"{name}_{table}.csv": make for table, make in tables.items()}, overwrite)

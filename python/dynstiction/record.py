@@ -28,6 +28,7 @@ __all__ = [
     "Info",
     "Record",
     "Table",
+    "event_columns",
     "events_between",
     "frame_of",
     "headed",
@@ -284,48 +285,50 @@ def occurrences(log: NDArray[np.void], latest: float) -> NDArray[np.int64]:
     return np.clip(times, 0.0, log["occurs"]).astype(np.int64)
 
 
+def _blocks(log: NDArray[np.void]) -> list[NDArray[np.void]]:
+    """Successive rows that occur equally often with one period: all of them occur, then all of them again."""
+    edges = np.flatnonzero((np.diff(log["occurs"]) != 0) | (np.diff(log["period"]) != 0.0)) + 1
+    return np.split(log, edges) if log.size > 0 else []
+
+
 def log_until(log: NDArray[np.void], latest: float) -> NDArray[np.void]:
     """The log of what occurs up to a time [s]: whole repetitions of a block, and those of the last one row by row."""
-    times = occurrences(log, latest)
-    if (times == log["occurs"]).all():
-        return log
-    first = int(np.argmax(times < log["occurs"]))
-    same = (log["occurs"] == log["occurs"][first]) & (log["period"] == log["period"][first])
-    same[:first] &= np.logical_and.accumulate(same[:first][::-1])[::-1]
-    same[first:] &= np.logical_and.accumulate(same[first:])
-    block, times = log[same].copy(), times[same]
-    last = block[times > times[-1]]
-    last["time"] += times[-1] * last["period"]
-    last["occurs"], last["period"] = 1, 0.0
-    block["occurs"] = times[-1]
-    return np.concatenate([log[: np.argmax(same)], block[block["occurs"] > 0], last])
+    parts = [log[:0]]
+    for block in _blocks(log):
+        times = occurrences(block, latest)
+        whole, last = block.copy(), block[times > times[-1]]
+        whole["occurs"] = times[-1]
+        last["time"] += times[-1] * last["period"]
+        last["occurs"], last["period"] = 1, 0.0
+        parts += [whole[whole["occurs"] > 0], last]
+    return np.concatenate(parts)
 
 
 def events_between(log: NDArray[np.void], first: float, last: float) -> NDArray[np.void]:
-    """Time [s] and kind of each event of a log from one time [s] to another, both included.
-
-    Successive rows that occur equally often with one period are a block: all of them occur, then all of them again.
-    """
+    """Time [s] and kind of each event of a log from one time [s] to another, both included."""
     count = int((occurrences(log, last) - occurrences(log, np.nextafter(first, -np.inf))).sum())
     if count > MOST_EVENTS:
         raise UsageError(
             f"there are {count} events from {first:g} to {last:g} s, more than {MOST_EVENTS} for one array: ask for those "
             "of a shorter time with result.events_between, or see result.log, where the motion repeats"
         )
-    edges = np.flatnonzero((np.diff(log["occurs"]) != 0) | (np.diff(log["period"]) != 0.0)) + 1
     parts = [np.empty(0, dtype=[("time", np.float64), ("kind", np.int32)])]
-    for rows in np.split(log, edges):
+    for rows in _blocks(log):
         times = np.zeros(1)
-        if rows.size > 0 and rows["occurs"][0] > 1:
+        if rows["occurs"][0] > 1:
             begin = np.floor((first - rows["time"][-1]) / rows["period"][0])
-            number = np.arange(max(0.0, begin), occurrences(rows[:1], last)[0])
-            times = number * rows["period"][0]
+            times = np.arange(max(0.0, begin), occurrences(rows[:1], last)[0]) * rows["period"][0]
         part = np.empty((times.size, rows.size), dtype=parts[0].dtype)
         part["time"] = rows["time"] + times[:, None]
         part["kind"] = rows["kind"]
         parts.append(part.ravel())
     events = np.concatenate(parts)
     return events[(events["time"] >= first) & (events["time"] <= last)]
+
+
+def event_columns(events: NDArray[np.void]) -> Iterator[tuple[Info, NDArray[Any]]]:
+    """Time and kind of events, with their meanings."""
+    return ((EVENTS[name], events[name]) for name in ("time", "kind"))
 
 
 @dataclass(frozen=True, repr=False, eq=False)

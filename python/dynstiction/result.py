@@ -12,10 +12,10 @@ from ._arguments import flag, number, path_name, shown
 from .errors import UsageError, printable
 from .html import sparkline, table
 from .record import (
-    EVENTS,
     STICK_BEGINS,
     Described,
     Record,
+    event_columns,
     frame_of,
     headed,
     number_shown,
@@ -98,7 +98,7 @@ class Result(Record):
             raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
         if which == "time_series":
             return super().to_pandas().set_index("time")
-        return frame_of(Described((EVENTS[name], self.events[name]) for name in self.events.dtype.names))
+        return frame_of(Described(event_columns(self.events)))
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw the result.

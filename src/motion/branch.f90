@@ -14,7 +14,7 @@ module dst_branch
   public :: branch_t, new_branch
 
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
-  integer, parameter :: most_halvings = 7
+  integer, parameter :: most_halvings = 7, most_intervals = 2**(most_halvings + 1) - 1
 
   !> An interval of the logarithm.
   type :: interval_t
@@ -28,7 +28,7 @@ module dst_branch
 
   !> A branch, which may be empty.
   type :: branch_t
-    real(wp), private :: end = 0.0_wp, side = 1.0_wp, nearest = 0.0_wp, reach = -1.0_wp     !! rad
+    real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
     integer :: count = 0
     type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
   contains
@@ -53,10 +53,9 @@ contains
 
     branch%end = end
     branch%side = side
-    branch%nearest = nearest
     branch%reach = reach
     branch%count = 1
-    allocate (branch%intervals(2**(most_halvings + 1) - 1))
+    allocate (branch%intervals(most_intervals))
     branch%intervals(1)%first = log(nearest)
     branch%intervals(1)%last = log(reach)
   end subroutine new_branch
@@ -69,8 +68,9 @@ contains
 
     place = 0
     distance = self%side*(at - self%end)
-    if (distance < self%nearest .or. distance > self%reach) return
+    if (distance <= 0.0_wp .or. distance > self%reach) return
     z = log(distance)
+    if (z < self%intervals(1)%first) return
     place = 1
     do while (self%intervals(place)%half(1) > 0)
       associate (here => self%intervals(place))
@@ -169,19 +169,16 @@ contains
   subroutine serialise(self, archive)
     class(branch_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
-    type(branch_t) :: empty
     integer :: i
 
     call archive%serialise(self%end)
     call archive%serialise(self%side)
-    call archive%serialise(self%nearest)
     call archive%serialise(self%reach)
     i = self%count
     call archive%serialise(i)
     if (archive%is_loading() .and. i > 0) then
-      call new_branch(self%end, self%side, self%nearest, self%reach, empty)
       if (allocated(self%intervals)) deallocate (self%intervals)
-      call move_alloc(empty%intervals, self%intervals)
+      allocate (self%intervals(most_intervals))
     end if
     self%count = i
     do i = 1, self%count

@@ -8,9 +8,9 @@ module dst_cycle_map
   use dst_divergence, only: divergence_t
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64
-  use dst_motion, only: motion_t, serialise_motion
+  use dst_motion, only: motion_t, serialise_motion, events_of_piece
   use dst_passage, only: passage_t, passage_of, alpha_of, duration, slip_duration, drive_work, friction_work, damper_work
-  use dst_piece, only: piece_t, no_event, stick_begins, slip_begins, slips, sticks
+  use dst_piece, only: piece_t, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t, most_pieces
   use dst_release_map, only: release_map_t, new_release_map
   use dst_slip_stick, only: slip_stick_t
@@ -529,7 +529,7 @@ contains
     integer :: k
 
     if (.not. self%leapt) then
-      log = pack([event_t(self%piece%to%time, self%piece%event)], self%piece%event /= no_event)
+      call events_of_piece(self, log)
       return
     end if
     associate (times => max(1_int64, self%repetitions), events => 2_int64*self%passages())

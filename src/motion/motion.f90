@@ -24,7 +24,7 @@ module dst_motion
   implicit none
   private
 
-  public :: motion_t, next_piece, change_over, serialise_motion, at_time
+  public :: motion_t, next_piece, change_over, serialise_motion, events_of_piece, at_time
 
   !> Numbers of events, and of pieces, at one time after which the motion is given up. Conventions. Twice: no change.
   integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
@@ -62,7 +62,7 @@ module dst_motion
     procedure :: work
     procedure :: is_undecided
     procedure :: velocity
-    procedure :: events
+    procedure :: events => events_of_piece
     procedure :: show
     procedure :: next_instant
     procedure :: serialise => serialise_motion
@@ -146,13 +146,13 @@ contains
     end associate
   end subroutine show
 
-  !> Times [s] and kinds of the events of the last piece, or of one of its repetitions (0: the first one).
-  pure subroutine events(self, log)
+  !> The events of the last piece, which is no leap.
+  pure subroutine events_of_piece(self, log)
     class(motion_t), intent(in) :: self
     type(event_t), allocatable, intent(out) :: log(:)
 
     log = pack([event_t(self%piece%to%time, self%piece%event)], self%piece%event /= no_event)
-  end subroutine events
+  end subroutine events_of_piece
 
   !> The next time [s] after `time` that is sampled if no interval is given: the end of the last piece, or of a step in it.
   pure real(wp) function next_instant(self, time)

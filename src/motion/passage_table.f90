@@ -30,7 +30,7 @@ module dst_passage_table
     real(wp), allocatable :: point(:)
     !> Coefficients of the measures (point, measure) in Chebyshev polynomials, and of the derivative of the turn.
     real(wp), allocatable :: coefficient(:, :)
-    !> The slip of the passages at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
+    !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
     !> no panels if the motion inside is not kept.
     integer :: panels = 0
     real(wp), allocatable, private :: panel_end(:)

@@ -195,7 +195,7 @@ contains
       x = branch%x_of(passage%table(2), passage%from)
       i = 1
       do
-        if (.not. table%part(i)%is_tried) call try_part(map, passage%table, table, i)
+        if (.not. table%part(i)%is_tried) call try_part(map, passage%table(2), table, i)
         if (table%part(i)%half(1) == 0) exit
         i = table%part(i)%half(merge(1, 2, x <= 0.5_wp*(table%part(i)%first + table%part(i)%last)))
       end do
@@ -229,7 +229,7 @@ contains
   !> Observe passages in a part of a table; it is halved if the observations are not smooth.
   subroutine try_part(map, place, table, number)
     class(cycle_map_t), intent(inout), target :: map
-    integer, intent(in) :: place(2), number
+    integer, intent(in) :: place, number
     type(observations_t), intent(inout) :: table
     real(wp) :: value(nodes, values), test(values), polynomial(nodes), points(nodes), allowed(values)
     integer :: kind(2), here(2), i
@@ -283,7 +283,7 @@ contains
 
       associate (part => table%part(number), maps => map%maps(map%current))
         x = part%first + 0.5_wp*(part%last - part%first)*(1.0_wp + position)
-        call maps%look_up(maps%branch(place(1))%angle(place(2), x), passage, found)
+        call maps%look_up(maps%branch(1)%angle(place, x), passage, found)
         call maps%describe(passage, found)
         call map%shown%copy(maps%recording)
       end associate

@@ -112,7 +112,8 @@ def releases_of(result: Result) -> Releases:
     """Releases of a run, which is repeated; a `UsageError` says why it has no map."""
     parameters = _parameters(result)
     limit = parameters["mu_0"] * parameters["normal_load"]
-    found = result.events["time"][result.events["kind"] == SLIP_BEGINS]
+    events = result.events
+    found = events["time"][events["kind"] == SLIP_BEGINS]
     if found.size < LEAST_RELEASES:
         raise UsageError(
             f"the run has {found.size} releases from a stick, and a map needs {LEAST_RELEASES}: {INSTEAD}"
