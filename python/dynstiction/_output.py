@@ -117,10 +117,11 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     place = _place(path)
     part = f"{place}.part"
     try:
-        # A file that has appeared since is not replaced.
-        former = os.stat(place) if overwrite and os.path.exists(place) else None
         descriptor = _locked(name, part, data[:BEGINNING])
         try:
+            # Another writer may have finished just before.
+            check_outputs([name], overwrite=overwrite, hdf5=data.startswith(HDF5))
+            former = os.stat(place) if os.path.exists(place) else None
             with open(descriptor, "wb", closefd=False) as stream:
                 stream.truncate()
                 stream.write(data)
