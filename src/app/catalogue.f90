@@ -58,8 +58,12 @@ contains
     character(:), allocatable, intent(inout) :: text
     character(*), intent(in) :: item
 
-    if (text(len(text):) /= '[') text = text//','
-    text = text//n//item
+    ! The brackets save copies of the whole text.
+    if (text(len(text):) == '[') then
+      text = text//(n//item)
+    else
+      text = text//(','//n//item)
+    end if
   end subroutine add
 
   function of_command(command) result(text)
