@@ -6,6 +6,7 @@ module dst_passage_table
   use dst_dense_output, only: column_u, column_y, column_position
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp
+  use dst_observation, only: observations_t, new_observations
   use dst_passage, only: passage_t, slip_duration, duration, turn, measures
   use dst_piece, only: piece_t, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t
@@ -36,6 +37,8 @@ module dst_passage_table
     real(wp), allocatable, private :: panel_end(:)
     real(wp), allocatable, private :: inside(:, :, :, :)
     type(grid_t), private :: grid
+    !> What a summary wants to know of them.
+    type(observations_t) :: seen
   contains
     procedure :: take
     procedure :: settle
@@ -56,6 +59,7 @@ contains
     table%point = chebyshev_points(points)
     table%grid = chebyshev_grid()
     allocate (table%coefficient(points, measures + 1))
+    call new_observations(points, table%seen)
   end subroutine new_passage_table
 
   !> Add the passage at point `j`; with a recording, also the motion inside, on the panels that the first one sets.

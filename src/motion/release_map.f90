@@ -11,6 +11,7 @@ module dst_release_map
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64, pi
+  use dst_observation, only: observation_t, observe
   use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, still, duration, turn, slip_duration, measures
   use dst_passage_table, only: passage_table_t, new_passage_table
   use dst_piece, only: slip_begins, sticks
@@ -424,7 +425,7 @@ contains
       if (.not. (found .and. affordable(self, rest))) return
       branch%intervals(place)%is_tried = .true.
       before_it = self%sampled
-      call fill(self, which, place, table, .true., found)
+      call fill(self, which, place, table, found)
       if (found) then
         call branch%keep(place, table)
       else
@@ -435,13 +436,13 @@ contains
   end subroutine tabulate
 
   !> The table of an interval; `found`: it passes its test.
-  subroutine fill(self, which, place, table, is_tested, found)
-    class(release_map_t), intent(inout) :: self
+  subroutine fill(self, which, place, table, found)
+    class(release_map_t), intent(inout), target :: self
     integer, intent(in) :: which, place
     type(passage_table_t), intent(out) :: table
-    logical, intent(in) :: is_tested
     logical, intent(out) :: found
     type(passage_t) :: passage
+    type(observation_t) :: seen
     real(wp) :: error
     integer :: i
 
@@ -454,12 +455,14 @@ contains
       else
         call table%take(i, passage)
       end if
+      call table%seen%take(i, seen, i == table%points)
     end do
     call table%settle()
-    if (.not. is_tested) return
+    call table%seen%settle(self%rtol, self%steps%slider%law%static_limit/self%steps%slider%stiffness(1))
     do i = 1, size(test_at)
       call sample(test_at(i))
       if (.not. found) return
+      call table%seen%test(test_at(i), seen)
       error = max(table%error_of(test_at(i), passage), table%error_inside(test_at(i), self%recording))
       found = error <= accurate*self%rtol
       if (.not. found) return
@@ -476,6 +479,10 @@ contains
       call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure)
       ! The motion itself need not come there.
       found = found .and. .not. allocated(failure) .and. (passage%is_plain .or. which == 2)
+      if (.not. (found .and. self%keeps_motion)) return
+      call observe(self%steps, self%recording, seen)
+      ! The time at rest has to be that after the slip.
+      table%seen%are_smooth = table%seen%are_smooth .and. passage%is_plain
     end subroutine sample
   end subroutine fill
 
@@ -546,7 +553,7 @@ contains
       if (.not. archive%is_loading()) cycle
       do place = 1, self%branch(i)%count
         if (self%branch(i)%intervals(place)%is_known) &
-          call fill(self, i, place, self%branch(i)%intervals(place)%table, .false., found)
+          call fill(self, i, place, self%branch(i)%intervals(place)%table, found)
       end do
     end do
     call archive%serialise(self%is_parted)

@@ -1,13 +1,14 @@
 !> The contribution of the leaps of a cycle map to a summary, passage by passage.
 !>
-!> What the summary wants to know of a passage is a function of its release. It is interpolated, in parts of a table of the map that are
-!> halved until that is accurate; where it is not smooth, and for passages that were recorded, the motion inside is followed piece
-!> by piece. For repetitions the contribution of all their passages is found once.
+!> What the summary wants to know of a passage is a function of its release, which is interpolated: from the passages of a table of the
+!> map, or, for laps, in parts of the table that are halved until that is accurate. Where it is not smooth, and for passages that were
+!> recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages is found once.
 module dst_passage_summary
-  use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients
+  use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t
   use dst_kinds, only: wp, int64
+  use dst_observation, only: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, first_turn
   use dst_passage, only: passage_t, duration, slip_duration, exchanged
   use dst_piece, only: piece_t, stick_begins
   use dst_piece_view, only: piece_view_t
@@ -19,36 +20,26 @@ module dst_passage_summary
 
   public :: passage_summary_t
 
-  !> The observations of a passage: the time in creep [s], the largest |X'| [m/s], and load [N], time [s] and X [m] at the points at
-  !> which the load turns back. Of a passage with more of them there are no observations. Convention.
-  integer, parameter :: creep_time = 1, largest_rate = 2, first_turn = 3, most_turns = 5, values = 2 + 3*most_turns
   !> Points of a part, and between them, at which it is tested; halvings of a table. Conventions.
   integer, parameter :: nodes = 9, most_halvings = 6
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
-  !> Permitted error of an observation, relative to the largest one, and that of X relative to the elongation of the spring, from
-  !> which it is found. Conventions; a tenth: no change of Fig. 3.
-  real(wp), parameter :: smooth = 1.0e-8_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
 
-  !> A part of a table of the map, in its variable x.
+  !> A part of a table of the map.
   type :: part_t
-    real(wp) :: first = -1.0_wp, last = 1.0_wp
-    integer :: halvings = 0, half(2) = 0
-    logical :: is_tried = .false., is_known = .false., begins_to_slip = .false.
-    integer :: turns = 0
-    real(wp) :: coefficient(nodes, values) = 0.0_wp
+    logical :: is_tried = .false.
+    type(observations_t) :: seen
   end type part_t
 
-  !> The observations of a table of the map.
-  type :: observations_t
-    integer :: table(3) = 0                   !! map, branch, place
-    integer :: count = 0
-    type(part_t), allocatable :: part(:)      !! valid up to `count`
-  end type observations_t
+  !> A table of the map. Part 1 is all of it, the halves of part i are parts 2i and 2i + 1.
+  type :: parts_t
+    integer :: map = 0, place = 0
+    type(part_t) :: part(2**(most_halvings + 1) - 1)
+  end type parts_t
 
   !> The observations so far.
   type :: passage_summary_t
     private
-    type(observations_t), allocatable :: tables(:)
+    type(parts_t), allocatable :: tables(:)
   contains
     procedure :: follow
   end type passage_summary_t
@@ -142,7 +133,7 @@ contains
       here%u = map%maps(map%current)%elongation(passage%from)
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
-      if (passage%table(1) == 1 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
+      if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
         call look_up(self, map, passage, summary%has_slipped, contribution, is_known)
       if (is_known) then
         call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
@@ -171,7 +162,7 @@ contains
     end do
   end subroutine take_in_shown
 
-  !> The contribution of a passage from the observations, if they are smooth there.
+  !> The contribution of a passage from observations, if they are smooth there.
   subroutine look_up(self, map, passage, has_slipped, contribution, is_known)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
@@ -179,127 +170,114 @@ contains
     logical, intent(in) :: has_slipped
     type(contribution_t), intent(out) :: contribution
     logical, intent(out) :: is_known
-    real(wp) :: value(values), polynomial(nodes), x, u(2)
-    integer :: here, i, turns
+    type(observation_t) :: seen
+    real(wp) :: x, u(2)
+    integer :: i
 
-    here = 0
-    do i = 1, size(self%tables)
-      if (all(self%tables(i)%table == [map%current, passage%table])) here = i
-    end do
-    if (here == 0) then
-      self%tables = [self%tables, observations_t(table=[map%current, passage%table], count=1)]
-      here = size(self%tables)
-      allocate (self%tables(here)%part(2**(most_halvings + 1) - 1))
-    end if
-    associate (branch => map%maps(map%current)%branch(passage%table(1)), table => self%tables(here))
-      x = branch%x_of(passage%table(2), passage%from)
-      i = 1
-      do
-        if (.not. table%part(i)%is_tried) call try_part(map, passage%table(2), table, i)
-        if (table%part(i)%half(1) == 0) exit
-        i = table%part(i)%half(merge(1, 2, x <= 0.5_wp*(table%part(i)%first + table%part(i)%last)))
-      end do
-      is_known = table%part(i)%is_known .and. (has_slipped .or. .not. table%part(i)%begins_to_slip)
-      if (.not. is_known) return
-      associate (part => table%part(i))
-        call chebyshev_polynomials(nodes, 2.0_wp*(x - part%first)/(part%last - part%first) - 1.0_wp, polynomial)
-        value = matmul(polynomial, part%coefficient)
-        turns = part%turns
-      end associate
+    associate (branch => map%maps(map%current)%branch(passage%table(1)), place => passage%table(2))
+      x = branch%x_of(place, passage%from)
+      is_known = branch%intervals(place)%table%seen%are_smooth
+      if (is_known) then
+        seen = branch%intervals(place)%table%seen%at(x)
+      else if (passage%table(1) == 1) then
+        call look_up_part(self, map, place, x, seen, is_known)
+      end if
     end associate
+    is_known = is_known .and. (has_slipped .or. .not. seen%begins_to_slip)
+    if (.not. is_known) return
     associate (lasting => passage%measure(duration))
       contribution%duration = lasting
       contribution%sticks = 1
       contribution%sticking_time = lasting - passage%measure(slip_duration)
-      contribution%creep_time = min(lasting, max(contribution%sticking_time, value(creep_time)))
+      contribution%creep_time = min(lasting, max(contribution%sticking_time, seen%value(creep_time)))
       contribution%exchanged = passage%measure(exchanged)
-      contribution%largest_rate = value(largest_rate)
+      contribution%largest_rate = seen%value(largest_rate)
       u = map%maps(map%current)%elongation(passage%to)
-      allocate (contribution%turns(turns + 1))
-      do i = 1, turns
-        associate (turn => value(first_turn + 3*(i - 1):))
+      allocate (contribution%turns(seen%turns + 1))
+      do i = 1, seen%turns
+        associate (turn => seen%value(first_turn + 3*(i - 1):))
           contribution%turns(i) = extremum_t(turn(1), turn(2), turn(3))
         end associate
       end do
-      contribution%turns(turns + 1) = extremum_t(map%slider%stiffness(1)*u(1), lasting, map%piece%drive%velocity*lasting &
+      contribution%turns(seen%turns + 1) = extremum_t(map%slider%stiffness(1)*u(1), lasting, map%piece%drive%velocity*lasting &
         - dot_product(u - map%maps(map%current)%elongation(passage%from), map%slider%along))
     end associate
   end subroutine look_up
 
-  !> Observe passages in a part of a table; it is halved if the observations are not smooth.
-  subroutine try_part(map, place, table, number)
+  !> A lap at `x` of a table from the smallest part that is smooth.
+  subroutine look_up_part(self, map, place, x, seen, is_known)
+    class(passage_summary_t), intent(inout) :: self
+    class(cycle_map_t), intent(inout), target :: map
+    integer, intent(in) :: place
+    real(wp), intent(in) :: x
+    type(observation_t), intent(out) :: seen
+    logical, intent(out) :: is_known
+    real(wp) :: position
+    integer :: here, i
+
+    here = 0
+    do i = 1, size(self%tables)
+      if (self%tables(i)%map == map%current .and. self%tables(i)%place == place) here = i
+    end do
+    if (here == 0) then
+      self%tables = [self%tables, parts_t(map%current, place)]
+      here = size(self%tables)
+    end if
+    associate (part => self%tables(here)%part)
+      ! From -1 to 1 in each part.
+      position = x
+      i = 1
+      do
+        if (.not. part(i)%is_tried) call try_part(map, place, i, part(i))
+        if (part(i)%seen%are_smooth .or. 2*i > size(part)) exit
+        i = 2*i + merge(0, 1, position <= 0.0_wp)
+        position = 2.0_wp*position + merge(1.0_wp, -1.0_wp, position <= 0.0_wp)
+      end do
+      is_known = part(i)%seen%are_smooth
+      seen = part(i)%seen%at(position)
+    end associate
+  end subroutine look_up_part
+
+  !> Observe laps in a part of a table.
+  subroutine try_part(map, place, number, part)
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place, number
-    type(observations_t), intent(inout) :: table
-    real(wp) :: value(nodes, values), test(values), polynomial(nodes), points(nodes), allowed(values)
-    integer :: kind(2), here(2), i
-    logical :: is_smooth, slips
+    type(part_t), intent(inout) :: part
+    real(wp) :: points(nodes)
+    integer :: i
 
-    associate (part => table%part(number))
-      part%is_tried = .true.
-      points = chebyshev_points(nodes)
-      kind = 0
-      is_smooth = .true.
-      do i = 1, nodes
-        call observe(points(i), value(i, :), here, slips)
-        part%begins_to_slip = part%begins_to_slip .or. slips
-        if (i == 1) kind = here
-        is_smooth = is_smooth .and. all(here == kind) .and. here(1) <= most_turns
-      end do
-      part%coefficient = chebyshev_coefficients(value)
-      allowed = smooth*maxval(abs(value), dim=1)
-      allowed(first_turn + 2::3) = allowed(first_turn + 2::3) + roundoff*map%slider%law%static_limit/map%slider%stiffness(1)
-      do i = 1, size(test_at)
-        if (.not. is_smooth) exit
-        call observe(test_at(i), test, here, slips)
-        call chebyshev_polynomials(nodes, test_at(i), polynomial)
-        is_smooth = all(here == kind) .and. all(abs(matmul(polynomial, part%coefficient) - test) <= allowed)
-      end do
-      part%is_known = is_smooth
-      part%turns = kind(1)
-      if (is_smooth .or. part%halvings == most_halvings) return
-      part%half = table%count + [1, 2]
-      table%part(part%half)%first = [part%first, 0.5_wp*(part%first + part%last)]
-      table%part(part%half)%last = [0.5_wp*(part%first + part%last), part%last]
-      table%part(part%half)%halvings = part%halvings + 1
-    end associate
-    table%count = table%count + 2
+    part%is_tried = .true.
+    points = chebyshev_points(nodes)
+    call new_observations(nodes, part%seen)
+    do i = 1, nodes
+      call part%seen%take(i, lap_at(points(i)), i == 1)
+    end do
+    call part%seen%settle(map%rtol, map%slider%law%static_limit/map%slider%stiffness(1))
+    do i = 1, size(test_at)
+      if (part%seen%are_smooth) call part%seen%test(test_at(i), lap_at(test_at(i)))
+    end do
 
   contains
 
-    !> The observations of the passage at a position in [-1, 1] of the part, and how often the load turns back in it, and whether it
-    !> is all creep.
-    subroutine observe(position, value, kind, slips)
+    !> The lap at a position in [-1, 1] of the part.
+    type(observation_t) function lap_at(position) result(seen)
       real(wp), intent(in) :: position
-      real(wp), intent(out) :: value(values)
-      integer, intent(out) :: kind(2)
-      logical, intent(out) :: slips
       type(passage_t) :: passage
-      type(summary_t) :: summary
-      type(contribution_t) :: one
       real(wp) :: x
       logical :: found
       integer :: i
 
-      associate (part => table%part(number), maps => map%maps(map%current))
-        x = part%first + 0.5_wp*(part%last - part%first)*(1.0_wp + position)
-        call maps%look_up(maps%branch(1)%angle(place, x), passage, found)
-        call maps%describe(passage, found)
-        call map%shown%copy(maps%recording)
+      x = position
+      i = number
+      do while (i > 1)
+        x = 0.5_wp*(x + merge(-1.0_wp, 1.0_wp, modulo(i, 2) == 0))
+        i = i/2
+      end do
+      associate (here => map%maps(map%current))
+        call here%look_up(here%branch(1)%angle(place, x), passage, found)
+        call here%describe(passage, found)
+        call observe(map%steps, here%recording, seen)
       end associate
-      call begin_passage(map, map%shown%kept(1)%from%u, summary)
-      call take_in_shown(map, state_t(), summary)
-      one = summary%contribution()
-      slips = summary%has_slipped
-      value = 0.0_wp
-      value(creep_time) = one%creep_time
-      value(largest_rate) = one%largest_rate
-      associate (turns => size(one%turns) - 1)
-        do i = 1, min(turns, most_turns)
-          value(first_turn + 3*(i - 1):first_turn + 3*i - 1) = [one%turns(i)%load, one%turns(i)%time, one%turns(i)%position]
-        end do
-        kind = [turns, merge(1, 0, one%creep_time >= one%duration)]
-      end associate
-    end subroutine observe
+    end function lap_at
   end subroutine try_part
 end module dst_passage_summary

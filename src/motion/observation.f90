@@ -1,0 +1,157 @@
+!> What a summary wants to know of a passage of the release map, as a few numbers that are functions of its release, and as polynomials
+!> where these are smooth.
+module dst_observation
+  use dst_chebyshev, only: chebyshev_polynomials, chebyshev_coefficients
+  use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
+  use dst_kinds, only: wp
+  use dst_motion, only: motion_t
+  use dst_piece, only: piece_t
+  use dst_piece_view, only: piece_view_t
+  use dst_recording, only: recording_t
+  use dst_state, only: state_t
+  use dst_stretch, only: moment_t, nowhere, most_places => most_turns
+  implicit none
+  private
+
+  public :: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, first_turn
+
+  !> The numbers: the time at rest or in creep [s], the largest |X'| [m/s], and load [N], time [s] and X [m] at the points at which the
+  !> load turns back. A passage with more of them is none of several that are alike. Convention.
+  integer, parameter :: creep_time = 1, largest_rate = 2, first_turn = 3, most_turns = 5, observed = 2 + 3*most_turns
+  !> Permitted error of an interpolated number, relative to the largest one: this share of rtol, but no less than the second; and
+  !> that of X relative to the elongation of the spring, from which it is found. Conventions; a tenth: no change of Fig. 3.
+  real(wp), parameter :: share = 0.1_wp, smooth = 1.0e-8_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
+
+  !> A passage as it is seen from outside. Times and X count from its beginning.
+  type :: observation_t
+    real(wp) :: value(observed) = 0.0_wp
+    integer :: turns = 0
+    !> Whether all of it is creep or rest, and whether the load exceeds F(v) in it.
+    logical :: is_creep = .true., begins_to_slip = .false.
+  end type observation_t
+
+  !> Passages at Chebyshev points of a variable x in [-1, 1], as polynomials in it.
+  type :: observations_t
+    !> Whether they are smooth, so far as is known.
+    logical :: are_smooth = .true.
+    !> One of them; the coefficients (point, number) in Chebyshev polynomials, and the permitted errors.
+    type(observation_t), private :: like
+    real(wp), allocatable, private :: coefficient(:, :)
+    real(wp), private :: permitted(observed) = 0.0_wp
+  contains
+    procedure :: take
+    procedure :: settle
+    procedure :: test
+    procedure :: at
+  end type observations_t
+
+contains
+
+  pure subroutine new_observations(points, observations)
+    integer, intent(in) :: points
+    type(observations_t), intent(out) :: observations
+
+    allocate (observations%coefficient(points, observed))
+  end subroutine new_observations
+
+  !> Add the passage at point `j`; the first one is any.
+  pure subroutine take(self, j, seen, is_first)
+    class(observations_t), intent(inout) :: self
+    integer, intent(in) :: j
+    type(observation_t), intent(in) :: seen
+    logical, intent(in) :: is_first
+
+    if (is_first) self%like = seen
+    self%like%begins_to_slip = self%like%begins_to_slip .or. seen%begins_to_slip
+    self%are_smooth = self%are_smooth .and. are_alike(seen, self%like)
+    self%coefficient(j, :) = seen%value
+  end subroutine take
+
+  !> Whether two observations may belong to one smooth function.
+  pure logical function are_alike(one, other)
+    type(observation_t), intent(in) :: one, other
+
+    are_alike = one%turns == other%turns .and. one%turns <= most_turns .and. (one%is_creep .eqv. other%is_creep)
+  end function are_alike
+
+  !> Convert them to polynomials, at a tolerance; X is found from elongations up to `length` [m].
+  pure subroutine settle(self, rtol, length)
+    class(observations_t), intent(inout) :: self
+    real(wp), intent(in) :: rtol, length
+
+    self%permitted = max(share*rtol, smooth)*maxval(abs(self%coefficient), dim=1)
+    self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
+    self%coefficient = chebyshev_coefficients(self%coefficient)
+  end subroutine settle
+
+  !> Compare with the passage at `x`.
+  pure subroutine test(self, x, seen)
+    class(observations_t), intent(inout) :: self
+    real(wp), intent(in) :: x
+    type(observation_t), intent(in) :: seen
+    type(observation_t) :: expected
+
+    expected = self%at(x)
+    self%are_smooth = self%are_smooth .and. are_alike(seen, self%like) .and. all(abs(expected%value - seen%value) <= self%permitted)
+  end subroutine test
+
+  !> The passage at `x`.
+  pure type(observation_t) function at(self, x)
+    class(observations_t), intent(in) :: self
+    real(wp), intent(in) :: x
+    real(wp) :: polynomial(size(self%coefficient, 1))
+
+    call chebyshev_polynomials(size(polynomial), x, polynomial)
+    at = self%like
+    at%value = matmul(polynomial, self%coefficient)
+  end function at
+
+  !> Observe a passage that was recorded in this motion.
+  subroutine observe(motion, recording, seen)
+    class(motion_t), intent(in), target :: motion
+    type(recording_t), intent(in) :: recording
+    type(observation_t), intent(out) :: seen
+    type(piece_t), target :: piece
+    type(piece_view_t) :: view
+    type(grid_t) :: grid
+    type(moment_t) :: last, turn
+    real(wp) :: load(0:max_degree), places(most_places), creep
+    integer :: degree, count, i, k
+
+    grid = chebyshev_grid()
+    do i = 1, recording%count
+      call recording%get(i, state_t(), piece)
+      call view%show(motion, piece)
+      if (i == 1) then
+        last = view%first
+        turn = view%first
+      end if
+      call view%load(degree, load)
+      call view%turning_places(grid, load(:degree), places, count)
+      do k = 1, count
+        call pass(view%at(places(k)))
+      end do
+      call pass(view%last)
+      creep = view%creep_time(grid, 0.0_wp, 1.0_wp)
+      seen%is_creep = seen%is_creep .and. creep >= view%duration()
+      seen%value(creep_time) = seen%value(creep_time) + creep
+      seen%value(largest_rate) = view%largest_rate(grid, seen%value(largest_rate))
+      if (.not. seen%begins_to_slip) seen%begins_to_slip = view%slip_begins_at(grid, load(:degree)) < nowhere
+    end do
+
+  contains
+
+    !> The load has come here without turning back; the last such place is a turn, if it turns back now.
+    subroutine pass(here)
+      type(moment_t), intent(in) :: here
+
+      if ((here%force - last%force)*(last%force - turn%force) < 0.0_wp) then
+        turn = last
+        seen%turns = seen%turns + 1
+        if (seen%turns <= most_turns) seen%value(first_turn + 3*(seen%turns - 1):first_turn + 3*seen%turns - 1) = &
+          [turn%force, turn%time, turn%position]
+      end if
+      last = here
+    end subroutine pass
+  end subroutine observe
+end module dst_observation
