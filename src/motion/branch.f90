@@ -34,6 +34,7 @@ module dst_branch
   contains
     procedure :: place_of
     procedure :: has_table
+    procedure :: halvings
     procedure :: visit
     procedure :: angle
     procedure :: depth
@@ -86,6 +87,13 @@ contains
     has_table = .false.
     if (self%count > 0) has_table = any(self%intervals(:self%count)%is_known)
   end function has_table
+
+  !> How often an interval was halved.
+  pure integer function halvings(self)
+    class(branch_t), intent(in) :: self
+
+    halvings = self%count/2
+  end function halvings
 
   !> Note that a passage was run in an interval; the number of them.
   integer function visit(self, place)

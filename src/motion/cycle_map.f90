@@ -29,7 +29,7 @@ module dst_cycle_map
   !> hang on the angle a thousandfold. Or, if differences shrink by this factor with each slow cycle, if the duration that is
   !> expected next differs from the last one by no more than such a share, and the release as well. Conventions.
   real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp, same_duration = 1.0e-3_wp
-  !> Differences of this size are roundoff [rad]; those that are so many times larger show how fast they shrink. Conventions.
+  !> Differences of this size are roundoff [rad]; those that were so many times larger show how fast they shrink. Conventions.
   real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp), well_above = 1000.0_wp
   !> Of repetitions with so many events each is listed. Convention.
   integer, parameter :: most_listed = 100000
@@ -47,7 +47,7 @@ module dst_cycle_map
     !> they were.
     type(slow_cycle_t) :: slow(0:most_repeats)
     integer(int64), private :: slow_cycles = 0
-    real(wp), private :: returned(0:2*most_repeats) = 0.0_wp, lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
+    real(wp), private :: last_returned(0:2*most_repeats) = 0.0_wp, last_lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
     !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
     integer :: repeats = 0
     logical :: has_multiplier(most_repeats) = .false.
@@ -142,9 +142,11 @@ contains
       if (.not. self%released) return
       if (self%in_passage) then
         passage = passage_of(self%alpha, self%recording, self%slider, velocity)
-        ! Where laps have no table, that would make the run dearer than without a map.
-        if (self%divergence%is_wanted() .and. self%maps(self%current)%branch(1)%has_table()) &
-          call self%maps(self%current)%measure_slope(passage)
+        ! Where laps have no table, that would make the run dearer than without a map; tables of slips have slopes.
+        associate (map => self%maps(self%current))
+          if (self%divergence%is_wanted() .and. map%branch(1)%has_table() .and. &
+            .not. map%will_tabulate(slow_cycles_left(self, time_left(self)))) call map%measure_slope(passage)
+        end associate
         call arrive(self, passage)
       else
         call take_map(self, velocity)
@@ -194,16 +196,16 @@ contains
     associate (now => self%slow(place_of(self%slow_cycles)))
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
-      if (passage%table(1) == 0) call self%maps(self%current)%learn(passage, &
-        self%piece%to%until(min(self%t_end, self%piece%drive%end)), error)
+      if (passage%table(1) == 0) &
+        call self%maps(self%current)%learn(passage, time_left(self), slow_cycles_left(self, time_left(self)), error)
       if (.not. passage%turns_back()) return
       call self%divergence%come_back(now%whole%log_slope, now%whole%has_slope)
     end associate
     self%slow_cycles = self%slow_cycles + 1
     associate (n => self%slow_cycles)
-      self%returned(modulo(n, size(self%returned, kind=int64))) = passage%to
+      self%last_returned(modulo(n, size(self%last_returned, kind=int64))) = passage%to
       associate (whole => self%slow(place_of(n - 1))%whole)
-        self%lasted(modulo(n, size(self%lasted, kind=int64))) = whole%measure(duration)
+        self%last_lasted(modulo(n, size(self%last_lasted, kind=int64))) = whole%measure(duration)
       end associate
       call look_for_repetition(self)
       call self%slow(place_of(n))%clear()
@@ -224,14 +226,17 @@ contains
 
     do m = 1, most_repeats
       if (self%slow_cycles < 2*m + 1) return
-      now = abs(returned(0) - returned(m))
-      before = abs(returned(m) - returned(2*m))
+      now = abs(returned(self, 0) - returned(self, m))
+      before = abs(returned(self, m) - returned(self, 2*m))
       if (now < before .and. now > roundoff) then
-        if (.not. self%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff)) &
+        if (before > well_above*roundoff .and. &
+          (.not. self%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff))) then
           self%log_multiplier(m) = log(now/before)
-        self%has_multiplier(m) = .true.
+          self%has_multiplier(m) = .true.
+        end if
         ! Differences of durations shrink like those of releases.
-        if (now <= shrinking**m*before .and. changed(m)*(now/before) <= same_duration*self%rtol*lasted(0)) now = now*(now/before)
+        if (now <= shrinking**m*before .and. changed(self, m)*(now/before) <= &
+          same_duration*self%rtol*lasted(self, 0)) now = now*(now/before)
       end if
       if (now > max(roundoff, same*self%rtol)) cycle
       if (.not. all([(self%slow(place_of(self%slow_cycles - i))%is_complete, i=1, m)])) return
@@ -239,31 +244,59 @@ contains
       self%following = 1
       return
     end do
-
-  contains
-
-    !> The release with which a slow cycle ended [rad].
-    pure real(wp) function returned(ago)
-      integer, intent(in) :: ago
-
-      returned = self%returned(modulo(self%slow_cycles - ago, size(self%returned, kind=int64)))
-    end function returned
-
-    !> The duration of a slow cycle [s].
-    pure real(wp) function lasted(ago)
-      integer, intent(in) :: ago
-
-      lasted = self%lasted(modulo(self%slow_cycles - ago, size(self%lasted, kind=int64)))
-    end function lasted
-
-    !> The largest change of a duration from so many slow cycles before [s].
-    pure real(wp) function changed(by)
-      integer, intent(in) :: by
-      integer :: ago
-
-      changed = maxval([(abs(lasted(ago) - lasted(ago + by)), ago=0, by - 1)])
-    end function changed
   end subroutine look_for_repetition
+
+  !> Time until V changes, or the motion ends [s].
+  pure real(wp) function time_left(self)
+    class(cycle_map_t), intent(in) :: self
+
+    time_left = self%piece%to%until(min(self%t_end, self%piece%drive%end))
+  end function time_left
+
+  !> Slow cycles in a time [s], or until one or two of them repeat, if differences shrink further as they did on average.
+  pure real(wp) function slow_cycles_left(self, time) result(left)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: time
+    real(wp) :: now, before
+    integer :: m, steps
+
+    left = 0.0_wp
+    if (self%slow_cycles == 0) return
+    left = time/lasted(self, 0)
+    do m = 1, 2
+      steps = (int(min(self%slow_cycles - 1, 2_int64*most_repeats)) - m)/m
+      if (steps < 1) return
+      now = abs(returned(self, 0) - returned(self, m))
+      before = abs(returned(self, steps*m) - returned(self, (steps + 1)*m))
+      if (now < before .and. now > 0.0_wp) &
+        left = min(left, real(steps*m, wp)*max(0.0_wp, log(max(roundoff, same*self%rtol)/now)/log(now/before)))
+    end do
+  end function slow_cycles_left
+
+  !> The release with which a slow cycle ended [rad].
+  pure real(wp) function returned(self, ago)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: ago
+
+    returned = self%last_returned(modulo(self%slow_cycles - ago, size(self%last_returned, kind=int64)))
+  end function returned
+
+  !> The duration of a slow cycle [s].
+  pure real(wp) function lasted(self, ago)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: ago
+
+    lasted = self%last_lasted(modulo(self%slow_cycles - ago, size(self%last_lasted, kind=int64)))
+  end function lasted
+
+  !> The largest change of a duration from so many slow cycles before [s].
+  pure real(wp) function changed(self, by)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: by
+    integer :: ago
+
+    changed = maxval([(abs(lasted(self, ago) - lasted(self, ago + by)), ago=0, by - 1)])
+  end function changed
 
   !> The slow cycle number `i` of those that repeat: its place.
   pure integer function block_place(self, i)
@@ -629,8 +662,8 @@ contains
     call archive%serialise(self%passage%table(1))
     call archive%serialise(self%passage%table(2))
     call archive%serialise(self%slow_cycles)
-    call archive%serialise(self%returned)
-    call archive%serialise(self%lasted)
+    call archive%serialise(self%last_returned)
+    call archive%serialise(self%last_lasted)
     call archive%serialise(self%repeats)
     do i = 1, most_repeats
       call archive%serialise(self%has_multiplier(i))

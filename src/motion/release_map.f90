@@ -36,14 +36,16 @@ module dst_release_map
   !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
   !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
   real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
-  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. The end of
-  !> sticks is looked for after this number of laps, if so many are expected up to the soft axis, or after this multiple of
-  !> passages. Conventions.
+  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run; for slips after
+  !> as many as laps after which the end of sticks is looked for, if so many are expected up to the soft axis; or after this multiple
+  !> of passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
   !> Passages that are run for the parting of branches and for tables that do not pass their tests: at most this share of those that
   !> are expected in all. So much dearer than without tables is a motion at worst. Convention.
   real(wp), parameter :: in_vain = 0.2_wp
-  integer, parameter :: first_laps = 8, many = 3
+  integer, parameter :: first_passages = 8, many = 3
+  !> Halvings of slips without any table after which none is foreseen. Convention.
+  integer, parameter :: most_refused = 2
   !> Points between those of a table at which it is tested: near both ends and in the middle.
   real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
@@ -85,6 +87,7 @@ module dst_release_map
     procedure :: look_up
     procedure :: describe
     procedure :: learn
+    procedure :: will_tabulate
     procedure :: measure_slope
     procedure :: come_back
     procedure :: power
@@ -210,7 +213,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     if (with_slope) call self%measure_slope(passage)
-    call self%learn(passage, without_end*passage%measure(duration), error)
+    call self%learn(passage, without_end*passage%measure(duration), without_end, error)
   end subroutine next
 
   !> The passage that a table has.
@@ -295,10 +298,10 @@ contains
 
   !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
   !> the slip after it; and tabulate what is often needed.
-  subroutine learn(self, passage, rest, error)
+  subroutine learn(self, passage, rest, slips, error)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
-    real(wp), intent(in) :: rest               !! how long the map will be needed, s
+    real(wp), intent(in) :: rest, slips        !! how long the map will be needed [s], and how many slips are expected
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: before
     integer :: i
@@ -314,16 +317,26 @@ contains
         if (self%learnt >= many*points(self) .and. before%is_plain .and. before%from > passage%from &
           .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
-      else if (self%row >= first_laps .and. passage%is_plain .and. before%is_plain) then
+      else if (self%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
         if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
           call part(self, 0.0_wp, passage, before, error)
       end if
     end if
     if (allocated(error)) return
     do i = 1, size(self%branch)
-      call tabulate(self, i, before, passage, rest)
+      call tabulate(self, i, before, passage, rest, slips)
     end do
   end subroutine learn
+
+  !> Whether slips will be tabulated, of which so many are expected, as far as can be foreseen.
+  pure logical function will_tabulate(self, slips)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in) :: slips
+
+    will_tabulate = slips >= profit*real(points(self), wp)
+    if (self%branch(2)%count > 0) will_tabulate = will_tabulate .and. &
+      (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
+  end function will_tabulate
 
   !> Whether a table may be made in vain, in a motion that goes on so long [s].
   pure logical function affordable(self, rest)
@@ -405,12 +418,13 @@ contains
   end function grazing_end
 
   !> Tabulate the interval around a passage, if that is due.
-  subroutine tabulate(self, which, before, passage, rest)
+  subroutine tabulate(self, which, before, passage, rest, slips)
     class(release_map_t), intent(inout) :: self
     integer, intent(in) :: which               !! branch
     type(passage_t), intent(in) :: before, passage
-    real(wp), intent(in) :: rest
+    real(wp), intent(in) :: rest, slips
     type(passage_table_t) :: table
+    real(wp) :: expected
     logical :: found
     integer :: place, visits, before_it
 
@@ -419,10 +433,14 @@ contains
       if (place == 0) return
       visits = branch%visit(place)
       if (branch%intervals(place)%is_tried) return
-      found = visits >= (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)
-      if (.not. found .and. which == 1) &
-        found = laps_left(before, passage, branch%depth(place, passage%from), rest) >= profit*real(n, wp)
-      if (.not. (found .and. affordable(self, rest))) return
+      if (which == 1) then
+        expected = laps_left(before, passage, branch%depth(place, passage%from), rest)
+      else
+        expected = 0.0_wp
+        if (visits >= first_passages) expected = slips*real(visits, wp)/real(sum(branch%intervals(:branch%count)%visits), wp)
+      end if
+      if (expected < profit*real(n, wp) .and. visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)) return
+      if (.not. affordable(self, rest)) return
       branch%intervals(place)%is_tried = .true.
       before_it = self%sampled
       call fill(self, which, place, table, found)
@@ -444,10 +462,12 @@ contains
     type(passage_t) :: passage
     type(observation_t) :: seen
     real(wp) :: error
-    integer :: i
+    integer :: i, k
 
     call new_passage_table(points(self), table)
-    do i = table%points, 1, -1
+    do k = 1, table%points
+      ! Slips far below the end of sticks may be none: they come first.
+      i = merge(table%points + 1 - k, k, which == 1)
       call sample(table%point(i))
       if (.not. found) return
       if (self%keeps_motion .and. which == 1) then
@@ -455,7 +475,7 @@ contains
       else
         call table%take(i, passage)
       end if
-      call table%seen%take(i, seen, i == table%points)
+      call table%seen%take(i, seen, k == 1)
     end do
     call table%settle()
     call table%seen%settle(self%rtol, self%steps%slider%law%static_limit/self%steps%slider%stiffness(1))
