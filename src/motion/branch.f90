@@ -33,6 +33,8 @@ module dst_branch
     type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
   contains
     procedure :: place_of
+    procedure :: distance
+    procedure :: innermost
     procedure :: has_table
     procedure :: halvings
     procedure :: visit
@@ -65,12 +67,11 @@ contains
   pure integer function place_of(self, at) result(place)
     class(branch_t), intent(in) :: self
     real(wp), intent(in) :: at
-    real(wp) :: distance, z
+    real(wp) :: z
 
     place = 0
-    distance = self%side*(at - self%end)
-    if (distance <= 0.0_wp .or. distance > self%reach) return
-    z = log(distance)
+    if (self%distance(at) <= 0.0_wp .or. self%distance(at) > self%reach) return
+    z = log(self%distance(at))
     if (z < self%intervals(1)%first) return
     place = 1
     do while (self%intervals(place)%half(1) > 0)
@@ -79,6 +80,24 @@ contains
       end associate
     end do
   end function place_of
+
+  !> Distance of an angle from the end of sticks, negative on the other side [rad].
+  pure real(wp) function distance(self, at)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: at
+
+    distance = self%side*(at - self%end)
+  end function distance
+
+  !> The smallest interval that begins with the least distance.
+  pure integer function innermost(self) result(place)
+    class(branch_t), intent(in) :: self
+
+    place = 1
+    do while (self%intervals(place)%half(1) > 0)
+      place = self%intervals(place)%half(1)
+    end do
+  end function innermost
 
   !> Whether any interval is tabulated.
   pure logical function has_table(self)
@@ -158,7 +177,7 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place))
-      x = 2.0_wp*(log(self%side*(at - self%end)) - here%first)/(here%last - here%first) - 1.0_wp
+      x = 2.0_wp*(log(self%distance(at)) - here%first)/(here%last - here%first) - 1.0_wp
     end associate
   end function x_of
 
@@ -168,8 +187,8 @@ contains
     integer, intent(in) :: place
     real(wp), intent(in) :: at
 
-    associate (here => self%intervals(place), distance => self%side*(at - self%end))
-      rate = 2.0_wp*self%side/((here%last - here%first)*distance)
+    associate (here => self%intervals(place))
+      rate = 2.0_wp*self%side/((here%last - here%first)*self%distance(at))
     end associate
   end function x_rate
 

@@ -36,9 +36,9 @@ module dst_release_map
   !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
   !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
   real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
-  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run; for slips after
-  !> as many as laps after which the end of sticks is looked for, if so many are expected up to the soft axis; or after this multiple
-  !> of passages. Conventions.
+  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. What is expected
+  !> is known from the laps of a slow cycle, or after this number of passages of an interval. The end of sticks is looked for after
+  !> this number of laps or slips, if as many are expected, or after this multiple of passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
   !> Passages that are run for the parting of branches and for tables that do not pass their tests: at most this share of those that
   !> are expected in all. So much dearer than without tables is a motion at worst. Convention.
@@ -73,9 +73,9 @@ module dst_release_map
     !> The largest error of a table that is in use, over rtol = 1.
     real(wp) :: error = 0.0_wp
     logical, private :: is_parted = .false.
-    !> The last passage that was learnt, the number of all, and that of laps since the last slip.
+    !> The last passage that was learnt, the number of all, that of slips, and that of laps since the last slip.
     type(passage_t), private :: before
-    integer, private :: learnt = 0, row = 0
+    integer, private :: learnt = 0, slips = 0, row = 0
     !> The duration of those that were learnt [s], and the number of those that were run in vain.
     real(wp), private :: lasted = 0.0_wp
     integer, private :: vain = 0
@@ -88,6 +88,7 @@ module dst_release_map
     procedure :: describe
     procedure :: learn
     procedure :: will_tabulate
+    procedure :: guess_slope
     procedure :: measure_slope
     procedure :: come_back
     procedure :: power
@@ -262,6 +263,35 @@ contains
     end associate
   end subroutine describe
 
+  !> P' of a passage that begins nearer to the end of sticks than tables reach, on average: the turn changes there like a power of the
+  !> distance, or like its logarithm.
+  pure subroutine guess_slope(self, passage)
+    class(release_map_t), intent(in) :: self
+    type(passage_t), intent(inout) :: passage
+    real(wp) :: value(measures + 1), away(2), rate(2), distance, edge, power
+    integer :: i, k, place
+
+    do i = 1, size(self%branch)
+      if (self%branch(i)%count == 0) cycle
+      associate (branch => self%branch(i))
+        place = branch%innermost()
+        distance = branch%distance(passage%from)
+        edge = branch%distance(branch%angle(place, -1.0_wp))
+        if (distance < 0.0_wp .or. distance > edge .or. .not. branch%intervals(place)%is_known) cycle
+        ! The derivative of the turn at the edge, and at a distance that is larger by some.
+        do k = 1, 2
+          away(k) = branch%angle(place, -1.0_wp + 0.1_wp*real(k - 1, wp))
+          call branch%intervals(place)%table%evaluate(branch%x_of(place, away(k)), value)
+          rate(k) = branch%x_rate(place, away(k))*value(measures + 1)
+        end do
+        power = log(max(tiny(1.0_wp), abs(rate(2)))/max(tiny(1.0_wp), abs(rate(1))))/log(branch%distance(away(2))/edge)
+        passage%slope = 1.0_wp + rate(1)*(max(distance, fine*edge)/edge)**min(0.0_wp, power)
+        passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+        passage%has_slope = .true.
+      end associate
+    end do
+  end subroutine guess_slope
+
   !> P' by a difference; there is none where the neighbours do not stay neighbours. Near the end of sticks it has to be small.
   subroutine measure_slope(self, passage)
     class(release_map_t), intent(inout) :: self
@@ -311,11 +341,14 @@ contains
     self%learnt = self%learnt + 1
     self%lasted = self%lasted + passage%measure(duration)
     self%row = self%row + 1
-    if (passage%turns_back()) self%row = 0
+    if (passage%turns_back()) then
+      self%row = 0
+      self%slips = self%slips + 1
+    end if
     if (.not. self%is_parted .and. affordable(self, rest)) then
       if (passage%turns_back()) then
-        if (self%learnt >= many*points(self) .and. before%is_plain .and. before%from > passage%from &
-          .and. .not. before%turns_back()) &
+        if ((self%learnt >= many*points(self) .or. self%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
+          before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
       else if (self%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
         if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
@@ -433,12 +466,9 @@ contains
       if (place == 0) return
       visits = branch%visit(place)
       if (branch%intervals(place)%is_tried) return
-      if (which == 1) then
-        expected = laps_left(before, passage, branch%depth(place, passage%from), rest)
-      else
-        expected = 0.0_wp
-        if (visits >= first_passages) expected = slips*real(visits, wp)/real(sum(branch%intervals(:branch%count)%visits), wp)
-      end if
+      expected = 0.0_wp
+      if (visits >= first_passages) expected = slips*real(visits, wp)/real(max(1, self%slips), wp)
+      if (which == 1) expected = max(expected, laps_left(before, passage, branch%depth(place, passage%from), rest))
       if (expected < profit*real(n, wp) .and. visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)) return
       if (.not. affordable(self, rest)) return
       branch%intervals(place)%is_tried = .true.
@@ -578,6 +608,7 @@ contains
     end do
     call archive%serialise(self%is_parted)
     call archive%serialise(self%learnt)
+    call archive%serialise(self%slips)
     call archive%serialise(self%row)
     call archive%serialise(self%lasted)
     call archive%serialise(self%vain)
