@@ -35,6 +35,7 @@ module dst_branch
     procedure :: place_of
     procedure :: distance
     procedure :: innermost
+    procedure :: is_inside
     procedure :: has_table
     procedure :: halvings
     procedure :: visit
@@ -98,6 +99,19 @@ contains
       place = self%intervals(place)%half(1)
     end do
   end function innermost
+
+  !> Whether an angle is nearer to the end of sticks than the branch, which has a table there.
+  pure logical function is_inside(self, at)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: at
+    integer :: place
+
+    is_inside = .false.
+    if (self%count == 0) return
+    place = self%innermost()
+    is_inside = self%intervals(place)%is_known .and. self%distance(at) >= 0.0_wp .and. &
+      self%distance(at) < self%distance(self%angle(place, -1.0_wp))
+  end function is_inside
 
   !> Whether any interval is tabulated.
   pure logical function has_table(self)

@@ -142,11 +142,10 @@ contains
       if (.not. self%released) return
       if (self%in_passage) then
         passage = passage_of(self%alpha, self%recording, self%slider, velocity)
+        ! Tables of slips have slopes.
         associate (map => self%maps(self%current))
-          call map%guess_slope(passage)
-          ! Where laps have no table, that would make the run dearer than without a map; tables of slips have slopes.
-          if (.not. passage%has_slope .and. self%divergence%is_wanted() .and. map%branch(1)%has_table() .and. &
-            .not. map%will_tabulate(slow_cycles_left(self, time_left(self)))) call map%measure_slope(passage)
+          call map%find_slope(self%divergence%is_wanted() .and. &
+            .not. map%will_tabulate(slow_cycles_left(self, time_left(self))), passage)
         end associate
         call arrive(self, passage)
       else

@@ -3,8 +3,9 @@ program test_release_map
   use checks, only: check, finish
   use dst_branch, only: branch_t, new_branch
   use dst_errors, only: error_t
-  use dst_kinds, only: wp, pi
   use dst_full_cycles, only: map_of
+  use dst_kinds, only: wp, pi
+  use dst_observation, only: observation_t, observe
   use dst_passage, only: passage_t, duration, turn, measures
   use dst_passage_table, only: passage_table_t, new_passage_table
   use dst_release_map, only: release_map_t
@@ -15,6 +16,7 @@ program test_release_map
   call check_variables()
   call check_halving()
   call check_tables()
+  call check_slips()
   call check_dampers()
   call finish()
 
@@ -141,6 +143,57 @@ contains
     end do
     call check('most are tabulated', n >= 30)
   end subroutine check_tables
+
+  !> What slips of an irregular motion show is what runs show, and P' next to the end of sticks of laps is right to a factor.
+  subroutine check_slips()
+    real(wp), parameter :: stiffness(2) = [1.0e6_wp, 3.0e5_wp], factor = 1.3_wp
+    type(release_map_t), target :: map
+    type(passage_t) :: passage, slip, beside(2)
+    type(observation_t) :: seen, right
+    type(scene_t) :: scene
+    type(error_t), allocatable :: error
+    real(wp) :: alpha, distance
+    logical :: found
+    integer :: i, k, n, place
+
+    n = 0
+    do k = 1, size(stiffness)
+      scene = fig3(10.0_wp, 'radau13', 1.0e-9_wp)
+      scene%stiffness_y = stiffness(k)
+      call map_of(scene, map, error)
+      map%keeps_motion = .true.
+      call map%first(alpha, found, error)
+      do i = 1, 40
+        call map%come_back(alpha, .false., passage, slip, found, error)
+        if (allocated(error) .or. .not. found) exit
+        alpha = passage%to
+        if (slip%table(1) /= 2 .or. i < 25) cycle
+        associate (branch => map%branch(2), table => map%branch(2)%intervals(slip%table(2))%table)
+          if (.not. table%seen%are_smooth) cycle
+          seen = table%seen%at(branch%x_of(slip%table(2), slip%from))
+        end associate
+        call map%run(slip%from, map%longest, passage, found, error)
+        call observe(map%steps, map%recording, right)
+        n = n + 1
+        call check('as many turns of the load', seen%turns == right%turns)
+        call check('the same observations', all(abs(seen%value - right%value) <= 1.0e-7_wp*abs(right%value) + 1.0e-12_wp))
+      end do
+      associate (branch => map%branch(1))
+        place = branch%innermost()
+        distance = 0.3_wp*branch%distance(branch%angle(place, -1.0_wp))
+        passage = passage_t(from=branch%angle(place, -1.0_wp) - distance*7.0_wp/3.0_wp)
+      end associate
+      call map%find_slope(.false., passage)
+      call check('P'' is estimated', passage%has_slope)
+      do i = 1, 2
+        call map%run(passage%from + 0.05_wp*distance*(2*i - 3), map%longest, beside(i), found, error)
+      end do
+      associate (slope => (beside(2)%to - beside(1)%to)/(beside(2)%from - beside(1)%from))
+        call check('and right to a factor', abs(passage%slope) <= factor*abs(slope) .and. abs(slope) <= factor*abs(passage%slope))
+      end associate
+    end do
+    call check('slips in tables', n >= 10)
+  end subroutine check_slips
 
   !> With dampers, a release is where the force on the object at rest is the limit: the map continues the motion from there.
   subroutine check_dampers()
