@@ -196,8 +196,11 @@ contains
     associate (now => self%slow(place_of(self%slow_cycles)))
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
-      if (passage%table(1) == 0) &
+      if (passage%table(1) == 0) then
         call self%maps(self%current)%learn(passage, time_left(self), slow_cycles_left(self, time_left(self)), error)
+      else
+        call self%maps(self%current)%count(passage)
+      end if
       if (.not. passage%turns_back()) return
       call self%divergence%come_back(now%whole%log_slope, now%whole%has_slope)
     end associate

@@ -40,8 +40,8 @@ module dst_release_map
   !> is known from the laps of a slow cycle, or after this number of passages of an interval. The end of sticks is looked for after
   !> this number of laps or slips, if as many are expected, or after this multiple of passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
-  !> Passages that are run for the parting of branches and for tables that do not pass their tests: at most this share of those that
-  !> are expected in all. So much dearer than without tables is a motion at worst. Convention.
+  !> Passages that are run for the parting of branches, for tables that do not pass their tests and for slopes: at most this share of
+  !> those that are expected in all. So much dearer than without tables is a motion at worst. Convention.
   real(wp), parameter :: in_vain = 0.2_wp
   integer, parameter :: first_passages = 8, many = 3
   !> Halvings of slips without any table after which none is foreseen. Convention.
@@ -73,11 +73,13 @@ module dst_release_map
     !> The largest error of a table that is in use, over rtol = 1.
     real(wp) :: error = 0.0_wp
     logical, private :: is_parted = .false.
-    !> The last passage that was learnt, the number of all, that of slips, and that of laps since the last slip.
+    !> The number of passages and of those that were run, that of slips among these, and that of laps since the last slip; and the last
+    !> one that was run.
+    integer, private :: passages = 0, learnt = 0, slips = 0, row = 0
     type(passage_t), private :: before
-    integer, private :: learnt = 0, slips = 0, row = 0
-    !> The duration of those that were learnt [s], and the number of those that were run in vain.
-    real(wp), private :: lasted = 0.0_wp
+    !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
+    !> that of those that were run in vain.
+    real(wp), private :: lasted = 0.0_wp, expected = 0.0_wp
     integer, private :: vain = 0
     real(wp), private :: rtol = 0.0_wp
   contains
@@ -86,6 +88,7 @@ module dst_release_map
     procedure :: run
     procedure :: look_up
     procedure :: describe
+    procedure :: count
     procedure :: learn
     procedure :: will_tabulate
     procedure :: find_slope
@@ -276,7 +279,7 @@ contains
       call estimate_slope(self%branch(i), passage)
       return
     end do
-    if (is_wanted .and. self%branch(1)%has_table()) call self%measure_slope(passage)
+    if (is_wanted .and. self%branch(1)%has_table() .and. affordable(self)) call self%measure_slope(passage)
   end subroutine find_slope
 
   !> P' of a passage that begins nearer to the end of sticks than the table of the branch reaches: the turn changes there like a power
@@ -322,6 +325,7 @@ contains
     do k = 1, times
       do i = 1, 2
         call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*passage%measure(duration), beside(i), found(i), error)
+        self%vain = self%vain + 1
         if (allocated(error)) found(i) = .false.
       end do
       passage%has_slope = all(found)
@@ -337,6 +341,15 @@ contains
     passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
   end subroutine measure_slope
 
+  !> Count a passage of the motion.
+  pure subroutine count(self, passage)
+    class(release_map_t), intent(inout) :: self
+    type(passage_t), intent(in) :: passage
+
+    self%passages = self%passages + 1
+    self%lasted = self%lasted + passage%measure(duration)
+  end subroutine count
+
   !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
   !> the slip after it; and tabulate what is often needed.
   subroutine learn(self, passage, rest, slips, error)
@@ -349,14 +362,16 @@ contains
 
     before = self%before
     self%before = passage
+    call self%count(passage)
     self%learnt = self%learnt + 1
-    self%lasted = self%lasted + passage%measure(duration)
     self%row = self%row + 1
     if (passage%turns_back()) then
       self%row = 0
       self%slips = self%slips + 1
     end if
-    if (.not. self%is_parted .and. affordable(self, rest)) then
+    self%expected = real(self%passages, wp)*(1.0_wp + rest/self%lasted)
+    if (self%slips == 0) self%expected = real(self%passages, wp) + laps_left(before, passage, passage%to, rest)
+    if (.not. self%is_parted .and. affordable(self)) then
       if (passage%turns_back()) then
         if ((self%learnt >= many*points(self) .or. self%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
           before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
@@ -382,12 +397,11 @@ contains
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
 
-  !> Whether a table may be made in vain, in a motion that goes on so long [s].
-  pure logical function affordable(self, rest)
+  !> Whether a table may be made in vain.
+  pure logical function affordable(self)
     class(release_map_t), intent(in) :: self
-    real(wp), intent(in) :: rest
 
-    affordable = real(self%vain + points(self), wp)/real(self%learnt, wp) <= in_vain*(1.0_wp + rest/self%lasted)
+    affordable = real(self%vain + points(self), wp) <= in_vain*self%expected
   end function affordable
 
   !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
@@ -481,7 +495,7 @@ contains
       if (visits >= first_passages) expected = slips*real(visits, wp)/real(max(1, self%slips), wp)
       if (which == 1) expected = max(expected, laps_left(before, passage, branch%depth(place, passage%from), rest))
       if (expected < profit*real(n, wp) .and. visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)) return
-      if (.not. affordable(self, rest)) return
+      if (.not. affordable(self)) return
       branch%intervals(place)%is_tried = .true.
       before_it = self%sampled
       call fill(self, which, place, table, found)
@@ -618,10 +632,12 @@ contains
       end do
     end do
     call archive%serialise(self%is_parted)
+    call archive%serialise(self%passages)
     call archive%serialise(self%learnt)
     call archive%serialise(self%slips)
     call archive%serialise(self%row)
     call archive%serialise(self%lasted)
+    call archive%serialise(self%expected)
     call archive%serialise(self%vain)
     call archive%serialise(self%before%from)
     call archive%serialise(self%before%to)
