@@ -14,7 +14,7 @@ module dst_branch
   public :: branch_t, new_branch
 
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
-  integer, parameter :: most_halvings = 7, most_intervals = 2**(most_halvings + 1) - 1
+  integer, parameter :: most_halvings = 7
 
   !> An interval of the logarithm.
   type :: interval_t
@@ -30,7 +30,7 @@ module dst_branch
   type :: branch_t
     real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
     integer :: count = 0
-    type(interval_t), allocatable :: intervals(:)              !! valid up to `count`
+    type(interval_t), allocatable :: intervals(:)
   contains
     procedure :: place_of
     procedure :: distance
@@ -59,9 +59,7 @@ contains
     branch%side = side
     branch%reach = reach
     branch%count = 1
-    allocate (branch%intervals(most_intervals))
-    branch%intervals(1)%first = log(nearest)
-    branch%intervals(1)%last = log(reach)
+    branch%intervals = [interval_t(log(nearest), log(reach))]
   end subroutine new_branch
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
@@ -118,7 +116,7 @@ contains
     class(branch_t), intent(in) :: self
 
     has_table = .false.
-    if (self%count > 0) has_table = any(self%intervals(:self%count)%is_known)
+    if (self%count > 0) has_table = any(self%intervals%is_known)
   end function has_table
 
   !> How often an interval was halved.
@@ -173,15 +171,17 @@ contains
   pure subroutine halve(self, place)
     class(branch_t), intent(inout) :: self
     integer, intent(in) :: place
+    type(interval_t) :: halves(2)
 
     if (self%intervals(place)%halvings == most_halvings) return
-    associate (here => self%intervals(place), halves => self%intervals(self%count + 1:self%count + 2))
-      here%half = self%count + [1, 2]
+    self%intervals(place)%half = self%count + [1, 2]
+    associate (here => self%intervals(place))
       halves%first = [here%first, 0.5_wp*(here%first + here%last)]
       halves%last = [halves(2)%first, here%last]
       halves%halvings = here%halvings + 1
     end associate
-    self%count = self%count + 2
+    self%intervals = [self%intervals, halves]
+    self%count = size(self%intervals)
   end subroutine halve
 
   !> The place in [-1, 1] of an angle [rad] in an interval.
@@ -219,7 +219,7 @@ contains
     call archive%serialise(i)
     if (archive%is_loading() .and. i > 0) then
       if (allocated(self%intervals)) deallocate (self%intervals)
-      allocate (self%intervals(most_intervals))
+      allocate (self%intervals(i))
     end if
     self%count = i
     do i = 1, self%count

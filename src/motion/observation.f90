@@ -103,7 +103,9 @@ contains
 
     call chebyshev_polynomials(size(polynomial), x, polynomial)
     at = self%like
-    at%value = matmul(polynomial, self%coefficient)
+    associate (n => first_turn - 1 + 3*min(most_turns, at%turns))
+      at%value(:n) = matmul(polynomial, self%coefficient(:, :n))
+    end associate
   end function at
 
   !> Observe a passage that was recorded in this motion.
