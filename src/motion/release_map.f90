@@ -243,8 +243,8 @@ contains
     end do
   end subroutine look_up
 
-  !> The motion of a passage, into `recording`: a lap from its table, another one by steps. In slips the motion between the ends of
-  !> steps is not accurate enough for a table.
+  !> The motion of a passage, into `recording`: from its table if that has it, else by steps. In slips, and often in laps by explicit
+  !> methods or at tight tolerances, the motion between the ends of steps is not accurate enough for a table.
   subroutine describe(self, passage, found)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
@@ -253,12 +253,12 @@ contains
     type(passage_t) :: again
     real(wp) :: u(2, 2)
 
-    if (passage%table(1) /= 1) then
-      call self%run(passage%from, self%longest, again, found, error)
-      return
-    end if
-    found = .true.
-    associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(1))
+    associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(passage%table(1)))
+      if (branch%intervals(place)%table%panels == 0) then
+        call self%run(passage%from, self%longest, again, found, error)
+        return
+      end if
+      found = .true.
       u(:, 1) = self%elongation(passage%from)
       u(:, 2) = self%elongation(passage%to)
       call branch%intervals(place)%table%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
@@ -516,9 +516,10 @@ contains
     logical, intent(out) :: found
     type(passage_t) :: passage
     type(observation_t) :: seen
-    real(wp) :: error
+    real(wp) :: error, inside
     integer :: i, k
 
+    inside = 0.0_wp
     call new_passage_table(points(self), table)
     do k = 1, table%points
       ! Slips far below the end of sticks may be none: they come first.
@@ -538,11 +539,17 @@ contains
       call sample(test_at(i))
       if (.not. found) return
       call table%seen%test(test_at(i), seen)
-      error = max(table%error_of(test_at(i), passage), table%error_inside(test_at(i), self%recording))
+      error = table%error_of(test_at(i), passage)
       found = error <= accurate*self%rtol
       if (.not. found) return
+      inside = max(inside, table%error_inside(test_at(i), self%recording))
       self%error = max(self%error, error)
     end do
+    if (inside <= accurate*self%rtol) then
+      self%error = max(self%error, inside)
+    else
+      table%panels = 0
+    end if
 
   contains
 

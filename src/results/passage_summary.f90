@@ -1,8 +1,9 @@
 !> The contribution of the leaps of a cycle map to a summary, passage by passage.
 !>
 !> What the summary wants to know of a passage is a function of its release, which is interpolated: from the passages of a table of the
-!> map, or, for laps, in parts of the table that are halved until that is accurate. Where it is not smooth, and for passages that were
-!> recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages is found once.
+!> map, or, if it has the motion inside, in parts of it that are halved until that is accurate. Where it is not smooth, and for
+!> passages that were recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages
+!> is found once.
 module dst_passage_summary
   use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
@@ -179,7 +180,7 @@ contains
       is_known = branch%intervals(place)%table%seen%are_smooth
       if (is_known) then
         seen = branch%intervals(place)%table%seen%at(x)
-      else if (passage%table(1) == 1) then
+      else if (branch%intervals(place)%table%panels > 0) then
         call look_up_part(self, map, place, x, seen, is_known)
       end if
     end associate
