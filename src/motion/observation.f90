@@ -47,6 +47,7 @@ module dst_observation
 
 contains
 
+  !> Room for passages at so many points.
   pure subroutine new_observations(points, observations)
     integer, intent(in) :: points
     type(observations_t), intent(out) :: observations
