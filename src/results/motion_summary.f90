@@ -1,6 +1,7 @@
 !> The summary of a single run: it passes the pieces of the motion to dst_summary.
 module dst_motion_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dst_archive, only: archive_t
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
@@ -42,6 +43,7 @@ module dst_motion_summary
     procedure :: see
     procedure :: values
     procedure :: describe
+    procedure :: serialise
   end type motion_summary_t
 
 contains
@@ -165,4 +167,13 @@ contains
     outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
       work%landings, work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
   end subroutine describe
+
+  !> Save or load.
+  subroutine serialise(self, archive)
+    class(motion_summary_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+
+    call self%summary_t%serialise(archive)
+    call self%leaps%serialise(archive)
+  end subroutine serialise
 end module dst_motion_summary

@@ -5,6 +5,7 @@
 !> passages that were recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages
 !> is found once.
 module dst_passage_summary
+  use dst_archive, only: archive_t
   use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t
@@ -21,12 +22,14 @@ module dst_passage_summary
 
   public :: passage_summary_t
 
-  !> Points of a part, and between them, at which it is tested; halvings of a table. Conventions.
+  !> Points of a part, and between them, at which it is tested, once as many laps in it have been followed; halvings of a table.
+  !> Conventions.
   integer, parameter :: nodes = 9, most_halvings = 6
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
   !> A part of a table of the map.
   type :: part_t
+    integer :: visits = 0
     logical :: is_tried = .false.
     type(observations_t) :: seen
   end type part_t
@@ -43,6 +46,7 @@ module dst_passage_summary
     type(parts_t), allocatable :: tables(:)
   contains
     procedure :: follow
+    procedure :: serialise
   end type passage_summary_t
 
 contains
@@ -228,14 +232,17 @@ contains
       ! From -1 to 1 in each part.
       position = x
       i = 1
-      do
+      is_known = .false.
+      do while (i <= size(part))
+        part(i)%visits = part(i)%visits + 1
+        if (part(i)%visits <= nodes + size(test_at)) return
         if (.not. part(i)%is_tried) call try_part(map, place, i, part(i))
-        if (part(i)%seen%are_smooth .or. 2*i > size(part)) exit
+        is_known = part(i)%seen%are_smooth
+        if (is_known) exit
         i = 2*i + merge(0, 1, position <= 0.0_wp)
         position = 2.0_wp*position + merge(1.0_wp, -1.0_wp, position <= 0.0_wp)
       end do
-      is_known = part(i)%seen%are_smooth
-      seen = part(i)%seen%at(position)
+      if (is_known) seen = part(i)%seen%at(position)
     end associate
   end subroutine look_up_part
 
@@ -281,4 +288,26 @@ contains
       end associate
     end function lap_at
   end subroutine try_part
+
+  !> Save or load, without the observations: they can be made again.
+  subroutine serialise(self, archive)
+    class(passage_summary_t), intent(inout) :: self
+    type(archive_t), intent(inout) :: archive
+    integer :: i, k, n
+
+    if (.not. allocated(self%tables)) allocate (self%tables(0))
+    n = size(self%tables)
+    call archive%serialise(n)
+    if (archive%is_loading()) then
+      deallocate (self%tables)
+      allocate (self%tables(n))
+    end if
+    do i = 1, n
+      call archive%serialise(self%tables(i)%map)
+      call archive%serialise(self%tables(i)%place)
+      do k = 1, size(self%tables(i)%part)
+        call archive%serialise(self%tables(i)%part(k)%visits)
+      end do
+    end do
+  end subroutine serialise
 end module dst_passage_summary
