@@ -26,6 +26,7 @@ program test_resume
     call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
   end do
   call compare('excursions reused', many_cycles())
+  call compare('slips in tables', irregular())
   call compare('radau9, smoothed', smoothed('radau9'))
   call compare('dop853, smoothed', smoothed('dop853'))
   call compare('rk4, smoothed', fixed_step(smoothed('rk4')))
@@ -52,6 +53,21 @@ contains
     scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
     scene%interval = 1.0e-3_wp
   end function many_cycles
+
+  !> Slow cycles of some passages that never repeat: laps and slips are tabulated, and observed.
+  function irregular() result(scene)
+    type(scene_t) :: scene
+
+    scene = fig3(14.0_wp, 'radau9', 1.0e-5_wp)
+    scene%stiffness_x = 2.0e4_wp
+    scene%stiffness_y = 2.0e6_wp
+    scene%mass = 0.4_wp
+    scene%mu_0 = 0.25_wp
+    scene%mu_inf = 0.18_wp
+    scene%v_f = 4.0e-3_wp
+    scene%normal_load = 20.0_wp
+    scene%interval = 0.1_wp
+  end function irregular
 
   function turning_back(method) result(scene)
     character(*), intent(in) :: method
