@@ -24,7 +24,7 @@ module dst_passage_summary
 
   !> Points of a part, and between them, at which it is tested, once as many laps in it have been followed; halvings of a table.
   !> Conventions.
-  integer, parameter :: nodes = 9, most_halvings = 6
+  integer, parameter :: nodes = 9, most_halvings = 8
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
   !> A part of a table of the map.
@@ -127,19 +127,23 @@ contains
     type(passage_t) :: passage
     type(contribution_t) :: contribution
     type(state_t) :: here
-    real(wp) :: elapsed
+    real(wp) :: elapsed, u(2, 2)
     logical :: is_known
     integer :: k
 
     here = begin
+    u(:, 2) = begin%u
     do k = 1, map%passages()
       call map%passage_number(k, passage, elapsed)
       call here%later(begin, elapsed)
-      here%u = map%maps(map%current)%elongation(passage%from)
+      ! Each begins where the one before ended.
+      u(:, 1) = u(:, 2)
+      u(:, 2) = map%maps(map%current)%elongation(passage%to)
+      here%u = u(:, 1)
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
       if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
-        call look_up(self, map, passage, summary%has_slipped, contribution, is_known)
+        call look_up(self, map, passage, u, summary%has_slipped, contribution, is_known)
       if (is_known) then
         call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
       else
@@ -168,15 +172,16 @@ contains
   end subroutine take_in_shown
 
   !> The contribution of a passage from observations, if they are smooth there.
-  subroutine look_up(self, map, passage, has_slipped, contribution, is_known)
+  subroutine look_up(self, map, passage, u, has_slipped, contribution, is_known)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     type(passage_t), intent(in) :: passage
+    real(wp), intent(in) :: u(2, 2)              !! at its ends, m
     logical, intent(in) :: has_slipped
     type(contribution_t), intent(out) :: contribution
     logical, intent(out) :: is_known
     type(observation_t) :: seen
-    real(wp) :: x, u(2)
+    real(wp) :: x
     integer :: i
 
     associate (branch => map%maps(map%current)%branch(passage%table(1)), place => passage%table(2))
@@ -197,15 +202,14 @@ contains
       contribution%creep_time = min(lasting, max(contribution%sticking_time, seen%value(creep_time)))
       contribution%exchanged = passage%measure(exchanged)
       contribution%largest_rate = seen%value(largest_rate)
-      u = map%maps(map%current)%elongation(passage%to)
       allocate (contribution%turns(seen%turns + 1))
       do i = 1, seen%turns
         associate (turn => seen%value(first_turn + 3*(i - 1):))
           contribution%turns(i) = extremum_t(turn(1), turn(2), turn(3))
         end associate
       end do
-      contribution%turns(seen%turns + 1) = extremum_t(map%slider%stiffness(1)*u(1), lasting, map%piece%drive%velocity*lasting &
-        - dot_product(u - map%maps(map%current)%elongation(passage%from), map%slider%along))
+      contribution%turns(seen%turns + 1) = extremum_t(map%slider%stiffness(1)*u(1, 2), lasting, &
+        map%piece%drive%velocity*lasting - dot_product(u(:, 2) - u(:, 1), map%slider%along))
     end associate
   end subroutine look_up
 
