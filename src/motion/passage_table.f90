@@ -33,7 +33,7 @@ module dst_passage_table
     real(wp), allocatable :: coefficient(:, :)
     !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
     !> no panels if the motion inside is not kept.
-    integer :: panels = 0
+    integer :: panels = 0, pieces_in_panel = 1
     real(wp), allocatable, private :: panel_end(:)
     real(wp), allocatable, private :: inside(:, :, :, :)
     type(grid_t), private :: grid
@@ -109,17 +109,17 @@ contains
     class(passage_table_t), intent(inout) :: self
     type(recording_t), intent(in) :: recording
     type(piece_t) :: piece
-    integer :: i, j, parts, n, together
+    integer :: i, j, parts, n
 
     associate (last => recording%count - 1, slip => recording%kept(recording%count)%from%time)
       allocate (self%panel_end(0:closed_form_panels*last))
       self%panel_end(0) = 0.0_wp
       n = 0
-      together = 1 + (last - 1)/few_pieces
+      self%pieces_in_panel = 1 + (last - 1)/few_pieces
       do i = 1, last
         call recording%get(i, state_t(), piece)
         parts = merge(1, closed_form_panels, abs(piece%path%grid%node(1) - self%grid%node(1)) > 0.0_wp)
-        if (parts == 1 .and. modulo(i, together) > 0 .and. i < last) cycle
+        if (parts == 1 .and. modulo(i, self%pieces_in_panel) > 0 .and. i < last) cycle
         do j = 1, parts
           n = n + 1
           self%panel_end(n) = (piece%from%time + real(j, wp)/real(parts, wp)*piece%path%step)/slip

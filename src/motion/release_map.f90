@@ -243,8 +243,8 @@ contains
     end do
   end subroutine look_up
 
-  !> The motion of a passage, into `recording`: from its table if that has it, else by steps. In slips, and often in laps by explicit
-  !> methods or at tight tolerances, the motion between the ends of steps is not accurate enough for a table.
+  !> The motion of a passage, into `recording`: from its table if that has it, else by steps. In slips, and in laps at tight
+  !> tolerances, the motion between the ends of steps is not accurate enough for a table.
   subroutine describe(self, passage, found)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
@@ -547,8 +547,11 @@ contains
     end do
     if (inside <= accurate*self%rtol) then
       self%error = max(self%error, inside)
-    else
+    else if (table%pieces_in_panel == 1) then
+      ! Not better in halves: the motion between the ends of steps is not so accurate.
       table%panels = 0
+    else
+      found = .false.
     end if
 
   contains
