@@ -21,7 +21,7 @@ module dst_passage_table
   integer, parameter :: slip_columns = 4
   !> Panels into which a long piece in closed form is divided; and the number of pieces for which a panel is one of them: of more,
   !> as explicit methods need, several are one panel. Conventions.
-  integer, parameter :: closed_form_panels = 3, few_pieces = 24
+  integer, parameter :: closed_form_panels = 3, few_pieces = 128
   !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention.
   real(wp), parameter :: allowed_inside = 300.0_wp
 
