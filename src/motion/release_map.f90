@@ -75,7 +75,8 @@ module dst_release_map
     logical, private :: is_parted = .false.
     !> The number of passages and of those that were run, that of slips among these, and that of laps since the last slip; and the last
     !> one that was run.
-    integer, private :: passages = 0, learnt = 0, slips = 0, row = 0
+    integer(int64), private :: passages = 0
+    integer, private :: learnt = 0, slips = 0, row = 0
     type(passage_t), private :: before
     !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
     !> that of those that were run in vain.

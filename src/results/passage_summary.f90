@@ -238,9 +238,11 @@ contains
       i = 1
       is_known = .false.
       do while (i <= size(part))
-        part(i)%visits = part(i)%visits + 1
-        if (part(i)%visits <= nodes + size(test_at)) return
-        if (.not. part(i)%is_tried) call try_part(map, place, i, part(i))
+        if (.not. part(i)%is_tried) then
+          part(i)%visits = part(i)%visits + 1
+          if (part(i)%visits <= nodes + size(test_at)) return
+          call try_part(map, place, i, part(i))
+        end if
         is_known = part(i)%seen%are_smooth
         if (is_known) exit
         i = 2*i + merge(0, 1, position <= 0.0_wp)
