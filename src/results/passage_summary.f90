@@ -24,7 +24,7 @@ module dst_passage_summary
 
   !> Points of a part, and between them, at which it is tested, once as many laps in it have been followed; halvings of a table.
   !> Conventions.
-  integer, parameter :: nodes = 9, most_halvings = 8
+  integer, parameter :: nodes = 9, most_halvings = 8, most_parts = 2**(most_halvings + 1) - 1
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
   !> A part of a table of the map.
@@ -37,7 +37,7 @@ module dst_passage_summary
   !> A table of the map. Part 1 is all of it, the halves of part i are parts 2i and 2i + 1.
   type :: parts_t
     integer :: map = 0, place = 0
-    type(part_t) :: part(2**(most_halvings + 1) - 1)
+    type(part_t), allocatable :: part(:)
   end type parts_t
 
   !> The observations so far.
@@ -231,13 +231,14 @@ contains
     if (here == 0) then
       self%tables = [self%tables, parts_t(map%current, place)]
       here = size(self%tables)
+      allocate (self%tables(here)%part(most_parts))
     end if
     associate (part => self%tables(here)%part)
       ! From -1 to 1 in each part.
       position = x
       i = 1
       is_known = .false.
-      do while (i <= size(part))
+      do while (i <= most_parts)
         if (.not. part(i)%is_tried) then
           part(i)%visits = part(i)%visits + 1
           if (part(i)%visits <= nodes + size(test_at)) return
@@ -311,7 +312,8 @@ contains
     do i = 1, n
       call archive%serialise(self%tables(i)%map)
       call archive%serialise(self%tables(i)%place)
-      do k = 1, size(self%tables(i)%part)
+      if (archive%is_loading()) allocate (self%tables(i)%part(most_parts))
+      do k = 1, most_parts
         call archive%serialise(self%tables(i)%part(k)%visits)
       end do
     end do
