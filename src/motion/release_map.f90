@@ -442,6 +442,11 @@ contains
       if (.not. end < last%from) end = low
       near = max(nearest, near_share*abs(last%measure(turn)))
       if (last%from - end <= fine*near) exit
+      if (abs(last%measure(turn)) <= near_share*abs(lap%measure(turn))) then
+        ! Laps come to one that repeats itself, or to a canard.
+        near = max(near, last%from - end)
+        exit
+      end if
       end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
       call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error)
