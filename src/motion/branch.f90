@@ -59,7 +59,9 @@ contains
     branch%side = side
     branch%reach = reach
     branch%count = 1
-    branch%intervals = [interval_t(log(nearest), log(reach))]
+    allocate (branch%intervals(1))
+    branch%intervals%first = log(nearest)
+    branch%intervals%last = log(reach)
   end subroutine new_branch
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.

@@ -81,7 +81,10 @@ with() {
 
 # compiles FOLDER COMPILER: this machine's own gfortran without a warning.
 compiles() {
-  ninja -C "$1" 2>&1 | tee "$scratch/compiles.log"
+  local status=0
+  ninja -C "$1" > "$scratch/compiles.log" 2>&1 || status=$?
+  cat "$scratch/compiles.log"
+  ((status == 0)) || return "$status"
   [[ $2 != gfortran ]] || fails grep -q 'warning:' "$scratch/compiles.log"
 }
 
