@@ -59,7 +59,7 @@ from .stability import (
 )
 from .stick_slip import StickSlip, stick_slip_statistics
 
-# What only some scripts use is imported at its first use: the import of the package takes a quarter less, and matplotlib a second.
+# What only some scripts use is imported at its first use: that is an eighth of the import of the package, and matplotlib a second.
 _MODULE_OF = {
     "plot": "plot",
     "Trade": "_trade",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 __all__ = ["nearest"]
 
@@ -16,5 +15,7 @@ def nearest(name: object, names: Iterable[str]) -> str:
     if not isinstance(name, str):
         return ""
     by_case = {known.lower(): known for known in names}
+    from difflib import get_close_matches  # noqa: PLC0415  (only after a mistake)
+
     found = get_close_matches(name.lower(), by_case, n=1, cutoff=ALIKE)
     return by_case[found[0]] if found else ""

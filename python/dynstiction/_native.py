@@ -125,12 +125,12 @@ class KeyInfo(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Results of one call of `Run.advance`: samples (rows, columns; each column contiguous), and the columns of events."""
+    """Results of one call of `Run.advance`: the number of samples, which `Run.samples_into` stores, and the columns of events."""
 
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
     reached: bool
-    samples: NDArray[np.float64]
+    samples: int
     events: NDArray[np.float64]
     """(rows, 4)"""
 
@@ -255,17 +255,19 @@ class Run(Session):
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        samples, outcome = np.empty((0, len(self.columns))), None
-        events = np.empty((0, 4))
+        outcome, events = None, np.empty((0, 4))
         with self._use() as handle:
             finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
-            if n_rows > 0:
-                samples = _core.run_samples(handle, len(self.columns), n_rows)
             if n_events > 0:
                 events = _core.run_events(handle, n_events)
             if finished:
                 outcome = status, _named_text(handle, "message") if status != 0 else "done"
-        return Advance(outcome, bool(reached), samples, events)
+        return Advance(outcome, bool(reached), n_rows, events)
+
+    def samples_into(self, columns: NDArray[np.float64], first: int) -> None:
+        """Store the samples of the last advance in an array (columns, rows), from the row `first` on."""
+        with self._use() as handle:
+            _core.run_samples(handle, first + 1, columns.T)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import secrets
+import os
 import threading
 import time
 import warnings
@@ -153,7 +153,7 @@ class Work:
         """
         from concurrent.futures import FIRST_COMPLETED, wait  # noqa: PLC0415  (only here)
 
-        token = secrets.token_hex(16)
+        token = os.urandom(16).hex()
         workers = _workers_of(executor)
         going_on: dict[Future[_Answer], int] = {}
         count = 1

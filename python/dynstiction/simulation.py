@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from datetime import UTC, datetime
 from typing import Unpack
@@ -37,14 +36,15 @@ class _Samples:
         self._values = np.empty((n_columns, max(expected, 1)))
         self._rows = 0
 
-    def append(self, rows: NDArray[np.float64]) -> None:
-        end = self._rows + len(rows)
-        if end > self._values.shape[1]:
-            larger = np.empty((self._values.shape[0], 2 * end))
-            larger[:, : self._rows] = self._values[:, : self._rows]
+    def grow(self, rows: int) -> tuple[NDArray[np.float64], int]:
+        """Make room for more rows: the array (columns, rows) to store them in, and the number of the first one."""
+        first = self._rows
+        self._rows += rows
+        if self._rows > self._values.shape[1]:
+            larger = np.empty((self._values.shape[0], 2 * self._rows))
+            larger[:, :first] = self._values[:, :first]
             self._values = larger
-        self._values[:, self._rows : end] = rows.T
-        self._rows = end
+        return self._values, first
 
     def columns(self) -> list[NDArray[np.float64]]:
         return [values[: self._rows] for values in self._values]
@@ -304,7 +304,7 @@ class Simulation(Closing):
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
                 outcome, reached, rows, events = self._core.advance(seconds, aim)
-                self._samples.append(rows)
+                self._core.samples_into(*self._samples.grow(rows))
                 self._log.append(events)
             if outcome is not None:
                 self._outcome = outcome
@@ -340,6 +340,8 @@ class Simulation(Closing):
             raise error
 
     def _attributes(self) -> dict[str, str | int]:
+        from hashlib import sha256  # noqa: PLC0415  (slow to import)
+
         going_on = _native.GOING_ON, f"reached t = {self._time:g} s"
         code, text = self._outcome if self.finished and self._outcome else going_on
         choice = self._core.model_choice
@@ -348,7 +350,7 @@ class Simulation(Closing):
             **_native.origin(),
             "threads": 1,
             "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            "deck_sha256": hashlib.sha256(self._scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
+            "deck_sha256": sha256(self._scene.text.encode("utf-8", "surrogateescape")).hexdigest(),
             "model": self._core.model,
             "method": self._core.method,
             **({"model_choice": choice} if choice else {}),

@@ -162,7 +162,10 @@ def test_mypy_is_content_with_package_and_use(tmp_path: Path) -> None:
 
 # Cost
 
-SLOW = ("matplotlib", "scipy", "xarray", "pandas", "tqdm", "h5py", "h5netcdf")
+SLOW = (
+    *("matplotlib", "scipy", "xarray", "pandas", "tqdm", "h5py", "h5netcdf"),
+    *("dynstiction.plot", "dynstiction._trade", "dynstiction.trace_comparison", "dynstiction.trace_fit"),
+)
 
 
 def python(code: str) -> str:
@@ -181,32 +184,21 @@ print([name for name in {SLOW!r} if name in sys.modules])
 
 @pytest.mark.full
 def test_import_is_quick() -> None:
-    """Beyond NumPy it takes less processor time than NumPy: a ratio, because machines differ and are shared."""
-    code = (
-        "import time; begin = time.process_time(); import numpy; numpy_only = time.process_time() - begin; "
-        "import dynstiction; print((time.process_time() - begin - numpy_only)/numpy_only)"
-    )
-    assert min(float(python(code)) for _ in range(3)) < 1.0
-
-
-def test_import_loads_what_every_script_needs() -> None:
-    code = "import dynstiction, sys; print(*sys.modules)"
-    loaded = set(python(code).split())
-    assert not loaded & {"matplotlib", "scipy", "h5py", "xarray", "pandas", "tqdm"}
-    assert not loaded & {f"dynstiction.{name}" for name in ("plot", "_trade", "trace", "trace_fit", "trace_comparison")}
+    """Below 0.3 s of the processor, NumPy included: what others do on the machine does not count."""
+    code = "import time; t = time.process_time(); import dynstiction; print(time.process_time() - t)"
+    assert min(float(python(code)) for _ in range(3)) < 0.3
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("t_end", [0.02, 10.0])
 def test_running_from_python_costs_little(t_end: float) -> None:
-    """Beyond the core's own wall time at most 5 ms and a tenth of it, also with the 50 001 samples of Fig. 3."""
+    """Below 5 ms above the core's own wall time, also with the 50 001 samples of Fig. 3."""
     fig3 = ds.Scene(deck("fig3"), scene={"t_end": t_end})
 
     def overhead() -> float:
         begun = time.perf_counter()
         result = ds.run(fig3)
-        wall_time = result.statistics["wall_time"]
-        return time.perf_counter() - begun - 1.1 * wall_time
+        return time.perf_counter() - begun - result.statistics["wall_time"]
 
     assert min(overhead() for _ in range(10)) < 5e-3
 
