@@ -29,9 +29,9 @@ module dst_branch
   !> A branch, which may be empty.
   type :: branch_t
     real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
-    integer :: count = 0
     type(interval_t), allocatable :: intervals(:)
   contains
+    procedure :: interval_count
     procedure :: place_of
     procedure :: distance
     procedure :: innermost
@@ -58,11 +58,18 @@ contains
     branch%end = end
     branch%side = side
     branch%reach = reach
-    branch%count = 1
     allocate (branch%intervals(1))
     branch%intervals%first = log(nearest)
     branch%intervals%last = log(reach)
   end subroutine new_branch
+
+  !> Number of intervals, with those that were halved; 0 for an empty branch.
+  pure integer function interval_count(self) result(count)
+    class(branch_t), intent(in) :: self
+
+    count = 0
+    if (allocated(self%intervals)) count = size(self%intervals)
+  end function interval_count
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
   pure integer function place_of(self, at) result(place)
@@ -107,7 +114,7 @@ contains
     integer :: place
 
     is_inside = .false.
-    if (self%count == 0) return
+    if (self%interval_count() == 0) return
     place = self%innermost()
     is_inside = self%intervals(place)%is_known .and. self%distance(at) >= 0.0_wp .and. &
       self%distance(at) < self%distance(self%angle(place, -1.0_wp))
@@ -118,14 +125,14 @@ contains
     class(branch_t), intent(in) :: self
 
     has_table = .false.
-    if (self%count > 0) has_table = any(self%intervals%is_known)
+    if (self%interval_count() > 0) has_table = any(self%intervals%is_known)
   end function has_table
 
   !> How often an interval was halved.
   pure integer function halvings(self)
     class(branch_t), intent(in) :: self
 
-    halvings = self%count/2
+    halvings = self%interval_count()/2
   end function halvings
 
   !> Note that a passage was run in an interval; the number of them.
@@ -176,14 +183,13 @@ contains
     type(interval_t) :: halves(2)
 
     if (self%intervals(place)%halvings == most_halvings) return
-    self%intervals(place)%half = self%count + [1, 2]
+    self%intervals(place)%half = self%interval_count() + [1, 2]
     associate (here => self%intervals(place))
       halves%first = [here%first, 0.5_wp*(here%first + here%last)]
       halves%last = [halves(2)%first, here%last]
       halves%halvings = here%halvings + 1
     end associate
     self%intervals = [self%intervals, halves]
-    self%count = size(self%intervals)
   end subroutine halve
 
   !> The place in [-1, 1] of an angle [rad] in an interval.
@@ -212,19 +218,18 @@ contains
   subroutine serialise(self, archive)
     class(branch_t), intent(inout) :: self
     type(archive_t), intent(inout) :: archive
-    integer :: i
+    integer :: i, n
 
     call archive%serialise(self%end)
     call archive%serialise(self%side)
     call archive%serialise(self%reach)
-    i = self%count
-    call archive%serialise(i)
-    if (archive%is_loading() .and. i > 0) then
+    n = self%interval_count()
+    call archive%serialise(n)
+    if (archive%is_loading() .and. n > 0) then
       if (allocated(self%intervals)) deallocate (self%intervals)
-      allocate (self%intervals(i))
+      allocate (self%intervals(n))
     end if
-    self%count = i
-    do i = 1, self%count
+    do i = 1, n
       associate (here => self%intervals(i))
         call archive%serialise(here%first)
         call archive%serialise(here%last)

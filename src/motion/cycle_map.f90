@@ -145,7 +145,7 @@ contains
         ! Tables of slips have slopes.
         associate (map => self%maps(self%current))
           call map%find_slope(self%divergence%is_wanted() .and. &
-            .not. map%will_tabulate(slow_cycles_left(self, time_left(self))), passage)
+            .not. map%will_tabulate(slow_cycles_left(self)), passage)
         end associate
         call arrive(self, passage)
       else
@@ -197,7 +197,7 @@ contains
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
       if (passage%table(1) == 0) then
-        call self%maps(self%current)%learn(passage, time_left(self), slow_cycles_left(self, time_left(self)), error)
+        call self%maps(self%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
       else
         call self%maps(self%current)%count(passage)
       end if
@@ -256,16 +256,15 @@ contains
     time_left = self%piece%to%until(min(self%t_end, self%piece%drive%end))
   end function time_left
 
-  !> Slow cycles in a time [s], or until one or two of them repeat, if differences shrink further as they did on average.
-  pure real(wp) function slow_cycles_left(self, time) result(left)
+  !> Slow cycles in this time, or until one or two of them repeat, if differences shrink further as they did on average.
+  pure real(wp) function slow_cycles_left(self) result(left)
     class(cycle_map_t), intent(in) :: self
-    real(wp), intent(in) :: time
     real(wp) :: now, before
     integer :: m, steps
 
     left = 0.0_wp
     if (self%slow_cycles == 0) return
-    left = time/lasted(self, 0)
+    left = time_left(self)/lasted(self, 0)
     do m = 1, 2
       steps = (int(min(self%slow_cycles - 1, 2_int64*most_repeats)) - m)/m
       if (steps < 1) return

@@ -68,15 +68,17 @@ contains
     integer, intent(in) :: j
     type(passage_t), intent(in) :: passage
     type(recording_t), intent(in), optional :: recording
-    integer :: i, k
+    type(piece_t) :: piece
+    integer :: now, i, k
 
     self%coefficient(j, :measures) = passage%measure
     if (.not. present(recording)) return
     if (.not. allocated(self%inside)) call set_panels(self, recording)
+    now = 0
     do k = 1, self%panels
       do i = 0, max_degree
-        self%inside(i, :, k, j) = slip_at(recording, self%panel_end(k - 1) + self%grid%node(i)*(self%panel_end(k) &
-          - self%panel_end(k - 1)))
+        call read_slip(recording, self%panel_end(k - 1) + self%grid%node(i)*(self%panel_end(k) - self%panel_end(k - 1)), &
+          now, piece, self%inside(i, :, k, j))
       end do
     end do
     ! Slip begins and ends at rest.
@@ -84,24 +86,30 @@ contains
     self%inside(max_degree, 3, self%panels, j) = 0.0_wp
   end subroutine take
 
-  !> The motion at a share of the slip of a recorded lap.
-  pure function slip_at(recording, share) result(value)
+  !> The motion at a share of the slip of a recorded lap, no earlier than in the last call; `piece` is its number `now`, at first 0.
+  pure subroutine read_slip(recording, share, now, piece, value)
     type(recording_t), intent(in) :: recording
     real(wp), intent(in) :: share
-    real(wp) :: value(slip_columns)
-    type(piece_t) :: piece
+    integer, intent(inout) :: now
+    type(piece_t), intent(inout) :: piece
+    real(wp), intent(out) :: value(:)
     type(state_t) :: state
-    integer :: now
+    integer :: before
 
     associate (n => recording%count, from => recording%kept(1)%from)
       associate (elapsed => share*recording%kept(n)%from%time)
-        now = min(recording%place_of(elapsed), n - 1)
-        call recording%get(now, state_t(), piece)
+        before = now
+        now = max(1, now)
+        do while (now < n - 1)
+          if (recording%kept(now + 1)%from%time > elapsed) exit
+          now = now + 1
+        end do
+        if (now /= before) call recording%get(now, state_t(), piece)
         state = piece%inside(min(1.0_wp, max(0.0_wp, (elapsed - piece%from%time)/piece%path%step)))
       end associate
       value = [state%u - from%u, state%y(1), state%y(2) - from%y(2)]
     end associate
-  end function slip_at
+  end subroutine read_slip
 
   !> Panels as the pieces of the slip of a lap, or some of them together; pieces in closed form are divided, as they are too long for
   !> polynomials on the grid.
@@ -160,17 +168,19 @@ contains
     type(recording_t), intent(in) :: recording
     real(wp), dimension(slip_columns) :: found, right, largest
     real(wp) :: nodal(0:max_degree, slip_columns), basis(0:max_degree), cardinal(self%points)
-    integer :: k
+    type(piece_t) :: piece
+    integer :: now, k
 
     error = 0.0_wp
     if (self%panels == 0) return
+    now = 0
     call cardinal_functions(self%points, self%point, x, cardinal)
     call self%grid%lagrange(0.5_wp, basis)
     largest = [(maxval(abs(self%inside(:, k, :, :))), k=1, slip_columns)]
     do k = 1, self%panels
       call interpolate(self, cardinal, k, nodal)
       found = matmul(basis, nodal)
-      right = slip_at(recording, 0.5_wp*(self%panel_end(k - 1) + self%panel_end(k)))
+      call read_slip(recording, 0.5_wp*(self%panel_end(k - 1) + self%panel_end(k)), now, piece, right)
       ! The direction matters as much as the speed.
       error = max(error, maxval(abs(found(1:3) - right(1:3))/largest(1:3)), abs(found(4) - right(4))*right(3)/largest(3))
     end do

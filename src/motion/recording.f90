@@ -28,6 +28,7 @@ module dst_recording
   type :: recording_t
     integer :: count = 0
     type(kept_piece_t), allocatable :: kept(:)     !! valid up to `count`
+    real(wp), allocatable, private :: begin(:)     !! when each begins, side by side for `place_of`, s
     !> The shared data: drive and system are those of this piece; polynomials are on one of the grids: that of steps, or that of
     !> closed forms.
     type(piece_t), private :: like
@@ -56,13 +57,16 @@ contains
     class(recording_t), intent(inout) :: self
     type(piece_t), intent(in) :: piece
     type(kept_piece_t), allocatable :: larger(:)
+    real(wp), allocatable :: longer(:)
     integer :: i
 
-    if (.not. allocated(self%kept)) allocate (self%kept(32))
+    if (.not. allocated(self%kept)) allocate (self%kept(32), self%begin(32))
     if (self%count == size(self%kept)) then
-      allocate (larger(2*self%count))
+      allocate (larger(2*self%count), longer(2*self%count))
       larger(:self%count) = self%kept
+      longer(:self%count) = self%begin
       call move_alloc(larger, self%kept)
+      call move_alloc(longer, self%begin)
     end if
     if (self%count == 0) then
       self%like%drive = piece%drive
@@ -96,6 +100,7 @@ contains
         kept%from%time_rest = self%kept(self%count - 1)%to%time_rest
         kept%from%position = self%kept(self%count - 1)%to%position
       end if
+      self%begin(self%count) = kept%from%time
       call kept%to%later(kept%from, piece%from%until(piece%to%time) + piece%to%time_rest)
       kept%to%position = kept%from%position + (piece%to%position - piece%from%position)
       kept%nodal(:, column_position) = kept%nodal(:, column_position) + (kept%from%position - piece%from%position)
@@ -135,6 +140,7 @@ contains
 
     self%count = other%count
     self%kept = other%kept(:other%count)
+    self%begin = other%begin(:other%count)
     self%like = other%like
     self%grids = other%grids
     self%grid = other%grid
@@ -151,7 +157,7 @@ contains
     class(recording_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
 
-    place = last_begun(self%kept(:self%count)%from%time, elapsed)
+    place = last_begun(self%begin(:self%count), elapsed)
   end function place_of
 
   !> Duration [s].
@@ -190,12 +196,13 @@ contains
     call archive%serialise(self%like%drive%end)
     call archive%serialise(self%like%drive%velocity)
     if (archive%is_loading()) then
-      if (allocated(self%kept)) deallocate (self%kept)
-      allocate (self%kept(max(1, self%count)))
+      if (allocated(self%kept)) deallocate (self%kept, self%begin)
+      allocate (self%kept(max(1, self%count)), self%begin(max(1, self%count)))
     end if
     do i = 1, self%count
       associate (kept => self%kept(i))
         call kept%from%serialise(archive)
+        self%begin(i) = kept%from%time
         call kept%to%serialise(archive)
         call archive%serialise(kept%contact)
         call archive%serialise(kept%event)

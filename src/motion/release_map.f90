@@ -73,10 +73,9 @@ module dst_release_map
     !> The largest error of a table that is in use, over rtol = 1.
     real(wp) :: error = 0.0_wp
     logical, private :: is_parted = .false.
-    !> The number of passages and of those that were run, that of slips among these, and that of laps since the last slip; and the last
-    !> one that was run.
+    !> The number of passages, of slips that were run, and of laps that were run since the last slip; and the last one that was run.
     integer(int64), private :: passages = 0
-    integer, private :: learnt = 0, slips = 0, row = 0
+    integer, private :: slips = 0, row = 0
     type(passage_t), private :: before
     !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
     !> that of those that were run in vain.
@@ -364,7 +363,6 @@ contains
     before = self%before
     self%before = passage
     call self%count(passage)
-    self%learnt = self%learnt + 1
     self%row = self%row + 1
     if (passage%turns_back()) then
       self%row = 0
@@ -374,7 +372,7 @@ contains
     if (self%slips == 0) self%expected = real(self%passages, wp) + laps_left(before, passage, passage%to, rest)
     if (.not. self%is_parted .and. affordable(self)) then
       if (passage%turns_back()) then
-        if ((self%learnt >= many*points(self) .or. self%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
+        if ((self%passages >= many*points(self) .or. self%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
           before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
           call part(self, passage%from, before, before, error)
       else if (self%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
@@ -394,7 +392,7 @@ contains
     real(wp), intent(in) :: slips
 
     will_tabulate = slips >= profit*real(points(self), wp)
-    if (self%branch(2)%count > 0) will_tabulate = will_tabulate .and. &
+    if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
 
@@ -642,14 +640,13 @@ contains
     do i = 1, size(self%branch)
       call self%branch(i)%serialise(archive)
       if (.not. archive%is_loading()) cycle
-      do place = 1, self%branch(i)%count
+      do place = 1, self%branch(i)%interval_count()
         if (self%branch(i)%intervals(place)%is_known) &
           call fill(self, i, place, self%branch(i)%intervals(place)%table, found)
       end do
     end do
     call archive%serialise(self%is_parted)
     call archive%serialise(self%passages)
-    call archive%serialise(self%learnt)
     call archive%serialise(self%slips)
     call archive%serialise(self%row)
     call archive%serialise(self%lasted)

@@ -81,10 +81,8 @@ with() {
 
 # compiles FOLDER COMPILER: this machine's own gfortran without a warning.
 compiles() {
-  local status=0
-  ninja -C "$1" > "$scratch/compiles.log" 2>&1 || status=$?
-  cat "$scratch/compiles.log"
-  ((status == 0)) || return "$status"
+  ninja -C "$1" 2>&1 | tee "$scratch/compiles.log"
+  ((PIPESTATUS[0] == 0)) || return 1
   [[ $2 != gfortran ]] || fails grep -q 'warning:' "$scratch/compiles.log"
 }
 
