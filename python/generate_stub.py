@@ -47,7 +47,7 @@ def main() -> int:
 def signature(routine: dict[str, Any]) -> str:
     """Name, arguments and results; the size of an array argument is known from the array."""
     about = routine["vars"]
-    given = [name for name in routine["args"] if "in" in about[name]["intent"]]
+    given = [name for name in routine["args"] if {"in", "inout"} & set(about[name]["intent"])]
     sizes = {size for name in given for size in about[name].get("dimension", ())}
     arguments = [f"{n}: {kind(about[n]).replace('bytes', 'str')}" for n in given if n not in sizes]
     results = [kind(about[name]) for name in routine["args"] if "out" in about[name]["intent"]]
