@@ -37,9 +37,7 @@ def main() -> None:
         found = ds.cycles(FIG3, model=model)
         seconds = median(timed(lambda model=model: ds.cycles(FIG3, model=model)) for _ in range(repetitions))
         print(f"cycles, {model:13s} {1e3 * seconds:8.1f} ms, from the settled run {distance(found):.1e}")
-    print(
-        f"{'V [mm/s]':>9s} {'end [deg]':>16s} {'by':>6s} {'runs: apart':>12s} {'slow law':>10s} {'fast law':>10s}"
-    )
+    print(f"{'V [mm/s]':>9s} {'end [deg]':>16s} {'by':>6s} {'runs: apart':>12s}")
     for velocity in VELOCITIES[3:5] if options.short else VELOCITIES:
         # A stiff axis on which the slow motion holds at every velocity.
         scene = FIG3.replace(drive={"velocity": velocity}, system={"stiffness_y": 1e10})
@@ -53,17 +51,8 @@ def main() -> None:
             goes_on = [lasts(scene, at * (1.0 + side * BESIDE)) for side in (-1, 1)]
         if goes_on:
             agreement = f"< {BESIDE:.0e}" if goes_on == [True, False] else f"no: {goes_on}"
-        laws = [
-            "" if law is None or doubt is None or doubt > most else f"{law / at - 1.0:10.1e}"
-            for law, doubt, most in (
-                (ends.slow_drive_law, ends.slow_drive_doubt, 0.006),
-                (ends.fast_drive_law, ends.fast_drive_doubt, 0.3),
-            )
-        ]
         kind = "fold" if is_fold else "swing"
-        print(
-            f"{1e3 * velocity:9g} {math.degrees(at):16.12f} {kind:>6s} {agreement:>12s} {laws[0]:>10s} {laws[1]:>10s}"
-        )
+        print(f"{1e3 * velocity:9g} {math.degrees(at):16.12f} {kind:>6s} {agreement:>12s}")
 
 
 def timed(call) -> float:

@@ -631,10 +631,6 @@ contains
         call put('is_supercritical', merge(1.0_wp, 0.0_wp, ends%is_supercritical), there)
       end associate
       call put_end('misalignment', ends%misalignment)
-      call put('slow_drive_law', ends%canard%angle, ends%canard%exists)
-      call put('slow_drive_doubt', ends%canard%doubt, ends%canard%exists)
-      call put('fast_drive_law', ends%swing%angle, ends%swing%exists)
-      call put('fast_drive_doubt', ends%swing%doubt, ends%swing%exists)
       call put('bautin_velocity', ends%bautin_velocity, ends%has_bautin_point)
       call put('bautin_misalignment', ends%bautin_angle, ends%has_bautin_point)
       associate (there => ends%has_critical_velocities .and. ends%velocity%validity%obstacle == '')

@@ -119,14 +119,6 @@ class StickSlipEnds(NamedTuple):
     """Velocities between which there is stick-slip at the scene's misalignment, `at` in m/s."""
     bautin_point: tuple[float, float] | None
     """V [m/s] and phi [rad] at which small cycles change from stable to unstable."""
-    slow_drive_law: float | None
-    """Misalignment of the canard, in three orders [rad]."""
-    slow_drive_doubt: float | None
-    """The last term of its series over the sum [-]."""
-    fast_drive_law: float | None
-    """Misalignment at which harmonic oscillations end [rad]."""
-    fast_drive_doubt: float | None
-    """The largest damping ratio in such an oscillation [-]."""
     model: Literal["low_frequency"]
     """Model of all limits: the slow motion, with a rigid stiff axis."""
     drive_velocity: float
@@ -213,7 +205,7 @@ def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
     Returns
     -------
     StickSlipEnds
-        The limits, and those of the laws for slow and for fast drives; None where the slow motion does not hold, with the reason.
+        The limits; None where the slow motion does not hold, with the reason.
 
     Raises
     ------
@@ -237,10 +229,6 @@ def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
         critical_velocity if any(critical_velocity) else None,
         (end("velocity_low"), end("velocity_high")),
         (values["bautin_velocity"], values["bautin_misalignment"]) if "bautin_velocity" in values else None,
-        values.get("slow_drive_law"),
-        values.get("slow_drive_doubt"),
-        values.get("fast_drive_law"),
-        values.get("fast_drive_doubt"),
         "low_frequency",
         values["drive_velocity"],
         found.obstacles,

@@ -6,6 +6,7 @@ module dst_run
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, int64
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler, build_flags
   use dst_deck, only: deck_t, parse_deck, resolved
@@ -35,7 +36,7 @@ module dst_run
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
   !> The first number of a state: the version of what follows.
-  integer, parameter :: state_format = 15
+  integer, parameter :: state_format = 16
 
   !> A run in progress.
   type :: run_t
@@ -132,7 +133,7 @@ contains
     integer(int64), allocatable :: state(:)
     character(:), allocatable :: reason
     character(1) :: no_settings(0)
-    integer :: format
+    integer, target :: format
 
     call read_state(run%file%former_path(), state, reason)
     if (.not. allocated(reason)) then
@@ -162,7 +163,7 @@ contains
       run%metadata%deck_resolved = origin%deck_resolved
       call archive_of(state, archive)
       format = 0
-      call archive%serialise(format)
+      call archive%serialise(c_loc(format), storage_size(format))
       if (format == state_format) call run%simulation%serialise(archive)
       if (.not. archive%given_back()) reason = 'it holds another state than this program has: resume with the program that '// &
         'began the run, or run the deck again'
@@ -202,14 +203,14 @@ contains
     type(archive_t) :: archive
     ! Allocated: it may need more room than a stack has.
     integer(int64), allocatable :: state(:)
-    integer :: format
+    integer, target :: format
 
     call run%writer%finish(outcome, error)
     if (allocated(error)) return
     allocate (state(0))
     if (with_state) then
       format = state_format
-      call archive%serialise(format)
+      call archive%serialise(c_loc(format), storage_size(format))
       call run%simulation%serialise(archive)
       state = archive%words()
     end if

@@ -1,16 +1,19 @@
 !> The state of a run as a row of 64-bit words: from which it is resumed.
 !>
-!> A type that has a state has one procedure `serialise(archive)`, which names each field once. The archive either takes the fields'
-!> values or gives them back, so that saving and loading cannot differ in their order. A word with its kind and length precedes each
-!> item, so that a row saved from other fields is recognised.
+!> State is plain data: what evolves in a type stands in one component, or in the type that it extends, without pointers and
+!> allocatable arrays, and is saved as it lies in memory. A type that has more has one procedure `serialise(archive)`. The archive
+!> either takes the data or gives them back, so that saving and loading cannot differ in their order. A word with its size precedes
+!> each item, so that a row saved from other data is recognised.
 module dst_archive
-  use dst_kinds, only: wp, int64
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_loc, c_f_pointer
+  use, intrinsic :: iso_fortran_env, only: int32
+  use dst_kinds, only: int64
   implicit none
   private
 
   public :: archive_t, archive_of
 
-  !> The state of a run as a list of 64-bit words; each type puts its fields in or takes them out with one procedure `serialise`.
+  !> The words of a state so far, or those that are still to be given back.
   type :: archive_t
     private
     logical :: loading = .false.
@@ -18,18 +21,14 @@ module dst_archive
     integer(int64), allocatable :: kept(:)      !! valid up to `used`
     integer :: used = 0                         !! number of words saved, or given back, so far
   contains
-    !> Save a value or array, or give it back; if it is not there, nothing changes.
-    generic :: serialise => serialise_real, serialise_reals, serialise_matrix, serialise_integer, serialise_long, serialise_longs, &
-      serialise_logical
+    procedure :: serialise
     procedure :: words
     procedure :: is_loading
     procedure :: given_back
-    procedure, private :: serialise_real, serialise_reals, serialise_matrix, serialise_integer, serialise_long, serialise_longs, &
-      serialise_logical, serialise_words
   end type archive_t
 
-  integer, parameter :: real_kind = 1, integer_kind = 2, logical_kind = 3
-  integer, parameter :: words_per_real = storage_size(1.0_wp)/storage_size(1_int64)
+  !> Units in which data are copied: the least size of an item, and how many are one word.
+  integer, parameter :: unit_bits = 32, units_per_word = 2
 
 contains
 
@@ -65,100 +64,41 @@ contains
     given_back = self%loading .and. self%fits .and. self%used == size(self%kept)
   end function given_back
 
-  subroutine serialise_real(self, value)
-    class(archive_t), intent(inout) :: self
-    real(wp), intent(inout) :: value
-    integer(int64) :: item(words_per_real)
-
-    item = transfer(value, item)
-    call self%serialise_words(real_kind, item)
-    value = transfer(item, value)
-  end subroutine serialise_real
-
-  subroutine serialise_reals(self, values)
-    class(archive_t), intent(inout) :: self
-    real(wp), intent(inout) :: values(:)
-    integer(int64) :: items(words_per_real*size(values))
-
-    items = transfer(values, items)
-    call self%serialise_words(real_kind, items)
-    values = transfer(items, values)
-  end subroutine serialise_reals
-
-  subroutine serialise_matrix(self, values)
-    class(archive_t), intent(inout) :: self
-    real(wp), intent(inout) :: values(:, :)
-    integer :: j
-
-    do j = 1, size(values, 2)
-      call self%serialise_reals(values(:, j))
-    end do
-  end subroutine serialise_matrix
-
-  subroutine serialise_integer(self, value)
-    class(archive_t), intent(inout) :: self
-    integer, intent(inout) :: value
-    integer(int64) :: item(1)
-
-    item = int(value, int64)
-    call self%serialise_words(integer_kind, item)
-    if (abs(item(1)) <= int(huge(value), int64)) value = int(item(1))
-  end subroutine serialise_integer
-
-  subroutine serialise_long(self, value)
-    class(archive_t), intent(inout) :: self
-    integer(int64), intent(inout) :: value
-    integer(int64) :: item(1)
-
-    item = value
-    call self%serialise_words(integer_kind, item)
-    value = item(1)
-  end subroutine serialise_long
-
-  subroutine serialise_longs(self, values)
-    class(archive_t), intent(inout) :: self
-    integer(int64), intent(inout) :: values(:)
-
-    call self%serialise_words(integer_kind, values)
-  end subroutine serialise_longs
-
-  subroutine serialise_logical(self, value)
-    class(archive_t), intent(inout) :: self
-    logical, intent(inout) :: value
-    integer(int64) :: item(1)
-
-    item = merge(1_int64, 0_int64, value)
-    call self%serialise_words(logical_kind, item)
-    value = item(1) /= 0
-  end subroutine serialise_logical
-
-  !> One item after the word that describes it.
-  subroutine serialise_words(self, kind, item)
-    class(archive_t), intent(inout) :: self
-    integer, intent(in) :: kind
-    integer(int64), intent(inout) :: item(:)
+  !> Save `count` consecutive items of plain data, by default one, or give them back; if they are not there, nothing changes.
+  subroutine serialise(self, place, bits, count)
+    class(archive_t), intent(inout), target :: self
+    type(c_ptr), intent(in) :: place              !! address of the first item
+    integer, intent(in) :: bits                   !! size of an item
+    integer, intent(in), optional :: count
     integer(int64), allocatable :: larger(:)
-    integer(int64) :: description
-    integer :: first, last
+    integer(int32), pointer :: here(:), there(:)
+    integer :: units, first, last
 
-    description = ior(shiftl(int(kind, int64), 32), int(size(item), int64))
+    units = bits/unit_bits
+    if (present(count)) units = units*count
     first = self%used + 2
-    last = self%used + 1 + size(item)
+    last = self%used + 1 + (units + units_per_word - 1)/units_per_word
     if (self%loading) then
       if (self%fits) self%fits = last <= size(self%kept)
-      if (self%fits) self%fits = self%kept(first - 1) == description
+      if (self%fits) self%fits = self%kept(first - 1) == units
       if (.not. self%fits) return
-      item = self%kept(first:last)
     else
       if (.not. allocated(self%kept)) allocate (self%kept(0))
       if (last > size(self%kept)) then
-        allocate (larger(2*last))
+        allocate (larger(2*last), source=0_int64)
         larger(:self%used) = self%kept(:self%used)
         call move_alloc(larger, self%kept)
       end if
-      self%kept(first - 1) = description
-      self%kept(first:last) = item
+      self%kept(first - 1) = units
     end if
     self%used = last
-  end subroutine serialise_words
+    if (units == 0) return
+    call c_f_pointer(place, there, [units])
+    call c_f_pointer(c_loc(self%kept(first)), here, [units])
+    if (self%loading) then
+      there = here
+    else
+      here = there
+    end if
+  end subroutine serialise
 end module dst_archive

@@ -20,7 +20,7 @@ module dst_slow_ends
   implicit none
   private
 
-  public :: slow_end_t, ends_at_fold, ends_small, ends_nowhere, least_swing
+  public :: slow_end_t, ends_at_fold, ends_small, ends_nowhere
   public :: misalignment_end, velocity_end
 
   !> How stick-slip ends: not found, in a fold of cycles, or by a decrease of the amplitude.

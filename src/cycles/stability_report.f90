@@ -10,7 +10,6 @@ module dst_stability_report
                            weakening_damping_ratio
   use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
-  use dst_slow_laws, only: law_end_t
   use dst_plain_numbers, only: long_text, number_text
   use dst_text, only: text_builder_t, integer_text
   implicit none
@@ -209,9 +208,6 @@ contains
       call page%row('both are stable for', both_stable(ends%misalignment, 1.0_wp/degree, 'deg', '|phi|'))
       call page%row('small cycles begin at', angle_text(ends%critical_angle)// &
         merge(': stable  ', ': unstable', ends%is_supercritical))
-      call page%row('law of slow drives', law_text(ends%canard, 'last term', ''))
-      call page%row('law of fast drives', law_text(ends%swing, 'largest damping ratio', trim(merge(', a fold', '        ', &
-        ends%swing%is_fold))))
     end if
     if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//long_text(ends%bautin_velocity)// &
       ' m/s, '//angle_text(ends%bautin_angle)//' (Bautin point)')
@@ -272,13 +268,4 @@ contains
     if (end%kind == ends_at_fold) text = long_text(scale*min(end%at, end%steady_limit))//' '//unit//' < '//symbol// &
       ' < '//long_text(scale*max(end%at, end%steady_limit))//' '//unit
   end function both_stable
-
-  function law_text(law, doubt, remark) result(text)
-    type(law_end_t), intent(in) :: law
-    character(*), intent(in) :: doubt, remark
-    character(:), allocatable :: text
-
-    text = 'no value'
-    if (law%exists) text = angle_text(law%angle)//remark//' ('//trim(doubt)//' '//long_text(law%doubt)//')'
-  end function law_text
 end module dst_stability_report

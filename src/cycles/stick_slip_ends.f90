@@ -1,13 +1,13 @@
 !> Where the stick-slip of a scene ends, in its misalignment and in its drive velocity: the solver's answer for the slow motion,
-!> where that holds (dst_slow_validity), and the results of the laws (docs/closed_laws.md).
+!> where that holds (dst_slow_validity), and where small cycles begin.
 module dst_stick_slip_ends
   use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_friction, only: exponential_form, falls_exponentially
   use dst_kinds, only: wp
   use dst_slider, only: slider_t
-  use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, least_swing
+  use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end
   use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
-  use dst_slow_laws, only: law_end_t, canard_end, swing_end, bautin_point, critical_velocities, criticality
+  use dst_small_cycles, only: bautin_point, critical_velocities, criticality
   use dst_stability, only: low_frequency_limit
   implicit none
   private
@@ -24,9 +24,8 @@ module dst_stick_slip_ends
     !> where they begin there.
     real(wp) :: critical_angle = 0.0_wp
     logical :: is_supercritical = .false.
-    !> Stick-slip ends at the present velocity; and the results of the laws of slow and of fast drives.
+    !> Where stick-slip ends at the present velocity.
     type(slow_end_t) :: misalignment
-    type(law_end_t) :: canard, swing
     !> The point at which small cycles change their stability [m/s, rad].
     logical :: has_bautin_point = .false.
     real(wp) :: bautin_velocity = 0.0_wp, bautin_angle = 0.0_wp
@@ -67,10 +66,6 @@ contains
       ends%is_supercritical = criticality(own%law, velocity) > 0.0_wp
       call misalignment_end(own, velocity, ends%critical_angle, ends%misalignment, error)
       if (allocated(error)) return
-      if (ends%misalignment%validity%obstacle == '') then
-        call canard_end(own, velocity, ends%canard)
-        call swing_end(own, velocity, least_swing*own%law%kinetic_limit, ends%swing)
-      end if
     end if
     call bautin_point(own%law, ends%bautin_velocity, ends%bautin_angle, ends%has_bautin_point)
     if (ends%has_bautin_point) then

@@ -1,6 +1,5 @@
 !> The motion inside a step or a closed form, as polynomials in the position tau in [0, 1].
 module dst_dense_output
-  use dst_archive, only: archive_t
   use dst_interpolation, only: grid_t, max_degree
   use dst_kinds, only: wp
   use dst_slip_system, only: max_components, max_unknowns
@@ -24,7 +23,6 @@ module dst_dense_output
     procedure :: take
     procedure :: speed_coefficients
     procedure :: end_slope
-    procedure :: serialise_dense
   end type dense_output_t
 
 contains
@@ -76,14 +74,4 @@ contains
       curvature = dot_product(grid%derivative(s, 0:s), rate(0:s))/self%step
     end associate
   end subroutine end_slope
-
-  !> Save or load.
-  subroutine serialise_dense(self, archive)
-    class(dense_output_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call self%grid%serialise(archive)
-    call archive%serialise(self%step)
-    call archive%serialise(self%nodal)
-  end subroutine serialise_dense
 end module dst_dense_output

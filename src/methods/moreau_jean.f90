@@ -24,7 +24,6 @@
 !> Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999)
 !> 235; V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), Ch. 10.
 module dst_moreau_jean
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_dense_output, only: column_u, column_y, column_position
   use dst_drive, only: drive_segment_t
@@ -35,7 +34,7 @@ module dst_moreau_jean
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t
-  use dst_stepper, only: stepper_t, attempt_t, serialise_stepper
+  use dst_stepper, only: stepper_t, attempt_t
   implicit none
   private
 
@@ -50,7 +49,6 @@ module dst_moreau_jean
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: serialise
   end type moreau_jean_t
 
 contains
@@ -311,12 +309,4 @@ contains
 
     call self%note_speed()
   end subroutine accept
-
-  !> Save or load: the slider comes from the scene.
-  subroutine serialise(self, archive)
-    class(moreau_jean_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call serialise_stepper(self, archive)
-  end subroutine serialise
 end module dst_moreau_jean

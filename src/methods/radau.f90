@@ -13,6 +13,7 @@
 !> while the method's own error is of order 2 s; the tolerance of the estimate is chosen so that the true error follows rtol. The
 !> roundoff of the forces, which no step size reduces, passes the same filter and is permitted in addition.
 module dst_radau
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_linear_solve, only: solve_in_place
@@ -74,15 +75,8 @@ module dst_radau
     real(wp) :: interpolation(0:max_degree) = 0.0_wp
   end type probe_t
 
-  !> A Radau IIA method for one system, with its state between steps.
-  type, extends(stepper_t) :: radau_t
-    type(collocation_t) :: method
-    !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.
-    real(wp) :: rtol = 1.0e-8_wp
-    real(wp) :: estimate_tolerance = 1.0e-6_wp
-    !> Leading relative error of exp(z) by the method, times z^(2 s); and the |z| up to which it affects no growth.
-    real(wp) :: error_constant = 0.0_wp
-    real(wp) :: harmless_phase = 0.0_wp
+  !> What the guess of the stage values and the length of the next step are made of.
+  type :: history_t
     !> Predictor: the last accepted step, or the given rate and curvature after a restart.
     logical :: restarted = .true.
     !> Whether `nodal` holds a solved attempt, of length attempted_step, from the point of the next one.
@@ -95,6 +89,18 @@ module dst_radau
     logical :: repeated = .false.
     real(wp) :: last_nodal(0:max_degree, max_unknowns) = 0.0_wp
     type(slip_memory_t) :: memory_of_slips
+  end type history_t
+
+  !> A Radau IIA method for one system, with its state between steps.
+  type, extends(stepper_t) :: radau_t
+    type(collocation_t) :: method
+    !> Relative tolerance of the slip velocity and the tolerance of the estimate that gives it.
+    real(wp) :: rtol = 1.0e-8_wp
+    real(wp) :: estimate_tolerance = 1.0e-6_wp
+    !> Leading relative error of exp(z) by the method, times z^(2 s); and the |z| up to which it affects no growth.
+    real(wp) :: error_constant = 0.0_wp
+    real(wp) :: harmless_phase = 0.0_wp
+    type(history_t) :: history
     !> Stage values of the current attempt (stage, component or unknown), contiguous.
     real(wp) :: y(max_stages*max_unknowns) = 0.0_wp
     real(wp) :: u(max_stages*max_components) = 0.0_wp
@@ -131,7 +137,7 @@ contains
     stepper%error_constant = gamma(real(stages, wp))*gamma(real(stages + 1, wp)) &
       /(gamma(real(2*stages, wp))*gamma(real(2*stages + 1, wp)))
     stepper%harmless_phase = (harmless_error/stepper%error_constant)**(0.5_wp/real(stages, wp))
-    stepper%control = new_step_control(stages + 1, largest_factor, predicts=.true.)
+    stepper%history%control = new_step_control(stages + 1, largest_factor, predicts=.true.)
     stepper%terms = new_terms(stages, components, unknowns)
     stepper%point_terms = new_terms(1, components, unknowns)
     call set_probes(stepper)
@@ -187,17 +193,17 @@ contains
     class(radau_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
 
-    self%restarted = .true.
-    self%retry = .false.
-    self%repeated = .false.
-    call self%control%restart()
+    self%history%restarted = .true.
+    self%history%retry = .false.
+    self%history%repeated = .false.
+    call self%history%control%restart()
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
-    self%rate = 0.0_wp
-    self%rate(1:size(rate)) = rate
-    self%curvature = 0.0_wp
-    self%curvature(1:size(rate)) = curvature
-    call self%memory_of_slips%forget()
+    self%history%rate = 0.0_wp
+    self%history%rate(1:size(rate)) = rate
+    self%history%curvature = 0.0_wp
+    self%history%curvature(1:size(rate)) = curvature
+    call self%history%memory_of_slips%forget()
   end subroutine restart
 
   pure subroutine begin_slip(self, rate, curvature)
@@ -205,7 +211,7 @@ contains
     real(wp), intent(in) :: rate(:), curvature(:)
 
     call self%restart(rate, curvature)
-    call self%memory_of_slips%begin()
+    call self%history%memory_of_slips%begin()
   end subroutine begin_slip
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
@@ -256,14 +262,14 @@ contains
       call count_work(self%count, s, iterations)
       outcome%solved = outcome%solved .and. self%step > 0.0_wp
       if (.not. outcome%solved) self%step = step
-      self%retry = outcome%solved
-      self%attempted_step = self%step
-      if (.not. outcome%solved) self%repeated = .true.
+      self%history%retry = outcome%solved
+      self%history%attempted_step = self%step
+      if (.not. outcome%solved) self%history%repeated = .true.
       if (.not. outcome%solved) return
       call complete(self, system, drive, s, n, m, from, self%y, self%u, self%velocity, self%increment, to)
       call estimate_error(self, system, drive, s, n, m, from, own_speed(system%axis:), self%velocity, outcome)
       call follow_growth(self, system, drive, s, n, m, from, self%y, outcome)
-      self%repeated = .true.
+      self%history%repeated = .true.
     end associate
   end subroutine try
 
@@ -290,21 +296,21 @@ contains
     logical :: known
 
     known = .false.
-    if (.not. self%repeated) call self%memory_of_slips%guess(self%grid, s, m, self%step, from%y(1:m), y, known)
+    if (.not. self%history%repeated) call self%history%memory_of_slips%guess(self%grid, s, m, self%step, from%y(1:m), y, known)
     if (known) return
     associate (c => self%grid%node(1:s))
-      if (self%retry) then
+      if (self%history%retry) then
         do k = 1, m
-          call self%grid%values_at(self%nodal(:, column_y + k - 1), s, c*(self%step/self%attempted_step), y(:, k))
+          call self%grid%values_at(self%nodal(:, column_y + k - 1), s, c*(self%step/self%history%attempted_step), y(:, k))
         end do
-      else if (self%restarted) then
+      else if (self%history%restarted) then
         do i = 1, s
           elapsed = c(i)*self%step
-          y(i, :) = from%y(:m) + elapsed*(self%rate(:m) + 0.5_wp*elapsed*self%curvature(:m))
+          y(i, :) = from%y(:m) + elapsed*(self%history%rate(:m) + 0.5_wp*elapsed*self%history%curvature(:m))
         end do
       else
         do k = 1, m
-          call self%grid%values_at(self%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%control%last_step), y(:, k))
+          call self%grid%values_at(self%history%last_nodal(:, k), s, 1.0_wp + c*(self%step/self%history%control%last_step), y(:, k))
         end do
       end if
     end associate
@@ -399,7 +405,7 @@ contains
     outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
     if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
       self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
-    call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
+    call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
   end subroutine estimate_error
 
   !> A long implicit step damps exponential growth, and would stay on a motion that has become unstable: it may be no longer than a
@@ -589,32 +595,22 @@ contains
   pure subroutine accept(self)
     class(radau_t), intent(inout) :: self
 
-    self%restarted = .false.
-    self%retry = .false.
-    self%repeated = .false.
-    call self%control%accept(self%step)
+    self%history%restarted = .false.
+    self%history%retry = .false.
+    self%history%repeated = .false.
+    call self%history%control%accept(self%step)
     call self%note_speed()
-    self%last_nodal = self%nodal(:, column_y:column_y + max_unknowns - 1)
-    call self%memory_of_slips%keep(self%step, self%last_nodal)
+    self%history%last_nodal = self%nodal(:, column_y:column_y + max_unknowns - 1)
+    call self%history%memory_of_slips%keep(self%step, self%history%last_nodal)
     call self%note_growth()
   end subroutine accept
 
   !> Save or load. Stage values and terms are scratch: each attempt computes them again.
   subroutine serialise(self, archive)
-    class(radau_t), intent(inout) :: self
+    class(radau_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
     call serialise_stepper(self, archive)
-    call archive%serialise(self%restarted)
-    call archive%serialise(self%retry)
-    call archive%serialise(self%attempted_step)
-    call archive%serialise(self%rate)
-    call archive%serialise(self%curvature)
-    call archive%serialise(self%control%last_step)
-    call archive%serialise(self%last_nodal)
-    call archive%serialise(self%control%error)
-    call archive%serialise(self%control%last_error)
-    call archive%serialise(self%repeated)
-    call self%memory_of_slips%serialise(archive)
+    call archive%serialise(c_loc(self%history), storage_size(self%history))
   end subroutine serialise
 end module dst_radau

@@ -10,6 +10,7 @@
 !>
 !> At rest in polar unknowns B vanishes. A stage at rest makes the attempt fail; the trajectory leads the motion past a rest.
 module dst_runge_kutta
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_dense_output, only: column_u, column_y, column_position
@@ -59,21 +60,13 @@ module dst_runge_kutta
   !> The same for the defect of the dense output around a turn, whose order is still lower. Fig. 3 has no such turn.
   real(wp), parameter :: turn_allowance = 30.0_wp
 
-  !> An explicit method for one system, with its state between steps.
-  type, extends(stepper_t) :: runge_kutta_t
-    type(tableau_t) :: method
-    !> Tolerance of the estimated slip-velocity error of a step, relative to the slip speed.
-    real(wp) :: estimate_tolerance = 1.0e-8_wp
-    !> dense_weight(:, i): weights of the slopes in the value at node i.
-    real(wp) :: dense_weight(max_stages, 0:max_degree) = 0.0_wp
+  !> The stages of the last attempt, which the next one may need again, and what the length of the next step is made of.
+  type :: history_t
     !> slope(:, i) = (U', y') at stage i, and the powers of drive, friction and dampers there [W].
     real(wp) :: slope(n_values, max_stages) = 0.0_wp
     real(wp) :: drive_power(max_stages) = 0.0_wp
     real(wp) :: friction_power(max_stages) = 0.0_wp
     real(wp) :: damper_power(max_stages) = 0.0_wp
-    type(stage_terms_t) :: terms
-    !> dw/dy at the stage evaluated last, (component, unknown).
-    real(wp) :: velocity_y(max_components*max_unknowns) = 0.0_wp
     !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt starts where the last one did,
     !> if that was rejected, or where it ended.
     real(wp) :: start(n_values + 1) = 0.0_wp, end(n_values + 1) = 0.0_wp
@@ -81,6 +74,19 @@ module dst_runge_kutta
     !> Whether this attempt repeats a rejected one; then the next step is not longer.
     logical :: repeated = .false.
     type(step_control_t) :: control
+  end type history_t
+
+  !> An explicit method for one system, with its state between steps.
+  type, extends(stepper_t) :: runge_kutta_t
+    type(tableau_t) :: method
+    !> Tolerance of the estimated slip-velocity error of a step, relative to the slip speed.
+    real(wp) :: estimate_tolerance = 1.0e-8_wp
+    !> dense_weight(:, i): weights of the slopes in the value at node i.
+    real(wp) :: dense_weight(max_stages, 0:max_degree) = 0.0_wp
+    type(history_t) :: history
+    type(stage_terms_t) :: terms
+    !> dw/dy at the stage evaluated last, (component, unknown).
+    real(wp) :: velocity_y(max_components*max_unknowns) = 0.0_wp
   contains
     procedure :: restart
     procedure :: attempt
@@ -104,7 +110,7 @@ contains
     stepper%method = tableau_named(method_name)
     stepper%estimate_tolerance = merge(tolerance_of_two, tolerance_of_one, stepper%method%errors > 1)*rtol
     ! With a memory, because the step is mostly limited by stability: the friction direction relaxes quickly.
-    stepper%control = new_step_control(stepper%method%order, largest_factor, memory=memory)
+    stepper%history%control = new_step_control(stepper%method%order, largest_factor, memory=memory)
     degree = 3 + stepper%method%dense_terms
     stepper%grid = new_grid([(real(i, wp)/real(degree, wp), i=0, degree)])
     do i = 0, degree
@@ -124,9 +130,9 @@ contains
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     ! The equations may be different from now on.
-    self%start_known = .false.
-    self%end_known = .false.
-    call self%control%restart()
+    self%history%start_known = .false.
+    self%history%end_known = .false.
+    call self%history%control%restart()
   end subroutine restart
 
   subroutine attempt(self, system, drive, from, step, to, outcome)
@@ -180,7 +186,7 @@ contains
     self%emerged = .false.
     velocity = drive%velocity_at(from%time)
     associate (first => system%axis, last => system%axis + system%components - 1)
-      if (any(abs(self%slope(first:last, 1) + velocity*system%drive_coupling(first:last)) > close*abs(velocity))) return
+      if (any(abs(self%history%slope(first:last, 1) + velocity*system%drive_coupling(first:last)) > close*abs(velocity))) return
       call system%decay_polynomial(from%y(1:system%unknowns), velocity, coefficient, weakening)
       call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
     end associate
@@ -206,17 +212,17 @@ contains
         call stage_state(self, system, drive, from, i, state)
         call evaluate(self, system, drive, from, i, state, outcome)
       end do
-      self%end = [state, drive%velocity_at(from%time + self%step)]
-      self%end_known = outcome%solved
+      self%history%end = [state, drive%velocity_at(from%time + self%step)]
+      self%history%end_known = outcome%solved
       associate (b => self%method%b(1:s))
         call to%later(from, self%step)
         to%u = state(1:max_components)
         to%y = state(first_y:)
         to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
-          - self%step*dot_product(system%advance_by_slip, matmul(self%slope(1:max_components, 1:s), b))
-        to%drive_work = from%drive_work + self%step*dot_product(b, self%drive_power(1:s))
-        to%friction_work = from%friction_work + self%step*dot_product(b, self%friction_power(1:s))
-        to%damper_work = from%damper_work + self%step*dot_product(b, self%damper_power(1:s))
+          - self%step*dot_product(system%advance_by_slip, matmul(self%history%slope(1:max_components, 1:s), b))
+        to%drive_work = from%drive_work + self%step*dot_product(b, self%history%drive_power(1:s))
+        to%friction_work = from%friction_work + self%step*dot_product(b, self%history%friction_power(1:s))
+        to%damper_work = from%damper_work + self%step*dot_product(b, self%history%damper_power(1:s))
       end associate
     end associate
   end subroutine step_stages
@@ -232,21 +238,21 @@ contains
 
     state = [from%u, from%y, drive%velocity_at(from%time)]
     outcome%solved = .true.
-    self%repeated = self%start_known .and. same(state, self%start)
-    if (self%end_known .and. same(state, self%end)) then
-      self%slope(:, 1) = self%slope(:, self%method%stages + 1)
-      self%friction_power(1) = self%friction_power(self%method%stages + 1)
-      self%drive_power(1) = self%drive_power(self%method%stages + 1)
-      self%damper_power(1) = self%damper_power(self%method%stages + 1)
-    else if (.not. self%repeated) then
+    self%history%repeated = self%history%start_known .and. same(state, self%history%start)
+    if (self%history%end_known .and. same(state, self%history%end)) then
+      self%history%slope(:, 1) = self%history%slope(:, self%method%stages + 1)
+      self%history%friction_power(1) = self%history%friction_power(self%method%stages + 1)
+      self%history%drive_power(1) = self%history%drive_power(self%method%stages + 1)
+      self%history%damper_power(1) = self%history%damper_power(self%method%stages + 1)
+    else if (.not. self%history%repeated) then
       call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
     end if
-    self%speed_scale = max(self%speed_scale, sqrt(sum(self%slope(1:max_components, 1)**2) &
+    self%speed_scale = max(self%speed_scale, sqrt(sum(self%history%slope(1:max_components, 1)**2) &
       + (system%prescribed*state(n_values + 1))**2))
-    self%start = state
+    self%history%start = state
     ! The limit of the fixed step is checked in the evaluation, so a failed evaluation has to be repeated.
-    self%start_known = outcome%solved .and. self%method%errors > 0
-    self%end_known = .false.
+    self%history%start_known = outcome%solved .and. self%method%errors > 0
+    self%history%end_known = .false.
   end subroutine begin
 
   pure logical function same(a, b)
@@ -267,7 +273,7 @@ contains
 
     state = 0.0_wp
     do j = 1, i - 1
-      state = state + self%method%a(i, j)*self%slope(:, j)
+      state = state + self%method%a(i, j)*self%history%slope(:, j)
     end do
     state = self%step*state
     state(1:max_components) = from%u + state(1:max_components) &
@@ -296,14 +302,14 @@ contains
       call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
       call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
       if (any(terms%inertia(1, :) <= 0.0_wp)) return
-      self%slope(:, i) = 0.0_wp
-      self%slope(first:last, i) = -velocity(1:n)
-      self%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
-      self%friction_power(i) = terms%dissipation(1)
-      self%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
+      self%history%slope(:, i) = 0.0_wp
+      self%history%slope(first:last, i) = -velocity(1:n)
+      self%history%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
+      self%history%friction_power(i) = terms%dissipation(1)
+      self%history%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
       if (system%is_damped) then
-        call system%damper_powers(drive_velocity, velocity(1:n), driven, self%damper_power(i))
-        self%drive_power(i) = self%drive_power(i) + driven
+        call system%damper_powers(drive_velocity, velocity(1:n), driven, self%history%damper_power(i))
+        self%history%drive_power(i) = self%history%drive_power(i) + driven
       end if
       self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
       outcome%solved = .true.
@@ -350,7 +356,7 @@ contains
       if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
     end if
     outcome%error = size/tolerance(self, system)
-    call self%control%advise(self%step, self%repeated, outcome%error, outcome%factor)
+    call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
   end subroutine judge
 
   !> Permitted slip-velocity error of the step [m/s].
@@ -373,11 +379,11 @@ contains
 
     error = 0.0_wp
     do j = 1, self%method%all_stages
-      error = error + weight(j)*self%slope(:, j)
+      error = error + weight(j)*self%history%slope(:, j)
     end do
     error = self%step*error
     square = 0.0_wp
-    own_speed = system%spring_speed(self%start(1:max_components))
+    own_speed = system%spring_speed(self%history%start(1:max_components))
     do k = 1, n
       axis = system%axis + k - 1
       frequency_square = 0.0_wp
@@ -437,7 +443,7 @@ contains
     do i = 0, self%grid%degree
       change = 0.0_wp
       do j = 1, self%method%all_stages
-        change = change + self%dense_weight(j, i)*self%slope(:, j)
+        change = change + self%dense_weight(j, i)*self%history%slope(:, j)
       end do
       change = self%step*change
       self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
@@ -452,25 +458,15 @@ contains
 
     call self%note_speed()
     call self%note_growth()
-    call self%control%accept(self%step)
+    call self%history%control%accept(self%step)
   end subroutine accept
 
   !> Save or load. Terms and dw/dy are scratch: each attempt computes them again.
   subroutine serialise(self, archive)
-    class(runge_kutta_t), intent(inout) :: self
+    class(runge_kutta_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
     call serialise_stepper(self, archive)
-    call archive%serialise(self%slope)
-    call archive%serialise(self%drive_power)
-    call archive%serialise(self%friction_power)
-    call archive%serialise(self%damper_power)
-    call archive%serialise(self%start)
-    call archive%serialise(self%end)
-    call archive%serialise(self%start_known)
-    call archive%serialise(self%end_known)
-    call archive%serialise(self%repeated)
-    call archive%serialise(self%control%error)
-    call archive%serialise(self%control%last_error)
+    call archive%serialise(c_loc(self%history), storage_size(self%history))
   end subroutine serialise
 end module dst_runge_kutta

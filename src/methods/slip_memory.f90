@@ -5,7 +5,6 @@
 !>
 !>     y(t) = y_0 + 2 (A(t) - A(t_0)) - (B(t) - B(t_0)).
 module dst_slip_memory
-  use dst_archive, only: archive_t
   use dst_interpolation, only: grid_t, max_degree
   use dst_kinds, only: wp
   use dst_slip_system, only: max_unknowns
@@ -43,7 +42,6 @@ module dst_slip_memory
     procedure :: forget
     procedure :: keep
     procedure :: guess
-    procedure :: serialise
   end type slip_memory_t
 
 contains
@@ -135,23 +133,4 @@ contains
       if (first > s) exit
     end do
   end subroutine values_at
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(slip_memory_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-    integer :: i, j
-
-    call archive%serialise(self%present_one)
-    call archive%serialise(self%follows)
-    call archive%serialise(self%elapsed)
-    do i = 0, 2
-      call archive%serialise(self%slip(i)%steps)
-      call archive%serialise(self%slip(i)%begin)
-      call archive%serialise(self%slip(i)%length)
-      do j = 1, max_steps
-        call archive%serialise(self%slip(i)%nodal(:, :, j))
-      end do
-    end do
-  end subroutine serialise
 end module dst_slip_memory

@@ -1,5 +1,6 @@
 !> The interface of an integrator to a motion by steps: attempt a step, read the motion inside it, accept it.
 module dst_stepper
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
   use dst_linear_solve, only: solve_in_place
@@ -47,23 +48,29 @@ module dst_stepper
     real(wp) :: map_error = 0.0_wp
   contains
     procedure :: plus
-    procedure :: serialise => serialise_count
   end type work_count_t
 
-  !> A method with its last attempt: its length and its polynomials, on the nodes of the method.
-  type, abstract, extends(dense_output_t) :: stepper_t
+  !> The last attempt of a method, its length and its polynomials on the nodes of the method; and what goes on from step to step.
+  type, extends(dense_output_t) :: stepper_state_t
     type(work_count_t) :: count
+    !> Largest slip speed in the attempt [m/s].
+    real(wp) :: speed_scale = 0.0_wp
+    !> Largest slip speed since the restart [m/s], and recently: the latter decays in the time `memory` [s].
+    real(wp) :: start_speed = 0.0_wp
+    real(wp) :: peak_speed = 0.0_wp
+    !> The power of e by which a disturbance lost in roundoff would have grown in the present stretch of unstable motion.
+    real(wp) :: unseen = 0.0_wp
+  end type stepper_state_t
+
+  !> A method.
+  type, abstract, extends(stepper_state_t) :: stepper_t
     !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns. The start is then computed by
     !> series, to this relative accuracy.
     logical :: explicit = .false.
     real(wp) :: release_tolerance = 0.0_wp
     !> Remaining error of the solution of an implicit method, over rtol.
     real(wp) :: newton_share = usual_share
-    !> Largest slip speed in the attempt [m/s].
-    real(wp) :: speed_scale = 0.0_wp
-    !> Largest slip speed since the restart [m/s], and recently: the latter decays in the time `memory` [s].
-    real(wp) :: start_speed = 0.0_wp
-    real(wp) :: peak_speed = 0.0_wp
+    !> The time in which `peak_speed` decays [s].
     real(wp) :: memory = huge(1.0_wp)
     !> Growth rate [1/s] of a disturbance of steady sliding that is too small to be visible in this attempt, 0 if there is none; and
     !> the share of the slip speed below which a disturbance is not visible.
@@ -71,8 +78,6 @@ module dst_stepper
     real(wp) :: noise_floor = epsilon(1.0_wp)
     !> Whether a visible disturbance has grown from roundoff alone.
     logical :: emerged = .false.
-    !> The power of e by which a disturbance lost in roundoff would have grown in the present stretch of unstable motion.
-    real(wp) :: unseen = 0.0_wp
     !> Terms of the equations at one point of a turn.
     type(stage_terms_t) :: turn_terms
   contains
@@ -86,8 +91,8 @@ module dst_stepper
     procedure :: attempt_stop
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
-    !> Save or load everything on which a later attempt depends: `serialise_stepper` and the method's own data.
-    procedure(serialise), deferred :: serialise
+    !> Save or load everything on which a later attempt depends; a method adds its own data.
+    procedure :: serialise => serialise_stepper
     !> Process the slip speed of the accepted step.
     procedure :: note_speed
     !> What the last attempt may have missed where the slip turns back, over tolerance.
@@ -123,12 +128,6 @@ module dst_stepper
       import :: stepper_t
       class(stepper_t), intent(inout) :: self
     end subroutine accept
-
-    subroutine serialise(self, archive)
-      import :: stepper_t, archive_t
-      class(stepper_t), intent(inout) :: self
-      type(archive_t), intent(inout) :: archive
-    end subroutine serialise
   end interface
 
 contains
@@ -362,16 +361,11 @@ contains
     is_undecided = self%unseen > -log(self%noise_floor)
   end function is_undecided
 
-  !> Save or load the data that every method has.
   subroutine serialise_stepper(self, archive)
-    class(stepper_t), intent(inout) :: self
+    class(stepper_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%count%serialise(archive)
-    call archive%serialise(self%speed_scale)
-    call archive%serialise(self%start_speed)
-    call archive%serialise(self%peak_speed)
-    call archive%serialise(self%unseen)
+    call archive%serialise(c_loc(self%stepper_state_t), storage_size(self%stepper_state_t))
   end subroutine serialise_stepper
 
   !> The sum of the work of both.
@@ -392,22 +386,4 @@ contains
     sum%excursions_reused = self%excursions_reused + other%excursions_reused
     sum%map_error = max(self%map_error, other%map_error)
   end function plus
-
-  subroutine serialise_count(self, archive)
-    class(work_count_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%steps)
-    call archive%serialise(self%rejected)
-    call archive%serialise(self%rhs)
-    call archive%serialise(self%jacobians)
-    call archive%serialise(self%factorisations)
-    call archive%serialise(self%newton)
-    call archive%serialise(self%landings)
-    call archive%serialise(self%events)
-    call archive%serialise(self%cycles_leapt)
-    call archive%serialise(self%cycles_sampled)
-    call archive%serialise(self%excursions_reused)
-    call archive%serialise(self%map_error)
-  end subroutine serialise_count
 end module dst_stepper

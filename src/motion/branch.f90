@@ -5,6 +5,7 @@
 !> only so well. Intervals of it are halved where one polynomial does not pass its test. The table of an interval is a function of the
 !> scene and the interval alone. docs/cycles.md, section 3.
 module dst_branch
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_passage_table, only: passage_table_t
@@ -23,15 +24,20 @@ module dst_branch
     !> Passages that were run in it; its halves, 0 if it was not halved.
     integer :: visits = 0, half(2) = 0
     logical :: is_tried = .false., is_known = .false.
-    type(passage_table_t) :: table
   end type interval_t
+
+  !> Where a branch is.
+  type :: limits_t
+    real(wp) :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
+  end type limits_t
 
   !> A branch, which may be empty.
   type :: branch_t
-    real(wp), private :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
+    type(limits_t), private :: limits
+    integer :: interval_count = 0              !! with those that were halved
     type(interval_t), allocatable :: intervals(:)
+    type(passage_table_t), allocatable :: table(:)     !! of those that are known
   contains
-    procedure :: interval_count
     procedure :: place_of
     procedure :: distance
     procedure :: innermost
@@ -55,21 +61,14 @@ contains
     real(wp), intent(in) :: end, side, nearest, reach
     type(branch_t), intent(out) :: branch
 
-    branch%end = end
-    branch%side = side
-    branch%reach = reach
-    allocate (branch%intervals(1))
+    branch%limits%end = end
+    branch%limits%side = side
+    branch%limits%reach = reach
+    branch%interval_count = 1
+    allocate (branch%intervals(1), branch%table(1))
     branch%intervals%first = log(nearest)
     branch%intervals%last = log(reach)
   end subroutine new_branch
-
-  !> Number of intervals, with those that were halved; 0 for an empty branch.
-  pure integer function interval_count(self) result(count)
-    class(branch_t), intent(in) :: self
-
-    count = 0
-    if (allocated(self%intervals)) count = size(self%intervals)
-  end function interval_count
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
   pure integer function place_of(self, at) result(place)
@@ -78,7 +77,7 @@ contains
     real(wp) :: z
 
     place = 0
-    if (self%distance(at) <= 0.0_wp .or. self%distance(at) > self%reach) return
+    if (self%distance(at) <= 0.0_wp .or. self%distance(at) > self%limits%reach) return
     z = log(self%distance(at))
     if (z < self%intervals(1)%first) return
     place = 1
@@ -94,7 +93,7 @@ contains
     class(branch_t), intent(in) :: self
     real(wp), intent(in) :: at
 
-    distance = self%side*(at - self%end)
+    distance = self%limits%side*(at - self%limits%end)
   end function distance
 
   !> The smallest interval that begins with the least distance.
@@ -114,7 +113,7 @@ contains
     integer :: place
 
     is_inside = .false.
-    if (self%interval_count() == 0) return
+    if (self%interval_count == 0) return
     place = self%innermost()
     is_inside = self%intervals(place)%is_known .and. self%distance(at) >= 0.0_wp .and. &
       self%distance(at) < self%distance(self%angle(place, -1.0_wp))
@@ -125,14 +124,14 @@ contains
     class(branch_t), intent(in) :: self
 
     has_table = .false.
-    if (self%interval_count() > 0) has_table = any(self%intervals%is_known)
+    if (self%interval_count > 0) has_table = any(self%intervals%is_known)
   end function has_table
 
   !> How often an interval was halved.
   pure integer function halvings(self)
     class(branch_t), intent(in) :: self
 
-    halvings = self%interval_count()/2
+    halvings = self%interval_count/2
   end function halvings
 
   !> Note that a passage was run in an interval; the number of them.
@@ -154,7 +153,7 @@ contains
     associate (here => self%intervals(place))
       z = here%first + 0.5_wp*(here%last - here%first)*(1.0_wp + x)
     end associate
-    angle = self%end + self%side*exp(z)
+    angle = self%limits%end + self%limits%side*exp(z)
   end function angle
 
   !> Distance [rad] of an angle in an interval from the end of the interval that is nearer to the soft axis.
@@ -173,7 +172,7 @@ contains
     type(passage_table_t), intent(in) :: table
 
     self%intervals(place)%is_known = .true.
-    self%intervals(place)%table = table
+    self%table(place) = table
   end subroutine keep
 
   !> Halve an interval that has no table, unless it is too small.
@@ -181,15 +180,18 @@ contains
     class(branch_t), intent(inout) :: self
     integer, intent(in) :: place
     type(interval_t) :: halves(2)
+    type(passage_table_t) :: none(2)
 
     if (self%intervals(place)%halvings == most_halvings) return
-    self%intervals(place)%half = self%interval_count() + [1, 2]
+    self%intervals(place)%half = self%interval_count + [1, 2]
     associate (here => self%intervals(place))
       halves%first = [here%first, 0.5_wp*(here%first + here%last)]
       halves%last = [halves(2)%first, here%last]
       halves%halvings = here%halvings + 1
     end associate
     self%intervals = [self%intervals, halves]
+    self%table = [self%table, none]
+    self%interval_count = size(self%intervals)
   end subroutine halve
 
   !> The place in [-1, 1] of an angle [rad] in an interval.
@@ -210,36 +212,19 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place))
-      rate = 2.0_wp*self%side/((here%last - here%first)*self%distance(at))
+      rate = 2.0_wp*self%limits%side/((here%last - here%first)*self%distance(at))
     end associate
   end function x_rate
 
   !> Save or load, without the tables: they can be made again.
   subroutine serialise(self, archive)
-    class(branch_t), intent(inout) :: self
+    class(branch_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
-    integer :: i, n
 
-    call archive%serialise(self%end)
-    call archive%serialise(self%side)
-    call archive%serialise(self%reach)
-    n = self%interval_count()
-    call archive%serialise(n)
-    if (archive%is_loading() .and. n > 0) then
-      if (allocated(self%intervals)) deallocate (self%intervals)
-      allocate (self%intervals(n))
-    end if
-    do i = 1, n
-      associate (here => self%intervals(i))
-        call archive%serialise(here%first)
-        call archive%serialise(here%last)
-        call archive%serialise(here%halvings)
-        call archive%serialise(here%visits)
-        call archive%serialise(here%half(1))
-        call archive%serialise(here%half(2))
-        call archive%serialise(here%is_tried)
-        call archive%serialise(here%is_known)
-      end associate
-    end do
+    call archive%serialise(c_loc(self%limits), storage_size(self%limits))
+    call archive%serialise(c_loc(self%interval_count), storage_size(self%interval_count))
+    if (self%interval_count == 0) return
+    if (archive%is_loading()) allocate (self%intervals(self%interval_count), self%table(self%interval_count))
+    call archive%serialise(c_loc(self%intervals(1)), storage_size(self%intervals), self%interval_count)
   end subroutine serialise
 end module dst_branch

@@ -4,6 +4,7 @@
 !> slow cycles before, what follows is a repetition: one piece as well, however often they repeat. Everything else is computed step
 !> by step. Nothing that reads the motion changes it. docs/cycle_map.md.
 module dst_cycle_map
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_divergence, only: divergence_t
   use dst_errors, only: error_t
@@ -34,38 +35,45 @@ module dst_cycle_map
   !> Of repetitions with so many events each is listed. Convention.
   integer, parameter :: most_listed = 100000
 
-  !> A motion by steps, passages and repetitions.
-  type, extends(motion_t) :: cycle_map_t
-    class(slip_stick_t), allocatable :: steps
-    !> The same at the beginning of the motion: from it maps run passages.
-    class(slip_stick_t), allocatable, private :: unused
-    real(wp) :: rtol = 0.0_wp
-    !> Maps, one for each drive velocity so far, and the present one, 0 if there is none yet.
-    type(release_map_t), allocatable :: maps(:)
+  !> Where the motion stands among its passages and slow cycles.
+  type :: orbit_t
+    !> The present map, 0 if there is none yet.
     integer :: current = 0
-    !> The last slow cycles, at places modulo their number, the present one, and how the last ones ended, and how long
-    !> they were.
-    type(slow_cycle_t) :: slow(0:most_repeats)
-    integer(int64), private :: slow_cycles = 0
-    real(wp), private :: last_returned(0:2*most_repeats) = 0.0_wp, last_lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
-    !> After how many of them the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
+    !> After how many slow cycles the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
     integer :: repeats = 0
     logical :: has_multiplier(most_repeats) = .false.
     real(wp) :: log_multiplier(most_repeats) = 0.0_wp
     type(divergence_t) :: divergence
+    !> The number of slow cycles, and how the last ones ended, and how long they were.
+    integer(int64), private :: slow_cycles = 0
+    real(wp), private :: last_returned(0:2*most_repeats) = 0.0_wp, last_lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
+    !> Whether the last piece ended with a release, and its angle alpha [rad]; whether the passage by steps began there.
+    logical, private :: released = .false., in_passage = .false.
+    real(wp), private :: alpha = 0.0_wp
     !> The last piece, if it is one passage.
-    type(passage_t) :: passage
+    type(passage_t), private :: passage
+    !> Place of the next passage in the slow cycles that repeat.
+    integer, private :: following(2) = 1
+    type(work_count_t), private :: own
+  end type orbit_t
+
+  !> A motion by steps, passages and repetitions.
+  type, extends(motion_t) :: cycle_map_t
+    type(orbit_t) :: orbit
+    class(slip_stick_t), allocatable :: steps
+    !> The same at the beginning of the motion: from it maps run passages.
+    class(slip_stick_t), allocatable, private :: unused
+    real(wp) :: rtol = 0.0_wp
+    !> Maps, one for each drive velocity so far.
+    type(release_map_t), allocatable :: maps(:)
+    !> The present passage by steps.
+    type(recording_t), private :: recording
     !> The passage that is shown: when it begins, and the motion in it.
     type(recording_t) :: shown
     type(state_t) :: shown_from
     logical, private :: is_shown = .false.
-    !> Whether the last piece ended with a release, and its angle alpha [rad]; the passage by steps that began there.
-    logical, private :: released = .false., in_passage = .false.
-    real(wp), private :: alpha = 0.0_wp
-    type(recording_t), private :: recording
-    !> Place of the next passage in the slow cycles that repeat.
-    integer, private :: following(2) = 1
-    type(work_count_t), private :: own
+    !> The last slow cycles, at places modulo their number, and the present one.
+    type(slow_cycle_t), allocatable :: slow(:)
   contains
     procedure :: go_on
     procedure :: show
@@ -99,7 +107,7 @@ contains
     map%rtol = rtol
     map%piece = map%steps%piece
     map%contact = map%steps%contact
-    allocate (map%maps(0))
+    allocate (map%maps(0), map%slow(0:most_repeats))
   end subroutine new_cycle_map
 
   !> A leap, or a piece of the motion by steps.
@@ -110,7 +118,7 @@ contains
 
     self%is_shown = .false.
     ! Just after a knot the release belongs to another drive velocity.
-    if (self%released .and. self%segment == self%steps%segment) then
+    if (self%orbit%released .and. self%segment == self%steps%segment) then
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
@@ -131,28 +139,28 @@ contains
     type(passage_t) :: passage
 
     associate (piece => self%steps%piece, velocity => self%steps%piece%drive%velocity)
-      if (self%in_passage) call self%recording%append(piece)
-      self%released = .false.
+      if (self%orbit%in_passage) call self%recording%append(piece)
+      self%orbit%released = .false.
       if (abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp .or. piece%to%time >= piece%drive%end &
         .or. self%recording%count >= most_pieces) then
         call forget(self)
         return
       end if
-      self%released = piece%event == slip_begins .and. piece%contact == sticks
-      if (.not. self%released) return
-      if (self%in_passage) then
-        passage = passage_of(self%alpha, self%recording, self%slider, velocity)
+      self%orbit%released = piece%event == slip_begins .and. piece%contact == sticks
+      if (.not. self%orbit%released) return
+      if (self%orbit%in_passage) then
+        passage = passage_of(self%orbit%alpha, self%recording, self%slider, velocity)
         ! Tables of slips have slopes.
-        associate (map => self%maps(self%current))
-          call map%find_slope(self%divergence%is_wanted() .and. &
+        associate (map => self%maps(self%orbit%current))
+          call map%find_slope(self%orbit%divergence%is_wanted() .and. &
             .not. map%will_tabulate(slow_cycles_left(self)), passage)
         end associate
         call arrive(self, passage)
       else
         call take_map(self, velocity)
       end if
-      self%alpha = alpha_of(piece%to%y(2), self%slider, velocity)
-      self%in_passage = .true.
+      self%orbit%alpha = alpha_of(piece%to%y(2), self%slider, velocity)
+      self%orbit%in_passage = .true.
       call self%recording%clear()
     end associate
   end subroutine note_piece
@@ -161,31 +169,39 @@ contains
   pure subroutine forget(self)
     class(cycle_map_t), intent(inout) :: self
 
-    self%in_passage = .false.
+    self%orbit%in_passage = .false.
     call self%recording%clear()
-    self%repeats = 0
-    self%slow_cycles = 0
-    self%has_multiplier = .false.
-    self%divergence = divergence_t()
+    self%orbit%repeats = 0
+    self%orbit%slow_cycles = 0
+    self%orbit%has_multiplier = .false.
+    if (self%orbit%divergence%returns > 0) self%orbit%divergence = divergence_t()
   end subroutine forget
 
   !> The map of a drive velocity [m/s]; the first slow cycle begins.
   subroutine take_map(self, velocity)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
-    type(release_map_t) :: map
     integer :: i
 
     call self%slow(0)%clear()
-    self%current = 0
+    self%orbit%current = 0
     do i = 1, size(self%maps)
-      if (.not. abs(self%maps(i)%velocity - velocity) > 0.0_wp) self%current = i
+      if (.not. abs(self%maps(i)%velocity - velocity) > 0.0_wp) self%orbit%current = i
     end do
-    if (self%current > 0) return
+    if (self%orbit%current > 0) return
+    call add_map(self, velocity)
+    self%orbit%current = size(self%maps)
+  end subroutine take_map
+
+  !> A map of a drive velocity [m/s] that has none yet.
+  subroutine add_map(self, velocity)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: velocity
+    type(release_map_t) :: map
+
     call new_release_map(self%unused, velocity, self%rtol, .true., map)
     self%maps = [self%maps, map]
-    self%current = size(self%maps)
-  end subroutine take_map
+  end subroutine add_map
 
   !> A passage is complete, by steps or by a table.
   subroutine arrive(self, passage)
@@ -193,22 +209,22 @@ contains
     type(passage_t), intent(in) :: passage
     type(error_t), allocatable :: error
 
-    associate (now => self%slow(place_of(self%slow_cycles)))
+    associate (now => self%slow(place_of(self%orbit%slow_cycles)))
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
       if (passage%table(1) == 0) then
-        call self%maps(self%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
+        call self%maps(self%orbit%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
       else
-        call self%maps(self%current)%count(passage)
+        call self%maps(self%orbit%current)%count(passage)
       end if
       if (.not. passage%turns_back()) return
-      call self%divergence%come_back(now%whole%log_slope, now%whole%has_slope)
+      call self%orbit%divergence%come_back(now%sum%whole%log_slope, now%sum%whole%has_slope)
     end associate
-    self%slow_cycles = self%slow_cycles + 1
-    associate (n => self%slow_cycles)
-      self%last_returned(modulo(n, size(self%last_returned, kind=int64))) = passage%to
-      associate (whole => self%slow(place_of(n - 1))%whole)
-        self%last_lasted(modulo(n, size(self%last_lasted, kind=int64))) = whole%measure(duration)
+    self%orbit%slow_cycles = self%orbit%slow_cycles + 1
+    associate (n => self%orbit%slow_cycles)
+      self%orbit%last_returned(modulo(n, size(self%orbit%last_returned, kind=int64))) = passage%to
+      associate (whole => self%slow(place_of(n - 1))%sum%whole)
+        self%orbit%last_lasted(modulo(n, size(self%orbit%last_lasted, kind=int64))) = whole%measure(duration)
       end associate
       call look_for_repetition(self)
       call self%slow(place_of(n))%clear()
@@ -228,23 +244,23 @@ contains
     integer :: m, i
 
     do m = 1, most_repeats
-      if (self%slow_cycles < 2*m + 1) return
+      if (self%orbit%slow_cycles < 2*m + 1) return
       now = abs(returned(self, 0) - returned(self, m))
       before = abs(returned(self, m) - returned(self, 2*m))
       if (now < before .and. now > roundoff) then
         if (before > well_above*roundoff .and. &
-          (.not. self%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff))) then
-          self%log_multiplier(m) = log(now/before)
-          self%has_multiplier(m) = .true.
+          (.not. self%orbit%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff))) then
+          self%orbit%log_multiplier(m) = log(now/before)
+          self%orbit%has_multiplier(m) = .true.
         end if
         ! Differences of durations shrink like those of releases.
         if (now <= shrinking**m*before .and. changed(self, m)*(now/before) <= &
           same_duration*self%rtol*lasted(self, 0)) now = now*(now/before)
       end if
       if (now > max(roundoff, same*self%rtol)) cycle
-      if (.not. all([(self%slow(place_of(self%slow_cycles - i))%is_complete, i=1, m)])) return
-      self%repeats = m
-      self%following = 1
+      if (.not. all([(self%slow(place_of(self%orbit%slow_cycles - i))%sum%is_complete, i=1, m)])) return
+      self%orbit%repeats = m
+      self%orbit%following = 1
       return
     end do
   end subroutine look_for_repetition
@@ -263,10 +279,10 @@ contains
     integer :: m, steps
 
     left = 0.0_wp
-    if (self%slow_cycles == 0) return
+    if (self%orbit%slow_cycles == 0) return
     left = time_left(self)/lasted(self, 0)
     do m = 1, 2
-      steps = (int(min(self%slow_cycles - 1, 2_int64*most_repeats)) - m)/m
+      steps = (int(min(self%orbit%slow_cycles - 1, 2_int64*most_repeats)) - m)/m
       if (steps < 1) return
       now = abs(returned(self, 0) - returned(self, m))
       before = abs(returned(self, steps*m) - returned(self, (steps + 1)*m))
@@ -280,7 +296,7 @@ contains
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: ago
 
-    returned = self%last_returned(modulo(self%slow_cycles - ago, size(self%last_returned, kind=int64)))
+    returned = self%orbit%last_returned(modulo(self%orbit%slow_cycles - ago, size(self%orbit%last_returned, kind=int64)))
   end function returned
 
   !> The duration of a slow cycle [s].
@@ -288,7 +304,7 @@ contains
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: ago
 
-    lasted = self%last_lasted(modulo(self%slow_cycles - ago, size(self%last_lasted, kind=int64)))
+    lasted = self%orbit%last_lasted(modulo(self%orbit%slow_cycles - ago, size(self%orbit%last_lasted, kind=int64)))
   end function lasted
 
   !> The largest change of a duration from so many slow cycles before [s].
@@ -305,7 +321,7 @@ contains
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: i
 
-    block_place = place_of(self%slow_cycles - self%repeats + int(i - 1, int64))
+    block_place = place_of(self%orbit%slow_cycles - self%orbit%repeats + int(i - 1, int64))
   end function block_place
 
   !> A leap from the present release, if there is one that takes no longer than `longest` [s].
@@ -317,28 +333,28 @@ contains
     integer(int64) :: times
     logical :: found
 
-    if (self%repeats > 0) then
+    if (self%orbit%repeats > 0) then
       lasting = self%block_duration()
       times = 0
-      if (all(self%following == 1)) times = int(min(longest/lasting, 1.0e15_wp), int64)
+      if (all(self%orbit%following == 1)) times = int(min(longest/lasting, 1.0e15_wp), int64)
       if (real(times, wp)*lasting > longest) times = times - 1
       if (times > 0) then
         call repeat_block(self, times)
         return
       end if
-      associate (slow => self%slow(block_place(self, self%following(1))))
-        passage = slow%passage(self%following(2))
+      associate (following => self%orbit%following, slow => self%slow(block_place(self, self%orbit%following(1))))
+        passage = slow%passage(following(2))
         found = passage%measure(duration) <= longest
         if (found) then
-          self%following(2) = self%following(2) + 1
-          if (self%following(2) > slow%count) self%following = [1 + modulo(self%following(1), self%repeats), 1]
-          if (passage%table(1) == 0) self%own%excursions_reused = self%own%excursions_reused + 1
+          following(2) = following(2) + 1
+          if (following(2) > slow%sum%count) following = [1 + modulo(following(1), self%orbit%repeats), 1]
+          if (passage%table(1) == 0) self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + 1
         end if
       end associate
       if (found) call take_passage(self, passage)
       return
     end if
-    call self%maps(self%current)%look_up(self%alpha, passage, found)
+    call self%maps(self%orbit%current)%look_up(self%orbit%alpha, passage, found)
     if (.not. found .or. passage%measure(duration) > longest) return
     call take_passage(self, passage)
     call arrive(self, passage)
@@ -349,10 +365,10 @@ contains
     class(cycle_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
 
-    self%passage = passage
+    self%orbit%passage = passage
     self%repetitions = 0
-    self%own%cycles_leapt = self%own%cycles_leapt + 1
-    self%own%events = self%own%events + 2
+    self%orbit%own%cycles_leapt = self%orbit%own%cycles_leapt + 1
+    self%orbit%own%events = self%orbit%own%events + 2
     call make_piece(self, passage, 1.0_wp)
   end subroutine take_passage
 
@@ -364,18 +380,18 @@ contains
     integer :: i, slips
 
     slips = 0
-    whole = self%slow(block_place(self, 1))%whole
-    do i = 1, self%repeats
+    whole = self%slow(block_place(self, 1))%sum%whole
+    do i = 1, self%orbit%repeats
       associate (slow => self%slow(block_place(self, i)))
-        if (i > 1) call whole%go_on(slow%whole)
-        slips = slips + count(slow%passage(:slow%count)%table(1) == 0)
+        if (i > 1) call whole%go_on(slow%sum%whole)
+        slips = slips + count(slow%passage(:slow%sum%count)%table(1) == 0)
       end associate
     end do
     self%repetitions = times
-    self%own%cycles_leapt = self%own%cycles_leapt + times*self%passages()
-    self%own%events = self%own%events + 2*times*self%passages()
-    self%own%excursions_reused = self%own%excursions_reused + times*slips
-    whole%to = self%alpha
+    self%orbit%own%cycles_leapt = self%orbit%own%cycles_leapt + times*self%passages()
+    self%orbit%own%events = self%orbit%own%events + 2*times*self%passages()
+    self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + times*slips
+    whole%to = self%orbit%alpha
     call make_piece(self, whole, real(times, wp))
   end subroutine repeat_block
 
@@ -386,7 +402,7 @@ contains
     real(wp), intent(in) :: times
     type(state_t) :: to
 
-    associate (from => self%piece%from, value => passage%measure, map => self%maps(self%current))
+    associate (from => self%piece%from, value => passage%measure, map => self%maps(self%orbit%current))
       to = from
       call to%later(from, times*value(duration))
       to%drive_work = from%drive_work + times*value(drive_work)
@@ -398,7 +414,7 @@ contains
         self%piece%to = there
       end associate
     end associate
-    self%alpha = passage%to
+    self%orbit%alpha = passage%to
     self%leapt = .true.
     self%piece%event = slip_begins
     self%piece%contact = slips
@@ -412,8 +428,8 @@ contains
     integer :: i
 
     lasting = 0.0_wp
-    do i = 1, self%repeats
-      associate (whole => self%slow(block_place(self, i))%whole)
+    do i = 1, self%orbit%repeats
+      associate (whole => self%slow(block_place(self, i))%sum%whole)
         lasting = lasting + whole%measure(duration)
       end associate
     end do
@@ -427,8 +443,8 @@ contains
     n = 1
     if (self%repetitions == 0) return
     n = 0
-    do i = 1, self%repeats
-      n = n + self%slow(block_place(self, i))%count
+    do i = 1, self%orbit%repeats
+      n = n + self%slow(block_place(self, i))%sum%count
     end do
   end function passages
 
@@ -442,23 +458,23 @@ contains
     integer, intent(out), optional :: place(2)
     integer :: i, n
 
-    passage = self%passage
+    passage = self%orbit%passage
     begin = 0.0_wp
     if (self%repetitions == 0) then
       if (present(place)) place = last_place(self)
       return
     end if
     n = k
-    do i = 1, self%repeats
+    do i = 1, self%orbit%repeats
       associate (slow => self%slow(block_place(self, i)))
-        if (n <= slow%count) then
+        if (n <= slow%sum%count) then
           passage = slow%passage(n)
           begin = begin + slow%begin(n)
           if (present(place)) place = [block_place(self, i), n]
           return
         end if
-        n = n - slow%count
-        begin = begin + slow%whole%measure(duration)
+        n = n - slow%sum%count
+        begin = begin + slow%sum%whole%measure(duration)
       end associate
     end do
   end subroutine passage_number
@@ -468,10 +484,10 @@ contains
     class(cycle_map_t), intent(in) :: self
     integer :: place(2)
 
-    place = [self%following(1), self%following(2) - 1]
-    if (place(2) == 0) place(1) = 1 + modulo(place(1) - 2, max(1, self%repeats))
+    place = [self%orbit%following(1), self%orbit%following(2) - 1]
+    if (place(2) == 0) place(1) = 1 + modulo(place(1) - 2, max(1, self%orbit%repeats))
     place(1) = block_place(self, place(1))
-    if (place(2) == 0) place(2) = self%slow(place(1))%count
+    if (place(2) == 0) place(2) = self%slow(place(1))%sum%count
   end function last_place
 
   !> Show passage number `k` of a repetition of the leap (0: the first one).
@@ -489,7 +505,7 @@ contains
       if (repetition > 0) begin = begin + real(repetition, wp)*self%block_duration()
       self%shown_from = from
       call self%shown_from%later(from, begin)
-      self%shown_from%u = self%maps(self%current)%elongation(passage%from)
+      self%shown_from%u = self%maps(self%orbit%current)%elongation(passage%from)
       self%shown_from%position = from%position + self%piece%drive%velocity*begin &
         - dot_product(self%shown_from%u - from%u, self%slider%along)
     end associate
@@ -499,8 +515,8 @@ contains
         call self%shown%copy(slow%recording(slow%recorded(place(2))))
       end associate
     else
-      call self%maps(self%current)%describe(passage, found)
-      call self%shown%copy(self%maps(self%current)%recording)
+      call self%maps(self%orbit%current)%describe(passage, found)
+      call self%shown%copy(self%maps(self%orbit%current)%recording)
     end if
   end subroutine show_passage
 
@@ -525,14 +541,14 @@ contains
       repetition = min(int(elapsed/lasting, int64), self%repetitions - 1)
       elapsed = elapsed - real(repetition, wp)*lasting
       k = 0
-      do i = 1, self%repeats
+      do i = 1, self%orbit%repeats
         associate (slow => self%slow(block_place(self, i)))
-          if (elapsed < slow%whole%measure(duration) .or. i == self%repeats) then
+          if (elapsed < slow%sum%whole%measure(duration) .or. i == self%orbit%repeats) then
             k = k + slow%place_of(elapsed)
             exit
           end if
-          elapsed = elapsed - slow%whole%measure(duration)
-          k = k + slow%count
+          elapsed = elapsed - slow%sum%whole%measure(duration)
+          k = k + slow%sum%count
         end associate
       end do
     end if
@@ -616,7 +632,7 @@ contains
     integer :: i
 
     work = self%steps%work()
-    work = work%plus(self%own)
+    work = work%plus(self%orbit%own)
     do i = 1, size(self%maps)
       one = self%maps(i)%work()
       work = work%plus(one)
@@ -638,51 +654,26 @@ contains
   end function velocity
 
   subroutine serialise(self, archive)
-    class(cycle_map_t), intent(inout) :: self
+    class(cycle_map_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
-    type(release_map_t) :: map
-    real(wp) :: velocity
-    integer :: i, n
+    real(wp), target :: velocity
+    integer, target :: n
+    integer :: i
 
     call serialise_motion(self, archive)
     call self%steps%serialise(archive)
+    call archive%serialise(c_loc(self%orbit), storage_size(self%orbit))
     n = size(self%maps)
-    call archive%serialise(n)
+    call archive%serialise(c_loc(n), storage_size(n))
     do i = 1, n
       if (.not. archive%is_loading()) velocity = self%maps(i)%velocity
-      call archive%serialise(velocity)
-      if (archive%is_loading()) then
-        call new_release_map(self%unused, velocity, self%rtol, .true., map)
-        self%maps = [self%maps, map]
-      end if
+      call archive%serialise(c_loc(velocity), storage_size(velocity))
+      if (archive%is_loading()) call add_map(self, velocity)
       call self%maps(i)%serialise(archive)
     end do
-    call archive%serialise(self%current)
-    call archive%serialise(self%passage%from)
-    call archive%serialise(self%passage%to)
-    call archive%serialise(self%passage%measure)
-    call archive%serialise(self%passage%table(1))
-    call archive%serialise(self%passage%table(2))
-    call archive%serialise(self%slow_cycles)
-    call archive%serialise(self%last_returned)
-    call archive%serialise(self%last_lasted)
-    call archive%serialise(self%repeats)
-    do i = 1, most_repeats
-      call archive%serialise(self%has_multiplier(i))
+    do i = 0, most_repeats
+      call self%slow(i)%serialise(archive)
     end do
-    call archive%serialise(self%log_multiplier)
-    call archive%serialise(self%following(1))
-    call archive%serialise(self%following(2))
-    call archive%serialise(self%released)
-    call archive%serialise(self%in_passage)
-    call archive%serialise(self%alpha)
-    if (self%current > 0) then
-      do i = 0, most_repeats
-        call self%slow(i)%serialise(archive, self%maps(self%current))
-      end do
-    end if
     call self%recording%serialise(archive)
-    call self%divergence%serialise(archive)
-    call self%own%serialise(archive)
   end subroutine serialise
 end module dst_cycle_map

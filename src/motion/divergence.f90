@@ -5,7 +5,6 @@
 !> is the mean of the sum of ln|P'| over its cycles, here over the later half of the slow cycles, in which the motion has settled.
 !> If it is positive the motion is chaotic: no tolerance determines when its hundredth slip occurs.
 module dst_divergence
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64
   implicit none
   private
@@ -33,13 +32,12 @@ module dst_divergence
     !> at places modulo `kept`.
     integer(int64) :: returns = 0
     integer(int64), private :: known_count = 0
-    integer(int64), allocatable, private :: number(:)
-    real(wp), allocatable, private :: logarithm(:)
+    integer(int64), private :: number(kept) = 0
+    real(wp), private :: logarithm(kept) = 0.0_wp
   contains
     procedure :: is_wanted
     procedure :: come_back
     procedure :: estimate
-    procedure :: serialise
   end type divergence_t
 
 contains
@@ -61,7 +59,6 @@ contains
 
     self%returns = self%returns + 1
     if (.not. is_known) return
-    if (.not. allocated(self%number)) allocate (self%number(kept), self%logarithm(kept))
     place = int(modulo(self%known_count, int(kept, int64))) + 1
     self%known_count = self%known_count + 1
     self%number(place) = self%returns
@@ -113,19 +110,4 @@ contains
     if (abs(exponent) <= certain*max(least_error, error)) return
     verdict = merge(irregular, regular, exponent > 0.0_wp)
   end subroutine estimate
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(divergence_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-    integer :: i
-
-    call archive%serialise(self%returns)
-    call archive%serialise(self%known_count)
-    if (self%known_count > 0 .and. .not. allocated(self%number)) allocate (self%number(kept), self%logarithm(kept))
-    do i = 1, int(max(0_int64, min(self%known_count, int(kept, int64))))
-      call archive%serialise(self%number(i))
-      call archive%serialise(self%logarithm(i))
-    end do
-  end subroutine serialise
 end module dst_divergence

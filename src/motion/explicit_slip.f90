@@ -1,7 +1,6 @@
 !> Slip and stick by an explicit method. It evaluates y' = g/B, which has no value at rest: slip begins as a power series and ends
 !> in closed form, and in between the method avoids v = 0.
 module dst_explicit_slip
-  use dst_archive, only: archive_t
   use dst_bernstein, only: first_zero
   use dst_braking, only: braking_t, braking, default_cut_speed
   use dst_errors, only: error_t, raise, release_failed
@@ -11,7 +10,7 @@ module dst_explicit_slip
   use dst_piece, only: slips
   use dst_release, only: release_t, release_series
   use dst_rest, only: slip_start_t, spring_force_size
-  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, serialise_slip_stick, negligible_share
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, negligible_share
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_stepping, only: slide
@@ -28,13 +27,10 @@ module dst_explicit_slip
   type, extends(slip_stick_t) :: explicit_slip_t
     !> With cut_speed = 0 the cut-off is chosen from this tolerance.
     real(wp) :: cut_rtol = 0.0_wp
-    !> Initial acceleration of slip [m/s2].
-    real(wp), private :: release_rate = 0.0_wp
   contains
     procedure :: go_on
     procedure :: set_off
     procedure :: try
-    procedure :: serialise
   end type explicit_slip_t
 
 contains
@@ -49,7 +45,7 @@ contains
     call self%look_at_jump()
     if (self%contact /= slips) then
       call self%stay_stuck(horizon)
-    else if (self%just_released) then
+    else if (self%now%just_released) then
       call follow_release(self, horizon, error)
     else
       call end_slow_slip(self, horizon, ended)
@@ -100,7 +96,7 @@ contains
     class(explicit_slip_t), intent(inout) :: self
     type(slip_start_t), intent(in) :: beginning
 
-    self%release_rate = beginning%rate(1)
+    self%now%release_rate = beginning%rate(1)
     call set_off_from_rest(self, beginning)
   end subroutine set_off
 
@@ -112,9 +108,9 @@ contains
     type(release_t) :: release
     real(wp) :: duration, left
 
-    self%just_released = .false.
+    self%now%just_released = .false.
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive)
-      release = release_series(self%slider, drive, from, self%release_rate, self%stepper%release_tolerance)
+      release = release_series(self%slider, drive, from, self%now%release_rate, self%stepper%release_tolerance)
       if (.not. release%moves .and. spring_force_size(self%slider, from%u, self%drive_velocity()) > 0.0_wp) then
         ! The force equals friction and does not grow: the object stays at rest.
         call self%come_to_rest()
@@ -135,7 +131,7 @@ contains
       self%stepper%start_speed = to%y(1)
       self%stepper%peak_speed = to%y(1)
     end associate
-    self%next_step = min(self%release_step, self%first_step())
+    self%now%next_step = min(self%now%release_step, self%first_step())
   end subroutine follow_release
 
   !> Refuse an attempt in which v reaches zero, so that the next one ends before that.
@@ -156,13 +152,4 @@ contains
     outcome%solved = .false.
     outcome%factor = max(least_factor, share_before_stop*position)
   end subroutine try
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(explicit_slip_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call serialise_slip_stick(self, archive)
-    call archive%serialise(self%release_rate)
-  end subroutine serialise
 end module dst_explicit_slip

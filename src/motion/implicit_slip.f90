@@ -1,6 +1,5 @@
 !> Slip and stick by an implicit method, which can begin and end a step at rest: a stop is where v = 0 at the end of a step.
 module dst_implicit_slip
-  use dst_archive, only: archive_t
   use dst_bernstein, only: first_zero, first_minimum, bernstein_value
   use dst_braking, only: braking_t, braking
   use dst_dense_output, only: column_y
@@ -9,8 +8,7 @@ module dst_implicit_slip
   use dst_kinds, only: wp
   use dst_piece, only: slips
   use dst_rest, only: slip_start_t, spring_force_size
-  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, serialise_slip_stick, &
-    noise_allowance
+  use dst_slip_stick, only: slip_stick_t, set_off_from_rest => set_off, settle_slip => settle, noise_allowance
   use dst_state, only: state_t
   use dst_stepper, only: attempt_t
   use dst_stepping, only: slide
@@ -41,16 +39,13 @@ module dst_implicit_slip
 
   !> Motion by an implicit method.
   type, extends(slip_stick_t) :: implicit_slip_t
-    !> Whether the last step ended at the lowest point of a shallow dip, and whether this attempt does.
-    logical, private :: from_dip = .false., to_dip = .false.
-    !> Time since the release [s], and those of the last slip and of the one before from release to stop, 0 if there was none.
-    real(wp), private :: slipped = 0.0_wp, last_slip = 0.0_wp, slip_before = 0.0_wp
+    !> Whether this attempt ends at the lowest point of a shallow dip.
+    logical, private :: to_dip = .false.
   contains
     procedure :: go_on
     procedure :: set_off
     procedure :: try
     procedure :: settle
-    procedure :: serialise
   end type implicit_slip_t
 
 contains
@@ -83,7 +78,7 @@ contains
     logical :: unloaded
 
     ended = .false.
-    if (self%just_released) return
+    if (self%now%just_released) return
     cut = max(self%cut_speed, self%cut_share*self%stepper%peak_speed)
     associate (now => self%piece%to, drive => self%piece%drive)
       unloaded = now%y(1) > cut
@@ -123,8 +118,8 @@ contains
     class(implicit_slip_t), intent(inout) :: self
     type(slip_start_t), intent(in) :: beginning
 
-    self%from_dip = .false.
-    self%slipped = 0.0_wp
+    self%now%from_dip = .false.
+    self%now%slipped = 0.0_wp
     call set_off_from_rest(self, beginning)
   end subroutine set_off
 
@@ -132,11 +127,11 @@ contains
     class(implicit_slip_t), intent(inout) :: self
     logical, intent(in) :: stopped, truncated
 
-    self%from_dip = self%to_dip
-    self%slipped = self%slipped + self%stepper%step
+    self%now%from_dip = self%to_dip
+    self%now%slipped = self%now%slipped + self%stepper%step
     if (stopped) then
-      self%slip_before = self%last_slip
-      self%last_slip = self%slipped
+      self%now%slip_before = self%now%last_slip
+      self%now%last_slip = self%now%slipped
     end if
     call settle_slip(self, stopped, truncated)
   end subroutine settle
@@ -152,9 +147,9 @@ contains
     real(wp) :: due
 
     self%to_dip = .false.
-    due = self%last_slip + (self%last_slip - self%slip_before) - self%slipped
-    if (abs(self%last_slip - self%slip_before) <= alike*self%last_slip .and. due > 0.0_wp .and. due <= step &
-      .and. .not. self%just_released) then
+    due = self%now%last_slip + (self%now%last_slip - self%now%slip_before) - self%now%slipped
+    if (abs(self%now%last_slip - self%now%slip_before) <= alike*self%now%last_slip .and. due > 0.0_wp .and. due <= step &
+      .and. .not. self%now%just_released) then
       call land(self, due, step, to, outcome, stopped)
       if (stopped) return
       self%stepper%count%rejected = self%stepper%count%rejected + 1
@@ -173,7 +168,7 @@ contains
     logical, intent(inout) :: stopped
     real(wp) :: zero, lowest, depth, longest, curvature
 
-    if (self%just_released) then
+    if (self%now%just_released) then
       outcome%solved = moves_off(self)
       if (.not. outcome%solved) outcome%factor = missed_factor
       return
@@ -294,7 +289,7 @@ contains
 
     associate (grid => self%stepper%grid)
       call self%stepper%speed_coefficients(coefficient)
-      if (.not. self%from_dip) return
+      if (.not. self%now%from_dip) return
       half = (grid%degree + 1)/2
       coefficient(0:half) = coefficient(0:half) + shallow*self%stepper%speed_scale
     end associate
@@ -318,16 +313,4 @@ contains
       moves_off = self%stepper%nodal(s, column_y) > 0.0_wp .and. first_zero(coefficient(1:s)) > 1.0_wp
     end associate
   end function moves_off
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(implicit_slip_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call serialise_slip_stick(self, archive)
-    call archive%serialise(self%from_dip)
-    call archive%serialise(self%slipped)
-    call archive%serialise(self%last_slip)
-    call archive%serialise(self%slip_before)
-  end subroutine serialise
 end module dst_implicit_slip

@@ -11,6 +11,7 @@
 !> The readers of a motion (columns, summary, samples, saved states) use the last piece and the state at any time in it; a leap is a
 !> piece with many events.
 module dst_motion
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, chattering
@@ -29,28 +30,32 @@ module dst_motion
   !> Numbers of events, and of pieces, at one time after which the motion is given up. Conventions. Twice: no change.
   integer, parameter :: max_events_at_once = 100, max_pieces_at_once = 10000
 
-  !> A motion in progress.
-  type, abstract :: motion_t
-    type(slider_t) :: slider
-    type(drive_t) :: drive
-    real(wp) :: t_end = 0.0_wp                !! s
+  !> What goes on from piece to piece.
+  type :: motion_state_t
     !> The last piece; before the first one it only contains the beginning of the motion.
     type(piece_t) :: piece
     !> Whether the object slips, touches or sticks at the end of the piece.
     integer :: contact = slips
     !> Stretch of the drive in which the last piece is or the next one begins.
     integer :: segment = 1
+    !> Whether the last piece is a leap (dst_cycle_map), from one release to a later one; how often that is repeated, 0 if once.
+    logical :: leapt = .false.
+    !> Numbers of events and pieces since the time last increased.
+    integer :: events_at_once = 0
+    integer :: pieces_at_once = 0
+    integer(int64) :: repetitions = 0
+  end type motion_state_t
+
+  !> A motion in progress.
+  type, abstract, extends(motion_state_t) :: motion_t
+    type(slider_t) :: slider
+    type(drive_t) :: drive
+    real(wp) :: t_end = 0.0_wp                !! s
     !> Whether it has a closed form at any time; its pieces then end at `next_look` [s] at the latest, and have no works.
     logical :: in_closed_form = .false.
     real(wp) :: next_look = huge(1.0_wp)
     !> Whether it can rest while the drive does; while the drive moves, the other motion is used, which the drive partly prescribes.
     logical :: may_rest = .true.
-    !> Whether the last piece is a leap (dst_cycle_map), from one release to a later one; how often that is repeated, 0 if once.
-    logical :: leapt = .false.
-    integer(int64) :: repetitions = 0
-    !> Numbers of events and pieces since the time last increased.
-    integer :: events_at_once = 0
-    integer :: pieces_at_once = 0
   contains
     !> Make the next piece, up to a time [s] at most.
     procedure(go_on), deferred :: go_on
@@ -267,16 +272,9 @@ contains
 
   !> Save or load the data of every motion, to which a type adds its own; the rest follows from the scene.
   subroutine serialise_motion(self, archive)
-    class(motion_t), intent(inout) :: self
+    class(motion_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%piece%serialise(archive)
-    call archive%serialise(self%contact)
-    call archive%serialise(self%leapt)
-    call archive%serialise(self%repetitions)
-    call archive%serialise(self%segment)
-    call archive%serialise(self%events_at_once)
-    call archive%serialise(self%pieces_at_once)
-    self%piece%drive = self%drive%segment(self%segment)
+    call archive%serialise(c_loc(self%motion_state_t), storage_size(self%motion_state_t))
   end subroutine serialise_motion
 end module dst_motion

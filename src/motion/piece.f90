@@ -1,6 +1,5 @@
 !> A piece of a motion: one step, one stretch at rest, or one stretch in closed form, with the motion inside it.
 module dst_piece
-  use dst_archive, only: archive_t
   use dst_dense_output, only: dense_output_t, column_u, column_y, column_position, n_columns
   use dst_drive, only: drive_segment_t
   use dst_kinds, only: wp
@@ -33,7 +32,6 @@ module dst_piece
     procedure :: at
     procedure :: inside
     procedure :: obey
-    procedure :: serialise
   end type piece_t
 
 contains
@@ -88,16 +86,4 @@ contains
     self%held = 0
     if (system%components < max_components) self%held = max_components + 1 - system%axis
   end subroutine obey
-
-  !> Save or load; the drive and the system follow from the scene.
-  subroutine serialise(self, archive)
-    class(piece_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call self%from%serialise(archive)
-    call self%to%serialise(archive)
-    call archive%serialise(self%contact)
-    call archive%serialise(self%event)
-    call self%path%serialise_dense(archive)
-  end subroutine serialise
 end module dst_piece

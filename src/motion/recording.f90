@@ -1,6 +1,7 @@
 !> Pieces of a motion under a steady drive that are kept, to be read later and elsewhere: a passage from one release to the next.
 !> Times and positions count from its beginning.
 module dst_recording
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_dense_output, only: n_columns, column_position
   use dst_interpolation, only: grid_t, max_degree, last_begun
@@ -24,16 +25,20 @@ module dst_recording
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   end type kept_piece_t
 
+  !> The data that all pieces share: drive and system are those of this piece; polynomials are on one of the grids: that of steps, or
+  !> that of closed forms.
+  type :: shared_t
+    type(piece_t) :: like
+    type(grid_t) :: grid(2)
+    integer :: grids = 0
+  end type shared_t
+
   !> Consecutive pieces.
   type :: recording_t
     integer :: count = 0
+    type(shared_t), private :: shared
     type(kept_piece_t), allocatable :: kept(:)     !! valid up to `count`
     real(wp), allocatable, private :: begin(:)     !! when each begins, side by side for `place_of`, s
-    !> The shared data: drive and system are those of this piece; polynomials are on one of the grids: that of steps, or that of
-    !> closed forms.
-    type(piece_t), private :: like
-    integer, private :: grids = 0
-    type(grid_t), private :: grid(2)
   contains
     procedure :: clear
     procedure :: append
@@ -69,9 +74,9 @@ contains
       call move_alloc(longer, self%begin)
     end if
     if (self%count == 0) then
-      self%like%drive = piece%drive
-      self%like%drive_coupling = piece%drive_coupling
-      self%like%is_polar = piece%is_polar
+      self%shared%like%drive = piece%drive
+      self%shared%like%drive_coupling = piece%drive_coupling
+      self%shared%like%is_polar = piece%is_polar
     end if
     self%count = self%count + 1
     associate (kept => self%kept(self%count))
@@ -82,13 +87,13 @@ contains
       kept%step = piece%path%step
       kept%nodal = piece%path%nodal
       kept%grid = 0
-      do i = 1, self%grids
-        if (same_grid(self%grid(i), piece%path%grid)) kept%grid = i
+      do i = 1, self%shared%grids
+        if (same_grid(self%shared%grid(i), piece%path%grid)) kept%grid = i
       end do
       if (kept%grid == 0) then
-        self%grids = min(size(self%grid), self%grids + 1)
-        kept%grid = self%grids
-        self%grid(kept%grid) = piece%path%grid
+        self%shared%grids = min(size(self%shared%grid), self%shared%grids + 1)
+        kept%grid = self%shared%grids
+        self%shared%grid(kept%grid) = piece%path%grid
       end if
       ! From its beginning on.
       if (self%count == 1) then
@@ -123,10 +128,10 @@ contains
       piece%to%position = begin%position + kept%to%position
       piece%contact = kept%contact
       piece%event = kept%event
-      piece%drive = self%like%drive
-      piece%drive_coupling = self%like%drive_coupling
-      piece%is_polar = self%like%is_polar
-      if (.not. same_grid(piece%path%grid, self%grid(kept%grid))) piece%path%grid = self%grid(kept%grid)
+      piece%drive = self%shared%like%drive
+      piece%drive_coupling = self%shared%like%drive_coupling
+      piece%is_polar = self%shared%like%is_polar
+      if (.not. same_grid(piece%path%grid, self%shared%grid(kept%grid))) piece%path%grid = self%shared%grid(kept%grid)
       piece%path%step = kept%step
       piece%path%nodal = kept%nodal
       piece%path%nodal(:, column_position) = kept%nodal(:, column_position) + begin%position
@@ -139,11 +144,9 @@ contains
     type(recording_t), intent(in) :: other
 
     self%count = other%count
+    self%shared = other%shared
     self%kept = other%kept(:other%count)
     self%begin = other%begin(:other%count)
-    self%like = other%like
-    self%grids = other%grids
-    self%grid = other%grid
   end subroutine copy
 
   pure logical function same_grid(one, other)
@@ -181,35 +184,14 @@ contains
 
   !> Save or load.
   subroutine serialise(self, archive)
-    class(recording_t), intent(inout) :: self
+    class(recording_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
-    integer :: i
 
-    call archive%serialise(self%count)
-    call archive%serialise(self%grids)
-    do i = 1, max(0, min(size(self%grid), self%grids))
-      call self%grid(i)%serialise(archive)
-    end do
-    call archive%serialise(self%like%drive_coupling)
-    call archive%serialise(self%like%is_polar)
-    call archive%serialise(self%like%drive%start)
-    call archive%serialise(self%like%drive%end)
-    call archive%serialise(self%like%drive%velocity)
-    if (archive%is_loading()) then
-      if (allocated(self%kept)) deallocate (self%kept, self%begin)
-      allocate (self%kept(max(1, self%count)), self%begin(max(1, self%count)))
-    end if
-    do i = 1, self%count
-      associate (kept => self%kept(i))
-        call kept%from%serialise(archive)
-        self%begin(i) = kept%from%time
-        call kept%to%serialise(archive)
-        call archive%serialise(kept%contact)
-        call archive%serialise(kept%event)
-        call archive%serialise(kept%grid)
-        call archive%serialise(kept%step)
-        call archive%serialise(kept%nodal)
-      end associate
-    end do
+    call archive%serialise(c_loc(self%count), storage_size(self%count))
+    call archive%serialise(c_loc(self%shared), storage_size(self%shared))
+    if (self%count == 0) return
+    if (archive%is_loading()) allocate (self%kept(self%count), self%begin(self%count))
+    call archive%serialise(c_loc(self%kept(1)), storage_size(self%kept), self%count)
+    self%begin(:self%count) = self%kept(:self%count)%from%time
   end subroutine serialise
 end module dst_recording

@@ -6,6 +6,7 @@
 !> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. A table is made from runs that begin
 !> with the same state of the method, so that it is a function of the scene, V and its interval alone. docs/cycles.md, section 3.
 module dst_release_map
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_branch, only: branch_t, new_branch
   use dst_drive, only: drive_segment_t
@@ -54,6 +55,21 @@ module dst_release_map
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
 
+  !> What is known of the passages so far.
+  type :: learned_t
+    logical :: is_parted = .false.
+    !> The number of slips that were run, of laps that were run since the last slip, of passages, and the last one that was run.
+    integer :: slips = 0, row = 0
+    integer(int64) :: passages = 0
+    type(passage_t) :: before
+    !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
+    !> that of those that were run in vain, and that were run for tables.
+    real(wp) :: lasted = 0.0_wp, expected = 0.0_wp
+    integer :: vain = 0, sampled = 0
+    !> The largest error of a table that is in use, over rtol = 1.
+    real(wp) :: error = 0.0_wp
+  end type learned_t
+
   !> The map under one steady drive velocity.
   type :: release_map_t
     !> The motion that runs passages; its last passage; and how it begins each of them.
@@ -61,27 +77,16 @@ module dst_release_map
     type(recording_t) :: recording
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: velocity = 0.0_wp                 !! V, m/s
+    real(wp), private :: rtol = 0.0_wp
     !> No passage takes longer [s].
     real(wp) :: longest = huge(1.0_wp)
     !> An unstable fixed point at the end of sticks [rad], if there is one.
     logical :: has_fixed = .false.
     real(wp) :: fixed = 0.0_wp
-    !> Tables, once the branches are parted; with or without the motion inside; passages that were run for them.
-    type(branch_t) :: branch(2)                   !! laps, slips
+    !> Tables, once the branches are parted; with or without the motion inside.
+    type(branch_t), allocatable :: branch(:)      !! laps, slips
     logical :: keeps_motion = .false.
-    integer :: sampled = 0
-    !> The largest error of a table that is in use, over rtol = 1.
-    real(wp) :: error = 0.0_wp
-    logical, private :: is_parted = .false.
-    !> The number of passages, of slips that were run, and of laps that were run since the last slip; and the last one that was run.
-    integer(int64), private :: passages = 0
-    integer, private :: slips = 0, row = 0
-    type(passage_t), private :: before
-    !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
-    !> that of those that were run in vain.
-    real(wp), private :: lasted = 0.0_wp, expected = 0.0_wp
-    integer, private :: vain = 0
-    real(wp), private :: rtol = 0.0_wp
+    type(learned_t), private :: learned
   contains
     procedure :: first
     procedure :: next
@@ -120,6 +125,7 @@ contains
     map%velocity = velocity
     map%rtol = rtol
     map%keeps_motion = keeps_motion
+    allocate (map%branch(2))
     allocate (map%unused, source=map%steps)
   end subroutine new_release_map
 
@@ -234,7 +240,7 @@ contains
       place = self%branch(i)%place_of(alpha)
       if (place == 0) cycle
       if (.not. self%branch(i)%intervals(place)%is_known) cycle
-      call self%branch(i)%intervals(place)%table%evaluate(self%branch(i)%x_of(place, alpha), value)
+      call self%branch(i)%table(place)%evaluate(self%branch(i)%x_of(place, alpha), value)
       found = value(slip_duration) > 0.0_wp .and. value(duration) > value(slip_duration)
       passage = passage_t(alpha, alpha + value(turn), value(:measures), is_plain=i == 1, table=[i, place], &
         slope=1.0_wp + self%branch(i)%x_rate(place, alpha)*value(measures + 1), has_slope=.true.)
@@ -254,14 +260,14 @@ contains
     real(wp) :: u(2, 2)
 
     associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(passage%table(1)))
-      if (branch%intervals(place)%table%panels == 0) then
+      if (branch%table(place)%panels == 0) then
         call self%run(passage%from, self%longest, again, found, error)
         return
       end if
       found = .true.
       u(:, 1) = self%elongation(passage%from)
       u(:, 2) = self%elongation(passage%to)
-      call branch%intervals(place)%table%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
+      call branch%table(place)%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
         self%unused%piece, self%recording)
     end associate
   end subroutine describe
@@ -296,7 +302,7 @@ contains
     do k = 1, 2
       associate (at => branch%angle(place, -1.0_wp + 0.1_wp*real(k - 1, wp)))
         distance(k) = branch%distance(at)
-        call branch%intervals(place)%table%evaluate(branch%x_of(place, at), value)
+        call branch%table(place)%evaluate(branch%x_of(place, at), value)
         rate(k) = branch%x_rate(place, at)*value(measures + 1)
       end associate
     end do
@@ -325,7 +331,7 @@ contains
     do k = 1, times
       do i = 1, 2
         call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*passage%measure(duration), beside(i), found(i), error)
-        self%vain = self%vain + 1
+        self%learned%vain = self%learned%vain + 1
         if (allocated(error)) found(i) = .false.
       end do
       passage%has_slope = all(found)
@@ -346,8 +352,8 @@ contains
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
 
-    self%passages = self%passages + 1
-    self%lasted = self%lasted + passage%measure(duration)
+    self%learned%passages = self%learned%passages + 1
+    self%learned%lasted = self%learned%lasted + passage%measure(duration)
   end subroutine count
 
   !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
@@ -360,26 +366,28 @@ contains
     type(passage_t) :: before
     integer :: i
 
-    before = self%before
-    self%before = passage
-    call self%count(passage)
-    self%row = self%row + 1
-    if (passage%turns_back()) then
-      self%row = 0
-      self%slips = self%slips + 1
-    end if
-    self%expected = real(self%passages, wp)*(1.0_wp + rest/self%lasted)
-    if (self%slips == 0) self%expected = real(self%passages, wp) + laps_left(before, passage, passage%to, rest)
-    if (.not. self%is_parted .and. affordable(self)) then
+    associate (known => self%learned)
+      before = known%before
+      known%before = passage
+      call self%count(passage)
+      known%row = known%row + 1
       if (passage%turns_back()) then
-        if ((self%passages >= many*points(self) .or. self%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
-          before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
-          call part(self, passage%from, before, before, error)
-      else if (self%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
-        if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
-          call part(self, 0.0_wp, passage, before, error)
+        known%row = 0
+        known%slips = known%slips + 1
       end if
-    end if
+      known%expected = real(known%passages, wp)*(1.0_wp + rest/known%lasted)
+      if (known%slips == 0) known%expected = real(known%passages, wp) + laps_left(before, passage, passage%to, rest)
+      if (.not. known%is_parted .and. affordable(self)) then
+        if (passage%turns_back()) then
+          if ((known%passages >= many*points(self) .or. known%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
+            before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
+            call part(self, passage%from, before, before, error)
+        else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
+          if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
+            call part(self, 0.0_wp, passage, before, error)
+        end if
+      end if
+    end associate
     if (allocated(error)) return
     do i = 1, size(self%branch)
       call tabulate(self, i, before, passage, rest, slips)
@@ -392,7 +400,7 @@ contains
     real(wp), intent(in) :: slips
 
     will_tabulate = slips >= profit*real(points(self), wp)
-    if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
+    if (self%branch(2)%interval_count > 0) will_tabulate = will_tabulate .and. &
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
 
@@ -400,7 +408,7 @@ contains
   pure logical function affordable(self)
     class(release_map_t), intent(in) :: self
 
-    affordable = real(self%vain + points(self), wp) <= in_vain*self%expected
+    affordable = real(self%learned%vain + points(self), wp) <= in_vain*self%learned%expected
   end function affordable
 
   !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
@@ -430,7 +438,7 @@ contains
     real(wp) :: low, end, top, near
     logical :: found
 
-    self%is_parted = .true.
+    self%learned%is_parted = .true.
     top = max(steepest, lap%from)
     low = below
     last = lap
@@ -448,8 +456,8 @@ contains
       end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
       call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error)
-      self%sampled = self%sampled + 1
-      self%vain = self%vain + 1
+      self%learned%sampled = self%learned%sampled + 1
+      self%learned%vain = self%learned%vain + 1
       if (allocated(error)) return
       if (found .and. here%is_plain .and. here%to < here%from) then
         former = last
@@ -496,18 +504,18 @@ contains
       visits = branch%visit(place)
       if (branch%intervals(place)%is_tried) return
       expected = 0.0_wp
-      if (visits >= first_passages) expected = slips*real(visits, wp)/real(max(1, self%slips), wp)
+      if (visits >= first_passages) expected = slips*real(visits, wp)/real(max(1, self%learned%slips), wp)
       if (which == 1) expected = max(expected, laps_left(before, passage, branch%depth(place, passage%from), rest))
       if (expected < profit*real(n, wp) .and. visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)) return
       if (.not. affordable(self)) return
       branch%intervals(place)%is_tried = .true.
-      before_it = self%sampled
+      before_it = self%learned%sampled
       call fill(self, which, place, table, found)
       if (found) then
         call branch%keep(place, table)
       else
         call branch%halve(place)
-        self%vain = self%vain + self%sampled - before_it
+        self%learned%vain = self%learned%vain + self%learned%sampled - before_it
       end if
     end associate
   end subroutine tabulate
@@ -547,10 +555,10 @@ contains
       found = error <= accurate*self%rtol
       if (.not. found) return
       inside = max(inside, table%error_inside(test_at(i), self%recording))
-      self%error = max(self%error, error)
+      self%learned%error = max(self%learned%error, error)
     end do
     if (inside <= accurate*self%rtol) then
-      self%error = max(self%error, inside)
+      self%learned%error = max(self%learned%error, inside)
     else if (table%pieces_in_panel == 1) then
       ! Not better in halves: the motion between the ends of steps is not so accurate.
       table%panels = 0
@@ -564,7 +572,7 @@ contains
       real(wp), intent(in) :: x
       type(error_t), allocatable :: failure
 
-      self%sampled = self%sampled + 1
+      self%learned%sampled = self%learned%sampled + 1
       call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure)
       ! The motion itself need not come there.
       found = found .and. .not. allocated(failure) .and. (passage%is_plain .or. which == 2)
@@ -626,38 +634,25 @@ contains
 
     work = self%steps%stepper%count
     work%events = 0
-    work%cycles_sampled = self%sampled
-    work%map_error = self%error
+    work%cycles_sampled = self%learned%sampled
+    work%map_error = self%learned%error
   end function work
 
   !> Save or load; tables are made again.
   subroutine serialise(self, archive)
-    class(release_map_t), intent(inout) :: self
+    class(release_map_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
     logical :: found
     integer :: i, place
 
     do i = 1, size(self%branch)
       call self%branch(i)%serialise(archive)
-      if (.not. archive%is_loading()) cycle
-      do place = 1, self%branch(i)%interval_count()
-        if (self%branch(i)%intervals(place)%is_known) &
-          call fill(self, i, place, self%branch(i)%intervals(place)%table, found)
+      do place = 1, self%branch(i)%interval_count
+        if (archive%is_loading() .and. self%branch(i)%intervals(place)%is_known) &
+          call fill(self, i, place, self%branch(i)%table(place), found)
       end do
     end do
-    call archive%serialise(self%is_parted)
-    call archive%serialise(self%passages)
-    call archive%serialise(self%slips)
-    call archive%serialise(self%row)
-    call archive%serialise(self%lasted)
-    call archive%serialise(self%expected)
-    call archive%serialise(self%vain)
-    call archive%serialise(self%before%from)
-    call archive%serialise(self%before%to)
-    call archive%serialise(self%before%measure)
-    call archive%serialise(self%before%is_plain)
-    call archive%serialise(self%sampled)
-    call archive%serialise(self%error)
-    call self%steps%stepper%count%serialise(archive)
+    call archive%serialise(c_loc(self%learned), storage_size(self%learned))
+    call archive%serialise(c_loc(self%steps%stepper%count), storage_size(self%steps%stepper%count))
   end subroutine serialise
 end module dst_release_map

@@ -1,7 +1,6 @@
 !> Slip, rest and release of the exact contact, in the unknowns y = (v, theta). implicit_slip_t and explicit_slip_t integrate the
 !> slip.
 module dst_slip_stick
-  use dst_archive, only: archive_t
   use dst_braking, only: braking_t
   use dst_dense_output, only: dense_output_t
   use dst_drive, only: drive_t
@@ -12,14 +11,14 @@ module dst_slip_stick
     touch_time
   use dst_slider, only: slider_t
   use dst_state, only: state_t, instant_t
-  use dst_stepping, only: stepping_t, first_phase, start_stepping => start, serialise_stepping
+  use dst_stepping, only: stepping_t, first_phase, start_stepping => start
   use dst_straight_slip, only: on_line
   implicit none
   private
 
   public :: slip_stick_t, negligible_share, noise_allowance
   ! Procedures of the parent that the extending types call.
-  public :: set_off, settle, serialise_slip_stick
+  public :: set_off, settle
 
   !> Slip slower than this share of a slow speed does not matter, whatever its direction. Convention; twice: no change.
   real(wp), parameter :: negligible_share = 1.0e-6_wp
@@ -34,9 +33,6 @@ module dst_slip_stick
     !> A stop is finished in closed form below this slip speed [m/s] or this share of the largest recent slip speed.
     real(wp) :: cut_speed = 0.0_wp
     real(wp) :: cut_share = 0.0_wp
-    !> Size of the first step after the last release [s].
-    real(wp) :: release_step = 0.0_wp
-    logical :: just_released = .false.
     !> Motion in closed form, on nodes at which a polynomial is accurate everywhere.
     type(dense_output_t) :: closed_form
   contains
@@ -56,7 +52,6 @@ module dst_slip_stick
     procedure :: place_at_release
     procedure :: settle
     procedure :: friction_in
-    procedure :: serialise => serialise_slip_stick
   end type slip_stick_t
 
 contains
@@ -69,7 +64,7 @@ contains
     real(wp), intent(in) :: t_end
 
     call self%stepping_t%set_up(slider, drive, t_end)
-    self%release_step = first_phase*slider%radian_time()
+    self%now%release_step = first_phase*slider%radian_time()
     self%closed_form%grid = chebyshev_grid()
   end subroutine set_up
 
@@ -86,13 +81,14 @@ contains
   subroutine begin(self)
     class(slip_stick_t), intent(inout) :: self
 
-    self%just_released = .false.
+    self%now%just_released = .false.
     if (.not. self%piece%to%y(1) > 0.0_wp) then
       call self%rest_or_set_off(stays_at_rest(self))
       return
     end if
-    self%next_step = min(self%next_step, self%first_step())
-    call self%system%set_slip_direction(self%piece%to%y(2))
+    self%now%next_step = min(self%now%next_step, self%first_step())
+    self%now%direction = self%piece%to%y(2)
+    call self%system%set_slip_direction(self%now%direction)
     call self%stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
   end subroutine begin
 
@@ -143,9 +139,9 @@ contains
   subroutine look_at_jump(self)
     class(slip_stick_t), intent(inout) :: self
 
-    if (.not. (self%slider%is_damped() .and. self%just_released)) return
+    if (.not. (self%slider%is_damped() .and. self%now%just_released)) return
     if (self%piece%from%time > self%piece%drive%start .or. self%piece%drive%start <= 0.0_wp) return
-    self%just_released = .false.
+    self%now%just_released = .false.
     self%contact = slips
     call self%rest_or_set_off(stays_at_rest(self))
     self%piece%from = self%piece%to
@@ -231,13 +227,14 @@ contains
     type(slip_start_t), intent(in) :: beginning
 
     self%contact = slips
-    self%just_released = .true.
-    self%next_step = self%release_step
+    self%now%just_released = .true.
+    self%now%next_step = self%now%release_step
     ! The load has to grow beyond its own roundoff before it moves the object.
-    if (beginning%curvature(1) > 0.0_wp) self%next_step = max(self%release_step, &
+    if (beginning%curvature(1) > 0.0_wp) self%now%next_step = max(self%now%release_step, &
       noise_allowance*self%system%acceleration_noise/beginning%curvature(1))
     self%piece%to%y(1:2) = beginning%y
-    call self%system%set_slip_direction(beginning%y(2))
+    self%now%direction = beginning%y(2)
+    call self%system%set_slip_direction(self%now%direction)
     call self%stepper%begin_slip(beginning%rate, beginning%curvature)
   end subroutine set_off
 
@@ -259,8 +256,8 @@ contains
     class(slip_stick_t), intent(inout) :: self
     logical, intent(in) :: stopped, truncated
 
-    if (self%just_released .and. .not. truncated) self%release_step = self%next_step
-    self%just_released = .false.
+    if (self%now%just_released .and. .not. truncated) self%now%release_step = self%now%next_step
+    self%now%just_released = .false.
     if (stopped) call self%stop_or_turn()
     if (fades(self)) call self%come_to_rest()
   end subroutine settle
@@ -271,7 +268,7 @@ contains
     class(slip_stick_t), intent(in) :: self
 
     fades = .false.
-    if (self%contact /= slips .or. self%just_released) return
+    if (self%contact /= slips .or. self%now%just_released) return
     associate (now => self%piece%to)
       if (now%y(1) <= faded_share*self%stepper%start_speed) fades = stays_at_rest(self)
     end associate
@@ -316,14 +313,4 @@ contains
       instant%theta = theta - 2.0_wp*pi*anint(theta/(2.0_wp*pi))
     end associate
   end subroutine friction_in
-
-  !> Save or load the data of every motion with rest.
-  subroutine serialise_slip_stick(self, archive)
-    class(slip_stick_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call serialise_stepping(self, archive)
-    call archive%serialise(self%release_step)
-    call archive%serialise(self%just_released)
-  end subroutine serialise_slip_stick
 end module dst_slip_stick

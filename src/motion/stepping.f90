@@ -1,5 +1,6 @@
 !> Motion by the steps of an integrator, without rest: the smoothed contact, and motion that the drive partly prescribes.
 module dst_stepping
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, step_underflow, too_many_rejections
@@ -16,7 +17,7 @@ module dst_stepping
 
   public :: stepping_t
   ! Procedures of the parent that the extending types call: by name, so that the procedures that these call are the type's own.
-  public :: start, slide, serialise_stepping
+  public :: start, slide
   public :: first_phase
 
   ! The effects of "twice" were measured with radau9, dopri5 and dop853 on Fig. 3 (rtol 1e-6 and 1e-8) and on drives that reverse or
@@ -34,13 +35,25 @@ module dst_stepping
   !> If less than this share of a step would remain up to the horizon, the step ends there. Convention; twice: no change.
   real(wp), parameter :: least_remnant = 1.0e-6_wp
 
+  !> What goes on from step to step; some of it only in slip with a rest, or by implicit or explicit methods.
+  type :: step_state_t
+    real(wp) :: next_step = 0.0_wp      !! size of the next step, s
+    !> After the last release: size of the first step [s], initial acceleration [m/s2], time [s], direction of slip [rad].
+    real(wp) :: release_step = 0.0_wp, release_rate = 0.0_wp, slipped = 0.0_wp, direction = 0.0_wp
+    !> The time of the last slip and of the one before from release to stop [s], 0 if there was none.
+    real(wp) :: last_slip = 0.0_wp, slip_before = 0.0_wp
+    logical :: just_released = .false.
+    !> Whether the last step ended at the lowest point of a shallow dip.
+    logical :: from_dip = .false.
+  end type step_state_t
+
   !> A motion by steps.
   type, extends(motion_t) :: stepping_t
+    type(step_state_t) :: now
     class(slip_system_t), allocatable :: system
     class(stepper_t), allocatable :: stepper
     real(wp) :: step_max = 0.0_wp       !! s; 0 if there is none
     real(wp) :: fixed_step = 0.0_wp     !! of a method without error estimate, s; 0 for the others
-    real(wp) :: next_step = 0.0_wp      !! size of the next step, s
   contains
     procedure :: set_up
     procedure :: start
@@ -86,8 +99,8 @@ contains
     self%piece%from = self%piece%to
     self%piece%drive = self%drive%segment(1)
     call self%piece%obey(self%system)
-    self%next_step = first_phase*self%slider%radian_time()
-    if (self%fixed_step > 0.0_wp) self%next_step = self%fixed_step
+    self%now%next_step = first_phase*self%slider%radian_time()
+    if (self%fixed_step > 0.0_wp) self%now%next_step = self%fixed_step
     call self%begin()
   end subroutine start
 
@@ -106,7 +119,7 @@ contains
     select type (before)
     class is (stepping_t)
       call move_alloc(before%stepper, self%stepper)
-      self%next_step = before%next_step
+      self%now%next_step = before%now%next_step
       call self%reread()
     end select
     call self%piece%obey(self%system)
@@ -137,7 +150,7 @@ contains
     longest = 0.0_wp
     left = self%piece%from%until(horizon)
     do rejections = 0, max_rejections
-      step = self%next_step
+      step = self%now%next_step
       if (self%step_max > 0.0_wp) step = min(step, self%step_max)
       truncated = (1.0_wp + least_remnant)*step >= left
       if (truncated) step = left
@@ -145,7 +158,8 @@ contains
       if (outcome%solved .and. outcome%error <= 1.0_wp) exit
       self%stepper%count%rejected = self%stepper%count%rejected + 1
       ! An initial layer shows the same error until it is resolved: there the estimate reduces the step too little.
-      self%next_step = self%stepper%step*min(outcome%factor, merge(timid_factor, rejected_factor, rejections >= timid_rejections))
+      self%now%next_step = self%stepper%step*min(outcome%factor, &
+        merge(timid_factor, rejected_factor, rejections >= timid_rejections))
       longest = max(longest, step)
       if (underflows(self, longest)) exit
     end do
@@ -161,9 +175,9 @@ contains
     self%stepper%count%steps = self%stepper%count%steps + 1
     ! A step shortened by the horizon must not shrink the one after it.
     wanted = self%stepper%step*outcome%factor
-    if (truncated) wanted = max(wanted, self%next_step)
+    if (truncated) wanted = max(wanted, self%now%next_step)
     if (self%fixed_step > 0.0_wp) wanted = self%fixed_step
-    self%next_step = wanted
+    self%now%next_step = wanted
     call self%settle(stopped, truncated)
   end subroutine slide
 
@@ -194,7 +208,7 @@ contains
     real(wp), intent(in) :: longest
 
     associate (time => self%piece%from%time)
-      underflows = self%next_step <= epsilon(longest)*longest .and. .not. time + self%next_step > time
+      underflows = self%now%next_step <= epsilon(longest)*longest .and. .not. time + self%now%next_step > time
     end associate
   end function underflows
 
@@ -210,7 +224,7 @@ contains
       call raise(error, too_many_rejections, trim(what)//' '//trim(at_time(self%piece%from))// &
         ': use a larger rtol or another method')
     else
-      what = 'the step size fell to '//trim(short_text(self%next_step))//' s without success at'
+      what = 'the step size fell to '//trim(short_text(self%now%next_step))//' s without success at'
       call raise(error, step_underflow, trim(what)//' '//trim(at_time(self%piece%from))//': use another method, and '// &
         'check the values and units of the parameters')
     end if
@@ -319,12 +333,12 @@ contains
 
   !> Save or load the data of every motion by steps; the method only if it is not with the motion that alternates with this one.
   subroutine serialise_stepping(self, archive)
-    class(stepping_t), intent(inout) :: self
+    class(stepping_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
     call serialise_motion(self, archive)
-    call self%system%serialise(archive)
     if (allocated(self%stepper)) call self%stepper%serialise(archive)
-    call archive%serialise(self%next_step)
+    call archive%serialise(c_loc(self%now), storage_size(self%now))
+    call self%system%set_slip_direction(self%now%direction)
   end subroutine serialise_stepping
 end module dst_stepping

@@ -1,6 +1,5 @@
 !> Polynomials on [0, 1] through values at given nodes: the form in which every integrator returns its dense output.
 module dst_interpolation
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
   implicit none
   private
@@ -26,7 +25,6 @@ module dst_interpolation
     procedure :: lagrange
     procedure :: values_at
     procedure :: bernstein_coefficients
-    procedure :: serialise
   end type grid_t
 
 contains
@@ -186,16 +184,4 @@ contains
       coefficient = coefficient + self%bernstein(:, j)*values(j)
     end do
   end subroutine bernstein_coefficients
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(grid_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%degree)
-    call archive%serialise(self%node)
-    call archive%serialise(self%barycentric)
-    call archive%serialise(self%derivative)
-    call archive%serialise(self%bernstein)
-  end subroutine serialise
 end module dst_interpolation

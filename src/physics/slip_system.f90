@@ -11,7 +11,6 @@
 !> A model with one component follows one principal axis. The elongation along the other axis is constant, and the slip velocity
 !> along it is a function of y and V.
 module dst_slip_system
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   implicit none
   private
@@ -88,8 +87,6 @@ module dst_slip_system
     procedure :: own_friction
     !> Slip begins, with friction at this angle to the x-axis [rad].
     procedure :: set_slip_direction
-    !> Save or load the values that `set_slip_direction` sets.
-    procedure :: serialise
   end type slip_system_t
 
   abstract interface
@@ -223,11 +220,4 @@ contains
     associate (unused => [self%prescribed, theta])
     end associate
   end subroutine set_slip_direction
-
-  subroutine serialise(self, archive)
-    class(slip_system_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%advance_by_slip)
-  end subroutine serialise
 end module dst_slip_system

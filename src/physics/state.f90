@@ -1,6 +1,5 @@
 !> The state of the object at one instant: in the unknowns of the models, and in plain quantities.
 module dst_state
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp
   use dst_slip_system, only: max_components, max_unknowns
   implicit none
@@ -23,7 +22,6 @@ module dst_state
     procedure :: later
     procedure :: until
     procedure :: arrive
-    procedure :: serialise
   end type state_t
 
   !> State in plain quantities, whatever the model.
@@ -68,19 +66,4 @@ contains
     self%time = time
     self%time_rest = 0.0_wp
   end subroutine arrive
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(state_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%time)
-    call archive%serialise(self%time_rest)
-    call archive%serialise(self%u)
-    call archive%serialise(self%y)
-    call archive%serialise(self%position)
-    call archive%serialise(self%drive_work)
-    call archive%serialise(self%friction_work)
-    call archive%serialise(self%damper_work)
-  end subroutine serialise
 end module dst_state

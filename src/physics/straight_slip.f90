@@ -11,7 +11,6 @@
 !> direction. `low_frequency` if the drive prescribes no motion normal to the soft axis, V sin(phi) = 0 (i = 1): u_y = 0, theta = 0
 !> or pi.
 module dst_straight_slip
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp, pi
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, stage_terms_t, max_unknowns
@@ -34,7 +33,6 @@ module dst_straight_slip
     procedure :: slip_velocity
     procedure :: decay_polynomial
     procedure :: set_slip_direction
-    procedure :: serialise
   end type straight_slip_t
 
 contains
@@ -151,13 +149,4 @@ contains
     if (self%is_damped) coefficient(1) = coefficient(1) &
       + self%damping(self%axis)*self%direction(self%axis)**2/self%slider%mass
   end subroutine decay_polynomial
-
-  subroutine serialise(self, archive)
-    class(straight_slip_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%direction)
-    call archive%serialise(self%held_force)
-    call archive%serialise(self%advance_by_slip)
-  end subroutine serialise
 end module dst_straight_slip

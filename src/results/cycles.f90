@@ -9,7 +9,6 @@
 !> the last `kept`. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long
 !> past.
 module dst_cycles
-  use dst_archive, only: archive_t
   use dst_kinds, only: wp, int64, pi
   use dst_writer, only: quantity_t
   implicit none
@@ -61,11 +60,10 @@ module dst_cycles
     real(wp) :: load = 0.0_wp, time = 0.0_wp, position = 0.0_wp, creep = 0.0_wp
   contains
     procedure :: plus
-    procedure :: serialise => serialise_extremum
   end type extremum_t
 
-  !> The cycles so far.
-  type :: cycles_t
+  !> The last cycles, and what the present one is up to now.
+  type :: recent_cycles_t
     !> All complete cycles.
     integer(int64) :: count = 0
     !> Whether there has been a peak, and the load there [N].
@@ -90,6 +88,10 @@ module dst_cycles
     integer(int64), private :: recent = 0, row = 0
     logical, private :: follows_break = .true.
     real(wp), private :: cycle(remembered, kept) = 0.0_wp
+  end type recent_cycles_t
+
+  !> The cycles so far.
+  type, extends(recent_cycles_t) :: cycles_t
     !> On request: the points at which the load turned back in the whole motion, with its beginning and its end.
     logical :: keeps_turns = .false.
     type(extremum_t), allocatable :: turns(:)    !! valid up to turn_count
@@ -110,7 +112,6 @@ module dst_cycles
     procedure :: last_creep_share
     procedure :: last_peak_time
     procedure :: next_valley
-    procedure :: serialise
   end type cycles_t
 
 contains
@@ -500,39 +501,4 @@ contains
       mean_swing = sum(cycle(peak, :) - cycle(valley, :))/real(max(1, n), wp)
     end associate
   end function mean_swing
-
-  !> Save or load.
-  subroutine serialise(self, archive)
-    class(cycles_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%count)
-    call archive%serialise(self%has_peaked)
-    call archive%serialise(self%first_peak)
-    call archive%serialise(self%drive_side)
-    call archive%serialise(self%side)
-    call archive%serialise(self%heading)
-    call self%candidate%serialise(archive)
-    call self%other_candidate%serialise(archive)
-    call archive%serialise(self%has_peak)
-    call archive%serialise(self%has_valley)
-    call self%last_peak%serialise(archive)
-    call self%last_valley%serialise(archive)
-    call archive%serialise(self%extremum_position)
-    call archive%serialise(self%position)
-    call archive%serialise(self%recent)
-    call archive%serialise(self%row)
-    call archive%serialise(self%follows_break)
-    call archive%serialise(self%cycle)
-  end subroutine serialise
-
-  subroutine serialise_extremum(self, archive)
-    class(extremum_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%load)
-    call archive%serialise(self%time)
-    call archive%serialise(self%position)
-    call archive%serialise(self%creep)
-  end subroutine serialise_extremum
 end module dst_cycles

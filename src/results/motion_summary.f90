@@ -124,13 +124,13 @@ contains
     end if
     select type (motion)
     class is (cycle_map_t)
-      associate (m => motion%repeats)
+      associate (m => motion%orbit%repeats)
         if (m > 0) then
-          if (motion%has_multiplier(m)) call put('lyapunov_exponent', motion%log_multiplier(m)/real(m, wp))
+          if (motion%orbit%has_multiplier(m)) call put('lyapunov_exponent', motion%orbit%log_multiplier(m)/real(m, wp))
           return
         end if
       end associate
-      call motion%divergence%estimate(exponent, exponent_error, count, verdict)
+      call motion%orbit%divergence%estimate(exponent, exponent_error, count, verdict)
       if (count > 1) then
         call put('lyapunov_exponent', exponent)
         ! Without scatter and without a verdict there was one measurement.
@@ -170,7 +170,7 @@ contains
 
   !> Save or load.
   subroutine serialise(self, archive)
-    class(motion_summary_t), intent(inout) :: self
+    class(motion_summary_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
     call self%summary_t%serialise(archive)

@@ -5,6 +5,7 @@
 !> passages that were recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages
 !> is found once.
 module dst_passage_summary
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
@@ -29,14 +30,18 @@ module dst_passage_summary
 
   !> A part of a table of the map.
   type :: part_t
-    integer :: visits = 0
     logical :: is_tried = .false.
     type(observations_t) :: seen
   end type part_t
 
-  !> A table of the map. Part 1 is all of it, the halves of part i are parts 2i and 2i + 1.
-  type :: parts_t
+  !> A table of the map, and how often a lap was in a part of it. Part 1 is all of it, the halves of part i are parts 2i and 2i + 1.
+  type :: visited_t
     integer :: map = 0, place = 0
+    integer :: visits(most_parts) = 0
+  end type visited_t
+
+  type :: parts_t
+    type(visited_t) :: visited
     type(part_t), allocatable :: part(:)
   end type parts_t
 
@@ -138,7 +143,7 @@ contains
       call here%later(begin, elapsed)
       ! Each begins where the one before ended.
       u(:, 1) = u(:, 2)
-      u(:, 2) = map%maps(map%current)%elongation(passage%to)
+      u(:, 2) = map%maps(map%orbit%current)%elongation(passage%to)
       here%u = u(:, 1)
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
@@ -184,12 +189,12 @@ contains
     real(wp) :: x
     integer :: i
 
-    associate (branch => map%maps(map%current)%branch(passage%table(1)), place => passage%table(2))
+    associate (branch => map%maps(map%orbit%current)%branch(passage%table(1)), place => passage%table(2))
       x = branch%x_of(place, passage%from)
-      is_known = branch%intervals(place)%table%seen%are_smooth
+      is_known = branch%table(place)%seen%are_smooth
       if (is_known) then
-        seen = branch%intervals(place)%table%seen%at(x)
-      else if (branch%intervals(place)%table%panels > 0) then
+        seen = branch%table(place)%seen%at(x)
+      else if (branch%table(place)%panels > 0) then
         call look_up_part(self, map, place, x, seen, is_known)
       end if
     end associate
@@ -226,22 +231,22 @@ contains
 
     here = 0
     do i = 1, size(self%tables)
-      if (self%tables(i)%map == map%current .and. self%tables(i)%place == place) here = i
+      if (self%tables(i)%visited%map == map%orbit%current .and. self%tables(i)%visited%place == place) here = i
     end do
     if (here == 0) then
-      self%tables = [self%tables, parts_t(map%current, place)]
+      self%tables = [self%tables, parts_t(visited_t(map=map%orbit%current, place=place))]
       here = size(self%tables)
-      allocate (self%tables(here)%part(most_parts))
     end if
-    associate (part => self%tables(here)%part)
+    if (.not. allocated(self%tables(here)%part)) allocate (self%tables(here)%part(most_parts))
+    associate (part => self%tables(here)%part, visits => self%tables(here)%visited%visits)
       ! From -1 to 1 in each part.
       position = x
       i = 1
       is_known = .false.
       do while (i <= most_parts)
         if (.not. part(i)%is_tried) then
-          part(i)%visits = part(i)%visits + 1
-          if (part(i)%visits <= nodes + size(test_at)) return
+          visits(i) = visits(i) + 1
+          if (visits(i) <= nodes + size(test_at)) return
           call try_part(map, place, i, part(i))
         end if
         is_known = part(i)%seen%are_smooth
@@ -288,7 +293,7 @@ contains
         x = 0.5_wp*(x + merge(-1.0_wp, 1.0_wp, modulo(i, 2) == 0))
         i = i/2
       end do
-      associate (here => map%maps(map%current))
+      associate (here => map%maps(map%orbit%current))
         call here%look_up(here%branch(1)%angle(place, x), passage, found)
         call here%describe(passage, found)
         call observe(map%steps, here%recording, seen)
@@ -298,24 +303,17 @@ contains
 
   !> Save or load, without the observations: they can be made again.
   subroutine serialise(self, archive)
-    class(passage_summary_t), intent(inout) :: self
+    class(passage_summary_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
-    integer :: i, k, n
+    integer, target :: n
+    integer :: i
 
     if (.not. allocated(self%tables)) allocate (self%tables(0))
     n = size(self%tables)
-    call archive%serialise(n)
-    if (archive%is_loading()) then
-      deallocate (self%tables)
-      allocate (self%tables(n))
-    end if
+    call archive%serialise(c_loc(n), storage_size(n))
+    if (archive%is_loading()) self%tables = [(parts_t(), i=1, n)]
     do i = 1, n
-      call archive%serialise(self%tables(i)%map)
-      call archive%serialise(self%tables(i)%place)
-      if (archive%is_loading()) allocate (self%tables(i)%part(most_parts))
-      do k = 1, most_parts
-        call archive%serialise(self%tables(i)%part(k)%visits)
-      end do
+      call archive%serialise(c_loc(self%tables(i)%visited), storage_size(self%tables(i)%visited))
     end do
   end subroutine serialise
 end module dst_passage_summary

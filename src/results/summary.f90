@@ -12,6 +12,7 @@
 !> Slip begins when the spring pulls harder along the soft axis than friction can balance in any direction, |k_x u_x| > F(v); until
 !> then friction turns towards the soft axis and keeps the balance. `slip_angle` is the angle that friction has then.
 module dst_summary
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures, most_cycles
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
@@ -64,12 +65,10 @@ module dst_summary
     real(wp) :: length = 0.0_wp, creep_time = 0.0_wp    !! s
   contains
     procedure :: widen => widen_window
-    procedure :: serialise => serialise_window
   end type window_t
 
-  !> The results of the run so far.
-  type :: summary_t
-    type(cycles_t) :: cycles = cycles_t()
+  !> The results of the run so far, without its cycles.
+  type :: totals_t
     real(wp) :: largest_rate = 0.0_wp
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
@@ -91,6 +90,11 @@ module dst_summary
     !> Time after which disturbances too small to be visible would have ended steady sliding [s]; negative if there is none.
     real(wp) :: undecided_from = -1.0_wp
     type(grid_t), private :: grid = grid_t()
+  end type totals_t
+
+  !> The results of the run so far.
+  type, extends(totals_t) :: summary_t
+    type(cycles_t) :: cycles = cycles_t()
   contains
     procedure :: begin
     procedure :: take_in
@@ -441,31 +445,10 @@ contains
 
   !> Save or load.
   subroutine serialise(self, archive)
-    class(summary_t), intent(inout) :: self
+    class(summary_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
 
-    call self%cycles%serialise(archive)
-    call archive%serialise(self%largest_rate)
-    call archive%serialise(self%sticks)
-    call archive%serialise(self%sticking_time)
-    call archive%serialise(self%first_energy)
-    call archive%serialise(self%exchanged)
-    call self%late%serialise(archive)
-    call archive%serialise(self%has_slipped)
-    call archive%serialise(self%slip_angle)
-    call archive%serialise(self%undecided_from)
-    call archive%serialise(self%crept)
-    call archive%serialise(self%settled_at)
-    call archive%serialise(self%end_at)
+    call archive%serialise(c_loc(self%totals_t), storage_size(self%totals_t))
+    call archive%serialise(c_loc(self%cycles%recent_cycles_t), storage_size(self%cycles%recent_cycles_t))
   end subroutine serialise
-
-  subroutine serialise_window(self, archive)
-    class(window_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call self%highest%serialise(archive)
-    call self%lowest%serialise(archive)
-    call archive%serialise(self%length)
-    call archive%serialise(self%creep_time)
-  end subroutine serialise_window
 end module dst_summary

@@ -2,6 +2,7 @@
 !>
 !> This is the only run routine; the executable and Python call it with different writers.
 module dst_simulation
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_assembly, only: new_motion
   use dst_stopwatch, only: wall_clock
@@ -30,8 +31,16 @@ module dst_simulation
   !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
   real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
 
+  !> How far the run is.
+  type :: progress_t
+    real(wp) :: elapsed = 0.0_wp           !! wall time so far, s
+    integer(int64) :: pieces = 0, samples = 0
+    !> Whether all samples and the event of the last piece have been recorded.
+    logical :: recorded = .false.
+  end type progress_t
+
   !> One run: its motion, its method, and what is recorded.
-  type :: simulation_t
+  type, extends(progress_t) :: simulation_t
     type(scene_t) :: scene
     !> The motion, and one that alternates with it where the drive begins or ceases to rest.
     class(motion_t), allocatable :: motion, other
@@ -39,16 +48,11 @@ module dst_simulation
     !> Numbers of the output columns; the first is time.
     integer, allocatable :: selected(:)
     logical :: finished = .false.
-    !> Wall time so far [s], and the part of it before the run was resumed.
-    real(wp) :: elapsed = 0.0_wp
+    !> The part of the wall time before the run was resumed [s].
     real(wp) :: elapsed_before = 0.0_wp
-    integer(int64) :: pieces = 0
     !> Instants to sample [s], from 0 to t_end, if the samples are not at equal intervals.
     real(wp), allocatable :: instants(:)
-    !> Whether all samples and the event of the last piece have been recorded.
-    logical :: recorded = .false.
-    !> Number of samples so far, and of rows waiting for the writer.
-    integer(int64) :: samples = 0
+    !> Number of rows waiting for the writer.
     integer :: waiting = 0
     real(wp), allocatable :: rows(:, :)
   contains
@@ -374,22 +378,19 @@ contains
 
   !> Save or load, between two calls of `proceed`. A simulation is loaded after it has been started.
   subroutine serialise(self, archive)
-    class(simulation_t), intent(inout) :: self
+    class(simulation_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
-    logical :: may_rest
+    logical, target :: may_rest
 
     if (allocated(self%other)) then
       may_rest = self%motion%may_rest
-      call archive%serialise(may_rest)
+      call archive%serialise(c_loc(may_rest), storage_size(may_rest))
       if (may_rest .neqv. self%motion%may_rest) call change_over(self%motion, self%other)
       call self%other%serialise(archive)
     end if
     call self%motion%serialise(archive)
     call self%summary%serialise(archive)
-    call archive%serialise(self%elapsed)
-    call archive%serialise(self%pieces)
-    call archive%serialise(self%recorded)
-    call archive%serialise(self%samples)
+    call archive%serialise(c_loc(self%progress_t), storage_size(self%progress_t))
     if (archive%is_loading()) self%elapsed_before = self%elapsed
   end subroutine serialise
 end module dst_simulation

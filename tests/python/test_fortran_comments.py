@@ -98,3 +98,63 @@ def test_the_check_finds_what_is_missing() -> None:
     routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
     assert undocumented(module + routines) == ["three", "two"]
     assert undocumented("module m\nend module m\n") == ["the file"]
+
+
+COMPONENT = re.compile(r"(?P<kind>type|class)\((?P<type>\w+)\)(?P<attributes>[^:]*)::(?P<names>[^!=]*)", re.IGNORECASE)
+
+
+def arrays_of_nested(texts: list[str]) -> list[str]:
+    """Components that gfortran 12 frees at wrong addresses.
+
+    Fixed arrays of a type with an allocatable array of a type with allocatable components, beside a polymorphic component.
+    """
+    components: dict[str, list[str]] = {}
+    for text in texts:
+        name = None
+        for _, statement in statements(text):
+            if begins := re.match(
+                r"type(?!\()\b(?P<attributes>[^:()]*(?:\(\w+\))?)\s*::\s*(?P<name>\w+)$", statement, re.IGNORECASE
+            ):
+                name = begins["name"].lower()
+                parent = re.search(r"extends\((\w+)\)", begins["attributes"], re.IGNORECASE)
+                components[name] = [f"type({parent[1]}) :: parent"] if parent else []
+            elif re.match(r"contains\b|end type\b", statement, re.IGNORECASE):
+                name = None
+            elif name is not None and "pointer" not in statement:
+                components[name].append(statement)
+
+    def parts(name: str) -> list[re.Match[str]]:
+        return [part for part in map(COMPONENT.match, components.get(name.lower(), [])) if part]
+
+    def has_allocatable(name: str) -> bool:
+        return any(", allocatable" in part for part in components.get(name.lower(), [])) or any(
+            has_allocatable(part["type"]) for part in parts(name)
+        )
+
+    def is_nested(name: str) -> bool:
+        return any(
+            has_allocatable(part["type"]) if "allocatable" in part["attributes"] else is_nested(part["type"])
+            for part in parts(name)
+        )
+
+    def is_polymorphic(name: str) -> bool:
+        return any(part["kind"] == "class" or is_polymorphic(part["type"]) for part in parts(name))
+
+    return [
+        f"{name}: {part[0].strip()}"
+        for name in components
+        for part in parts(name)
+        if "allocatable" not in part["attributes"] and "(" in part["names"] and is_nested(part["type"]) and is_polymorphic(name)
+    ]
+
+
+def test_fixed_arrays_hold_nothing_nested() -> None:
+    assert arrays_of_nested([source.read_text(encoding="utf-8") for source in SOURCES]) == []
+
+
+def test_the_check_finds_a_fixed_array() -> None:
+    leaf = "type :: leaf_t\n  real, allocatable :: x(:)\nend type\n"
+    twig = "type, extends(bud_t) :: twig_t\n  type(leaf_t), allocatable :: leaf(:)\nend type\n"
+    tree = "type :: tree_t\n  class(bird_t), allocatable :: bird\n  type(twig_t) :: twig(3)\n  type(leaf_t) :: leaf(3)\nend type\n"
+    assert arrays_of_nested([leaf, twig, tree]) == ["tree_t: type(twig_t) :: twig(3)"]
+    assert arrays_of_nested([leaf, twig, tree.replace("twig_t) :: twig(3)", "twig_t), allocatable :: twig(:)")]) == []

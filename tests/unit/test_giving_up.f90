@@ -1,7 +1,6 @@
 !> A method that works for some steps and then fails in a given manner.
 module failing_method
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use dst_archive, only: archive_t
   use dst_drive, only: drive_segment_t
   use dst_kinds, only: wp
   use dst_slip_system, only: slip_system_t
@@ -20,7 +19,6 @@ module failing_method
     procedure :: restart
     procedure :: attempt
     procedure :: accept
-    procedure :: serialise
   end type failing_t
 
 contains
@@ -76,13 +74,6 @@ contains
 
     self%good_steps = self%good_steps - 1
   end subroutine accept
-
-  subroutine serialise(self, archive)
-    class(failing_t), intent(inout) :: self
-    type(archive_t), intent(inout) :: archive
-
-    call archive%serialise(self%good_steps)
-  end subroutine serialise
 end module failing_method
 
 !> Every way in which the solver gives up: its own result code, the time and the state, a remedy and the page that explains it. A

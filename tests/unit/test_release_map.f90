@@ -49,7 +49,7 @@ contains
         associate (here => end + side*distance)
           place = branch%place_of(here)
           call check(trim(name(variable))//': tabulated', branch%intervals(place)%is_known)
-          call branch%intervals(place)%table%evaluate(branch%x_of(place, here), value)
+          call branch%table(place)%evaluate(branch%x_of(place, here), value)
           call check(trim(name(variable))//': value', abs(value(turn) - function_of(variable, distance)) <= 1.0e-10_wp)
           call check(trim(name(variable))//': slope', &
             abs(branch%x_rate(place, here)*value(measures + 1) - side*slope_of(variable, distance)) <= 1.0e-7_wp)
@@ -168,7 +168,7 @@ contains
         if (allocated(error) .or. .not. found) exit
         alpha = passage%to
         if (slip%table(1) /= 2 .or. i < 25) cycle
-        associate (branch => map%branch(2), table => map%branch(2)%intervals(slip%table(2))%table)
+        associate (branch => map%branch(2), table => map%branch(2)%table(slip%table(2)))
           if (.not. table%seen%are_smooth) cycle
           seen = table%seen%at(branch%x_of(slip%table(2), slip%from))
         end associate

@@ -9,7 +9,7 @@ program test_slow_cycles
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
   use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, ends_at_fold, ends_small
-  use dst_slow_laws, only: bautin_point, critical_velocities
+  use dst_small_cycles, only: bautin_point, critical_velocities
   use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   implicit none
 
