@@ -72,7 +72,7 @@ contains
     integer, intent(in), optional :: count
     integer(int64), allocatable :: larger(:)
     integer(int32), pointer :: here(:), there(:)
-    integer :: units, first, last
+    integer :: units, first, last, i
 
     units = bits/unit_bits
     if (present(count)) units = units*count
@@ -95,10 +95,13 @@ contains
     if (units == 0) return
     call c_f_pointer(place, there, [units])
     call c_f_pointer(c_loc(self%kept(first)), here, [units])
-    if (self%loading) then
-      there = here
-    else
-      here = there
-    end if
+    ! One by one: as a whole they would be copied on the stack, as pointers might overlap.
+    do i = 1, units
+      if (self%loading) then
+        there(i) = here(i)
+      else
+        here(i) = there(i)
+      end if
+    end do
   end subroutine serialise
 end module dst_archive
