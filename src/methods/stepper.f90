@@ -361,6 +361,7 @@ contains
     is_undecided = self%unseen > -log(self%noise_floor)
   end function is_undecided
 
+  !> Save or load what every method has.
   subroutine serialise_stepper(self, archive)
     class(stepper_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
