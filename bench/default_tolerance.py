@@ -98,8 +98,12 @@ def measure(seed: int, number: int) -> Scene:
         random = np.random.default_rng([seed, number, 1])
         values = {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in SWEPT.items()}
         t_end = 10.0
-    truth, _ = summary(values, t_end, TRUTH)
     scene = Scene(number, values, {}, {}, {})
+    try:
+        truth, _ = summary(values, t_end, TRUTH)
+    except ds.SolverError as failure:
+        scene.error[NEARLY], scene.worst[NEARLY] = math.inf, str(failure)
+        return scene
     for rtol in (NEARLY, *TOLERANCES):
         found, newton = summary(values, t_end, rtol)
         errors = {name: error(name, found, truth) for name in (*OWN_SCALE, *OTHER_SCALE)}
@@ -113,8 +117,12 @@ def summary(values: dict[str, float], t_end: float, rtol: float) -> tuple[dict[s
     """The summary of a run, and its Newton iterations."""
     run = ds.run(
         DECK,
-        scene={"t_end": t_end, **({"mass": values["mass"]} if "mass" in values else {})},
-        system={"stiffness_y": values["k_y"], "misalignment_deg": values["phi"]},
+        scene={"t_end": t_end},
+        system={
+            "stiffness_y": values["k_y"],
+            "misalignment_deg": values["phi"],
+            "mass": values.get("mass", 0.25),
+        },
         friction={"v_f": values["v_f"]} if "v_f" in values else {},
         drive={"velocity": values["V"]},
         integrator={"method": None, "rtol": rtol},
