@@ -64,9 +64,9 @@ SCENES: dict[str, tuple[str, ...]] = {
     "cycles leapt, dopri5": ("fig3", "integrator.method=dopri5", "integrator.rtol=1e-7", "output.interval=2e-5", "output.fields=u_y",
                              "scene.t_end=4.2"),
     "cycles leapt, knots": ("slide_hold_slide", "output.interval=4e-5", "output.fields=u_x,w_y", "scene.t_end=8.6"),
-    "cycles leapt, settled": ("fig3", "scene.settle=1e-5", "output.interval=2e-5", "output.fields=u_x,w_y"),
+    "stepped, settled": ("fig3", "scene.settle=1e-5", "output.interval=2e-5", "output.fields=u_x,w_y"),
     # No slow cycle is like another.
-    "cycles leapt, irregular": ("fig3", "drive.velocity=2e-4", "output.interval=2e-4", "output.fields=u_x,w_y", "scene.t_end=30.0"),
+    "passages leapt, irregular": ("fig3", "drive.velocity=2e-4", "output.interval=2e-4", "output.fields=u_x,w_y", "scene.t_end=30.0"),
     "few cycles, irregular": ("fig3", "system.stiffness_y=1e6", "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=12.0"),
     "slow cycles reused": ("fig3", "drive.velocity=1e-2", "output.interval=1e-4", "output.fields=u_x,w_y", "scene.t_end=12.0"),
     "dampers": ("fig3", "system.damping_x=0.5", "system.damping_y=2.0", "output.interval=2e-5", "output.fields=u_x,w_y", "scene.t_end=6.0"),
@@ -179,7 +179,7 @@ def stopped_inside_a_leap(file: Path) -> bool:
 
 
 # Of the scenes with the cycle map one is enough here; tests/unit/test_resume.f90 has the others in short.
-LONG = ("cycles leapt, dopri5", "cycles leapt, knots", "cycles leapt, settled", "cycles leapt, irregular", "few cycles, irregular",
+LONG = ("cycles leapt, dopri5", "cycles leapt, knots", "stepped, settled", "passages leapt, irregular", "few cycles, irregular",
         "every step, also of leaps")  # fmt: skip
 
 
