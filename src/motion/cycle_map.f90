@@ -72,7 +72,8 @@ module dst_cycle_map
     type(recording_t) :: shown
     type(state_t) :: shown_from
     logical, private :: is_shown = .false.
-    !> The last slow cycles, at places modulo their number, and the present one.
+    !> The last slow cycles, at places modulo their number, and the present one. Allocatable, as gfortran 12 frees wrong addresses
+    !> of fixed arrays of such a type (tests/python/test_fortran_comments.py).
     type(slow_cycle_t), allocatable :: slow(:)
   contains
     procedure :: go_on

@@ -83,7 +83,7 @@ module dst_release_map
     !> An unstable fixed point at the end of sticks [rad], if there is one.
     logical :: has_fixed = .false.
     real(wp) :: fixed = 0.0_wp
-    !> Tables, once the branches are parted; with or without the motion inside.
+    !> Tables, once the branches are parted; with or without the motion inside. Allocatable: see cycle_map_t.
     type(branch_t), allocatable :: branch(:)      !! laps, slips
     logical :: keeps_motion = .false.
     type(learned_t), private :: learned
