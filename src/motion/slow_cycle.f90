@@ -43,7 +43,7 @@ contains
   pure subroutine clear(self)
     class(slow_cycle_t), intent(inout) :: self
 
-    self%sum = totals_t(is_complete=.true.)
+    self%sum = totals_t(whole=passage_t(), is_complete=.true.)
   end subroutine clear
 
   !> Append a passage; the motion inside one that no table has is copied.

@@ -311,7 +311,10 @@ contains
     if (.not. allocated(self%tables)) allocate (self%tables(0))
     n = size(self%tables)
     call archive%serialise(c_loc(n), storage_size(n))
-    if (archive%is_loading()) self%tables = [(parts_t(), i=1, n)]
+    if (archive%is_loading()) then
+      deallocate (self%tables)
+      allocate (self%tables(n))
+    end if
     do i = 1, n
       call archive%serialise(c_loc(self%tables(i)%visited), storage_size(self%tables(i)%visited))
     end do
