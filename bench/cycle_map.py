@@ -364,10 +364,12 @@ def print_scenes(compared: Sequence[Compared]) -> None:
             )
 
 
-def random_values(seed: int, number: int) -> dict[str, float]:
-    """Log-uniform within RANGES."""
+def random_values(
+    seed: int, number: int, ranges: Mapping[str, tuple[float, float]] = RANGES
+) -> dict[str, float]:
+    """Log-uniform within ranges."""
     random = np.random.default_rng([seed, number])
-    return {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in RANGES.items()}
+    return {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in ranges.items()}
 
 
 def compare(number: int) -> Compared:

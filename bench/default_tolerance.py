@@ -92,12 +92,11 @@ def main() -> None:
 
 def measure(seed: int, number: int) -> Scene:
     """Run a scene at all tolerances."""
-    values = random_values(seed, number)
-    t_end = duration(values)
     if number % 2 == 0:
-        random = np.random.default_rng([seed, number, 1])
-        values = {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in SWEPT.items()}
-        t_end = 10.0
+        values, t_end = random_values(seed, number, SWEPT), 10.0
+    else:
+        values = random_values(seed, number)
+        t_end = duration(values)
     scene = Scene(number, values, {}, {}, {})
     try:
         truth, _ = summary(values, t_end, TRUTH)
@@ -118,12 +117,9 @@ def summary(values: dict[str, float], t_end: float, rtol: float) -> tuple[dict[s
     run = ds.run(
         DECK,
         scene={"t_end": t_end},
-        system={
-            "stiffness_y": values["k_y"],
-            "misalignment_deg": values["phi"],
-            "mass": values.get("mass", 0.25),
-        },
-        friction={"v_f": values["v_f"]} if "v_f" in values else {},
+        system={"stiffness_y": values["k_y"], "misalignment_deg": values["phi"]}
+        | {name: values[name] for name in ("mass",) if name in values},
+        friction={name: values[name] for name in ("v_f",) if name in values},
         drive={"velocity": values["V"]},
         integrator={"method": None, "rtol": rtol},
         output={"interval": t_end, "fields": ["u_x"]},

@@ -36,14 +36,13 @@ contains
     resistance = slope(1)*(w/speed)**2 + (force(1)/speed)*(across/speed)**2
   end function resistance
 
-  !> Phi'(w) and its next derivatives at w, by differentiating the polynomial through Chebyshev points around it. Phi is singular at
-  !> w = +- i V s, so these points extend over a share of the distance to it, and at most over a range of the size of v_f.
-  pure function derivatives(law, across, w, count) result(derivative)
+  !> Phi'''(w) [N s3/m3], by differentiating the polynomial through Chebyshev points around w. Phi is singular at w = +- i V s, so
+  !> these points extend over a share of the distance to it, and at most over a range of the size of v_f.
+  pure real(wp) function third_derivative(law, across, w)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: across, w
-    integer, intent(in) :: count
-    real(wp) :: derivative(count), radius, x(points), value(points, 1), coefficient(points)
-    integer :: j, k
+    real(wp) :: radius, x(points), value(points, 1)
+    integer :: j
 
     radius = width*hypot(w, across)
     x = chebyshev_points(points)
@@ -51,12 +50,8 @@ contains
       value(j, 1) = resistance(law, across, w + radius*x(j))
     end do
     value = chebyshev_coefficients(value)
-    coefficient = value(:, 1)
-    do k = 1, count
-      derivative(k) = value_at_middle(coefficient)/radius**(k - 1)
-      coefficient = chebyshev_derivative(coefficient)
-    end do
-  end function derivatives
+    third_derivative = value_at_middle(chebyshev_derivative(chebyshev_derivative(value(:, 1))))/radius**2
+  end function third_derivative
 
   !> Value at 0 of a series in Chebyshev polynomials: T_0, T_4, ... are 1 there, T_2, T_6, ... are -1.
   pure real(wp) function value_at_middle(coefficient)
@@ -81,13 +76,12 @@ contains
   pure real(wp) function criticality(law, velocity)
     class(friction_law_t), intent(in) :: law
     real(wp), intent(in) :: velocity
-    real(wp) :: derivative(3), square
+    real(wp) :: square
 
     square = weakening(law, abs(velocity))
     criticality = 0.0_wp
     if (.not. square > 0.0_wp) return
-    derivative = derivatives(law, abs(velocity)*sqrt(square/(1.0_wp + square)), abs(velocity)/sqrt(1.0_wp + square), 3)
-    criticality = derivative(3)
+    criticality = third_derivative(law, abs(velocity)*sqrt(square/(1.0_wp + square)), abs(velocity)/sqrt(1.0_wp + square))
   end function criticality
 
   !> The drive velocities [m/s] between which steady sliding is unstable at this misalignment, in the limit of a rigid stiff axis:

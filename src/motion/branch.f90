@@ -34,10 +34,10 @@ module dst_branch
   !> A branch, which may be empty.
   type :: branch_t
     type(limits_t), private :: limits
-    integer :: interval_count = 0              !! with those that were halved
     type(interval_t), allocatable :: intervals(:)
     type(passage_table_t), allocatable :: table(:)     !! of those that are known
   contains
+    procedure :: interval_count
     procedure :: place_of
     procedure :: distance
     procedure :: innermost
@@ -64,11 +64,18 @@ contains
     branch%limits%end = end
     branch%limits%side = side
     branch%limits%reach = reach
-    branch%interval_count = 1
     allocate (branch%intervals(1), branch%table(1))
     branch%intervals%first = log(nearest)
     branch%intervals%last = log(reach)
   end subroutine new_branch
+
+  !> Number of intervals, with those that were halved; 0 for an empty branch.
+  pure integer function interval_count(self) result(count)
+    class(branch_t), intent(in) :: self
+
+    count = 0
+    if (allocated(self%intervals)) count = size(self%intervals)
+  end function interval_count
 
   !> The smallest interval so far that contains an angle [rad]; 0 if there is none.
   pure integer function place_of(self, at) result(place)
@@ -113,7 +120,7 @@ contains
     integer :: place
 
     is_inside = .false.
-    if (self%interval_count == 0) return
+    if (self%interval_count() == 0) return
     place = self%innermost()
     is_inside = self%intervals(place)%is_known .and. self%distance(at) >= 0.0_wp .and. &
       self%distance(at) < self%distance(self%angle(place, -1.0_wp))
@@ -124,14 +131,14 @@ contains
     class(branch_t), intent(in) :: self
 
     has_table = .false.
-    if (self%interval_count > 0) has_table = any(self%intervals%is_known)
+    if (self%interval_count() > 0) has_table = any(self%intervals%is_known)
   end function has_table
 
   !> How often an interval was halved.
   pure integer function halvings(self)
     class(branch_t), intent(in) :: self
 
-    halvings = self%interval_count/2
+    halvings = self%interval_count()/2
   end function halvings
 
   !> Note that a passage was run in an interval; the number of them.
@@ -183,7 +190,7 @@ contains
     type(passage_table_t) :: none(2)
 
     if (self%intervals(place)%halvings == most_halvings) return
-    self%intervals(place)%half = self%interval_count + [1, 2]
+    self%intervals(place)%half = self%interval_count() + [1, 2]
     associate (here => self%intervals(place))
       halves%first = [here%first, 0.5_wp*(here%first + here%last)]
       halves%last = [halves(2)%first, here%last]
@@ -191,7 +198,6 @@ contains
     end associate
     self%intervals = [self%intervals, halves]
     self%table = [self%table, none]
-    self%interval_count = size(self%intervals)
   end subroutine halve
 
   !> The place in [-1, 1] of an angle [rad] in an interval.
@@ -220,11 +226,13 @@ contains
   subroutine serialise(self, archive)
     class(branch_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
+    integer, target :: n
 
     call archive%serialise(c_loc(self%limits), storage_size(self%limits))
-    call archive%serialise(c_loc(self%interval_count), storage_size(self%interval_count))
-    if (self%interval_count == 0) return
-    if (archive%is_loading()) allocate (self%intervals(self%interval_count), self%table(self%interval_count))
-    call archive%serialise(c_loc(self%intervals(1)), storage_size(self%intervals), self%interval_count)
+    n = self%interval_count()
+    call archive%serialise(c_loc(n), storage_size(n))
+    if (n == 0) return
+    if (archive%is_loading()) allocate (self%intervals(n), self%table(n))
+    call archive%serialise(c_loc(self%intervals(1)), storage_size(self%intervals), n)
   end subroutine serialise
 end module dst_branch

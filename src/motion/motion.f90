@@ -40,10 +40,10 @@ module dst_motion
     integer :: segment = 1
     !> Whether the last piece is a leap (dst_cycle_map), from one release to a later one; how often that is repeated, 0 if once.
     logical :: leapt = .false.
+    integer(int64) :: repetitions = 0
     !> Numbers of events and pieces since the time last increased.
     integer :: events_at_once = 0
     integer :: pieces_at_once = 0
-    integer(int64) :: repetitions = 0
   end type motion_state_t
 
   !> A motion in progress.

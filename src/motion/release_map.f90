@@ -400,7 +400,7 @@ contains
     real(wp), intent(in) :: slips
 
     will_tabulate = slips >= profit*real(points(self), wp)
-    if (self%branch(2)%interval_count > 0) will_tabulate = will_tabulate .and. &
+    if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
 
@@ -647,7 +647,7 @@ contains
 
     do i = 1, size(self%branch)
       call self%branch(i)%serialise(archive)
-      do place = 1, self%branch(i)%interval_count
+      do place = 1, self%branch(i)%interval_count()
         if (archive%is_loading() .and. self%branch(i)%intervals(place)%is_known) &
           call fill(self, i, place, self%branch(i)%table(place), found)
       end do
