@@ -6,8 +6,9 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
+  use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
-  use dst_divergence, only: regular, irregular, undecided
+  use dst_divergence, only: judge, regular, irregular, undecided
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
@@ -18,7 +19,6 @@ module dst_full_cycles
   use dst_release_map, only: release_map_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
-  use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_summary, only: summary_t, contribution_t
   implicit none
@@ -32,11 +32,6 @@ module dst_full_cycles
   real(wp), parameter :: same = 1.0e-10_wp
   !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
   integer, parameter :: most_repeats = 8, followed = 400
-  !> Slow cycles after which the growth of a small difference is measured, and the least number of them. Conventions. An irregular
-  !> beginning is no irregular motion: the later half of all decides.
-  integer, parameter :: transient = 32, telling = 16
-  !> An exponent is not zero if it is beyond this many standard errors.
-  real(wp), parameter :: certain = 3.0_wp
   !> Numbers of releases between which fixed points are searched: if the motion settles, and if it does not. Conventions; twice: no
   !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 instead of 17 with k_y = 1e6 N/m.
   integer, parameter :: few = 8, many = 256
@@ -121,8 +116,8 @@ contains
     call new_motion(plain, motion, other, error)
     if (allocated(error)) return
     select type (motion)
-    class is (slip_stick_t)
-      call new_release_map(motion, scene%drive_velocity(1), scene%rtol, .false., map)
+    class is (cycle_map_t)
+      call new_release_map(motion%steps, scene%drive_velocity(1), scene%rtol, .false., map)
     end select
     map%longest = scene%t_end
   end subroutine map_of
@@ -164,7 +159,7 @@ contains
     call map%first(here, goes_on, error)
     do n = 1, followed
       if (allocated(error) .or. .not. goes_on) return
-      call map%come_back(here, n > transient, slow_cycle, slip, goes_on, error)
+      call map%come_back(here, slow_cycle, slip, goes_on, error)
       if (allocated(error) .or. .not. goes_on) return
       here = slow_cycle%to
       returns = [returns, here]
@@ -175,12 +170,12 @@ contains
         regularity%verdict = regular
         return
       end if
-      if (slow_cycle%has_slope .and. n > transient) then
+      if (slow_cycle%has_slope) then
         known = known + 1
         logarithm(known) = slow_cycle%log_slope
       end if
     end do
-    call judge(logarithm(known/2 + 1:known), regularity)
+    call judge(logarithm(known/2 + 1:known), regularity%exponent, regularity%error, regularity%verdict)
   end subroutine follow
 
   !> The number of releases after which they are the same again, 0 if they are not.
@@ -213,28 +208,6 @@ contains
       if (n >= seen + by) apart = maxval(abs(alpha(n - seen + 1:) - alpha(n - seen + 1 - by:n - by)))
     end function apart
   end function repeats_of
-
-  !> The exponent for a slow cycle from the growth in each of them, with the standard error of the means of batches.
-  pure subroutine judge(logarithm, regularity)
-    real(wp), intent(in) :: logarithm(:)
-    type(regularity_t), intent(inout) :: regularity
-    integer, parameter :: batches = 8
-    real(wp) :: batch(batches)
-    integer :: i, n
-
-    n = size(logarithm)
-    regularity%verdict = undecided
-    if (n < telling) return
-    do i = 1, batches
-      associate (begin => ((i - 1)*n)/batches + 1, end => (i*n)/batches)
-        batch(i) = sum(logarithm(begin:end))/real(end - begin + 1, wp)
-      end associate
-    end do
-    regularity%exponent = sum(logarithm)/real(n, wp)
-    regularity%error = sqrt(sum((batch - sum(batch)/batches)**2)/real((batches - 1)*batches, wp))
-    if (abs(regularity%exponent) > certain*regularity%error) &
-      regularity%verdict = merge(irregular, regular, regularity%exponent > 0.0_wp)
-  end subroutine judge
 
   !> The motion of a scene, with its summary, until its end.
   subroutine run(scene, motion, summary, error)
@@ -302,7 +275,7 @@ contains
     integer, intent(in) :: repeats
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: first, last, alpha, alpha_before, turn, turn_before
+    real(wp) :: first, last, alpha, alpha_before, turn, turn_before, slope
     logical :: found, found_before
     integer :: i, points
 
@@ -321,9 +294,9 @@ contains
     alpha_before = first
     do i = 0, points
       alpha = first + (last - first)*(real(i, wp)/real(points, wp))
-      call look(alpha, turn, found)
+      call look(alpha, turn, slope, found)
       if (allocated(error)) return
-      if (found .and. found_before .and. turn_before*turn < 0.0_wp) call refine(alpha_before, turn_before, alpha, turn)
+      if (found .and. found_before .and. turn_before*turn < 0.0_wp) call refine(alpha_before, alpha, turn)
       if (allocated(error)) return
       found_before = found
       turn_before = turn
@@ -333,33 +306,36 @@ contains
 
   contains
 
-    !> The angle by which a slow cycle turns the release with which it begins [rad].
-    subroutine look(from, by, is_known)
+    !> The angle by which a slow cycle turns the release with which it begins [rad], and its derivative.
+    subroutine look(from, by, rate, is_known)
       real(wp), intent(in) :: from
-      real(wp), intent(out) :: by
+      real(wp), intent(out) :: by, rate
       logical, intent(out) :: is_known
       type(passage_t) :: slow_cycle, slip
 
-      call map%come_back(from, .false., slow_cycle, slip, is_known, error)
+      call map%come_back(from, slow_cycle, slip, is_known, error)
       by = slow_cycle%to - from
+      rate = slow_cycle%slope - 1.0_wp
     end subroutine look
 
-    subroutine refine(a, f_a, b, f_b)
-      real(wp), intent(in) :: a, f_a, b, f_b
+    !> By Newton's method in the bracket.
+    subroutine refine(a, b, f_b)
+      real(wp), intent(in) :: a, b, f_b
       type(bracket_t) :: bracket
-      real(wp) :: x, f
+      real(wp) :: x, f, rate, side
       integer :: iteration
       logical :: is_known
 
-      bracket = bracket_t([a, b], [f_a, f_b])
+      side = sign(1.0_wp, f_b)
+      bracket = bracket_t([a, b], [-1.0_wp, 1.0_wp])
+      x = bracket%middle()
       do iteration = 1, max_iterations
-        x = bracket%false_position()
-        if (modulo(iteration, 4) == 0) x = bracket%middle()
-        call look(x, f, is_known)
+        call look(x, f, rate, is_known)
         if (allocated(error) .or. .not. is_known) return
         if (abs(f) <= fine) exit
-        call bracket%narrow(x, f)
+        call bracket%narrow(x, side*f)
         if (bracket%width() <= fine) exit
+        x = bracket%newton(x, side*f, side*rate)
       end do
       if (abs(f) <= missed) call take(map, x, 1, cycles, error)
     end subroutine refine
@@ -393,7 +369,7 @@ contains
     if (any(abs(cycles%alpha - cycle%alpha) <= alike .and. cycles%has_multiplier)) return
     here = cycle%alpha
     do i = 1, repeats
-      call map%come_back(here, .false., slow_cycle, slip, found, error)
+      call map%come_back(here, slow_cycle, slip, found, error)
       if (allocated(error) .or. .not. found) return
       here = slow_cycle%to
       call measure(map, slip%from, slow_cycle%measure(duration), one, error)

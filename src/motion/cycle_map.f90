@@ -18,6 +18,7 @@ module dst_cycle_map
   use dst_slow_cycle, only: slow_cycle_t
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
+  use dst_tangent, only: set_slope
   use dst_writer, only: event_t
   implicit none
   private
@@ -30,8 +31,11 @@ module dst_cycle_map
   !> hang on the angle a thousandfold. Or, if differences shrink by this factor with each slow cycle, if the duration that is
   !> expected next differs from the last one by no more than such a share, and the release as well. Conventions.
   real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp, same_duration = 1.0e-3_wp
-  !> Differences of this size are roundoff [rad]; those that were so many times larger show how fast they shrink. Conventions.
-  real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp), well_above = 1000.0_wp
+  !> Slow cycles whose releases differ by no more than this [rad] stretch differences by the same factor. Convention; a thousand
+  !> times: -0.24 for -0.172 with V = 0.2 mm/s, whose slopes change much near the end of sticks.
+  real(wp), parameter :: alike = 1.0e-10_wp
+  !> Differences of this size are roundoff [rad]. Convention.
+  real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp)
   !> Of repetitions with so many events each is listed. Convention.
   integer, parameter :: most_listed = 100000
 
@@ -39,11 +43,11 @@ module dst_cycle_map
   type :: orbit_t
     !> The present map, 0 if there is none yet.
     integer :: current = 0
-    !> After how many slow cycles the motion repeats, 0 if it does not yet; and the growth of a small difference in so many.
+    !> After how many slow cycles the motion repeats, 0 if it does not yet.
     integer :: repeats = 0
-    logical :: has_multiplier(most_repeats) = .false.
-    real(wp) :: log_multiplier(most_repeats) = 0.0_wp
     type(divergence_t) :: divergence
+    !> The present slow cycle begins as so many slow cycles before, 0 if it does not: it stretches differences by as much.
+    integer, private :: like = 0
     !> The number of slow cycles, and how the last ones ended, and how long they were.
     integer(int64), private :: slow_cycles = 0
     real(wp), private :: last_returned(0:2*most_repeats) = 0.0_wp, last_lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
@@ -64,6 +68,8 @@ module dst_cycle_map
     !> The same at the beginning of the motion: from it maps run passages.
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: rtol = 0.0_wp
+    !> Whether passages and slow cycles are leapt at all; if not, their growth is followed all the same.
+    logical :: leaps = .true.
     !> Maps, one for each drive velocity so far.
     type(release_map_t), allocatable :: maps(:)
     !> The present passage by steps.
@@ -95,9 +101,10 @@ module dst_cycle_map
 contains
 
   !> The motion `steps`, which has been started and is moved away, with its map at this tolerance.
-  subroutine new_cycle_map(steps, rtol, map)
+  subroutine new_cycle_map(steps, rtol, leaps, map)
     class(slip_stick_t), allocatable, intent(inout) :: steps
     real(wp), intent(in) :: rtol
+    logical, intent(in) :: leaps
     type(cycle_map_t), intent(out) :: map
 
     call move_alloc(steps, map%steps)
@@ -106,6 +113,7 @@ contains
     map%drive = map%steps%drive
     map%t_end = map%steps%t_end
     map%rtol = rtol
+    map%leaps = leaps
     map%piece = map%steps%piece
     map%contact = map%steps%contact
     allocate (map%maps(0), map%slow(0:most_repeats))
@@ -119,7 +127,7 @@ contains
 
     self%is_shown = .false.
     ! Just after a knot the release belongs to another drive velocity.
-    if (self%orbit%released .and. self%segment == self%steps%segment) then
+    if (self%leaps .and. self%orbit%released .and. self%segment == self%steps%segment) then
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
@@ -151,11 +159,7 @@ contains
       if (.not. self%orbit%released) return
       if (self%orbit%in_passage) then
         passage = passage_of(self%orbit%alpha, self%recording, self%slider, velocity)
-        ! Tables of slips have slopes.
-        associate (map => self%maps(self%orbit%current))
-          call map%find_slope(self%orbit%divergence%is_wanted() .and. &
-            .not. map%will_tabulate(slow_cycles_left(self)), passage)
-        end associate
+        if (self%orbit%like == 0) call set_slope(self%recording, self%steps%system, self%slider, passage)
         call arrive(self, passage)
       else
         call take_map(self, velocity)
@@ -174,8 +178,8 @@ contains
     call self%recording%clear()
     self%orbit%repeats = 0
     self%orbit%slow_cycles = 0
-    self%orbit%has_multiplier = .false.
-    if (self%orbit%divergence%returns > 0) self%orbit%divergence = divergence_t()
+    self%orbit%like = 0
+    if (self%orbit%divergence%count > 0) self%orbit%divergence = divergence_t()
   end subroutine forget
 
   !> The map of a drive velocity [m/s]; the first slow cycle begins.
@@ -184,7 +188,8 @@ contains
     real(wp), intent(in) :: velocity
     integer :: i
 
-    call self%slow(0)%clear()
+    call self%slow(0)%clear(self%leaps)
+    if (.not. self%leaps) return
     self%orbit%current = 0
     do i = 1, size(self%maps)
       if (.not. abs(self%maps(i)%velocity - velocity) > 0.0_wp) self%orbit%current = i
@@ -213,13 +218,17 @@ contains
     associate (now => self%slow(place_of(self%orbit%slow_cycles)))
       call now%append(passage, self%recording)
       ! A failure in a passage to which the motion does not come is none of the motion.
-      if (passage%table(1) == 0) then
-        call self%maps(self%orbit%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
-      else
+      if (passage%table(1) > 0) then
         call self%maps(self%orbit%current)%count(passage)
+      else if (self%leaps) then
+        call self%maps(self%orbit%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
       end if
       if (.not. passage%turns_back()) return
-      call self%orbit%divergence%come_back(now%sum%whole%log_slope, now%sum%whole%has_slope)
+      if (self%orbit%like > 0) then
+        call self%orbit%divergence%come_back_like(self%orbit%like)
+      else
+        call self%orbit%divergence%come_back(now%sum%whole%log_slope, now%sum%whole%has_slope)
+      end if
     end associate
     self%orbit%slow_cycles = self%orbit%slow_cycles + 1
     associate (n => self%orbit%slow_cycles)
@@ -227,8 +236,9 @@ contains
       associate (whole => self%slow(place_of(n - 1))%sum%whole)
         self%orbit%last_lasted(modulo(n, size(self%orbit%last_lasted, kind=int64))) = whole%measure(duration)
       end associate
-      call look_for_repetition(self)
-      call self%slow(place_of(n))%clear()
+      call look_back(self)
+      if (self%leaps) call look_for_repetition(self)
+      call self%slow(place_of(n))%clear(self%leaps)
     end associate
   end subroutine arrive
 
@@ -237,6 +247,17 @@ contains
 
     place_of = int(modulo(number, int(most_repeats + 1, int64)))
   end function place_of
+
+  !> Whether the slow cycle that begins is like one before.
+  pure subroutine look_back(self)
+    class(cycle_map_t), intent(inout) :: self
+    integer :: m
+
+    self%orbit%like = 0
+    do m = int(min(self%orbit%slow_cycles - 1, int(most_repeats, int64))), 1, -1
+      if (abs(returned(self, 0) - returned(self, m)) <= alike) self%orbit%like = m
+    end do
+  end subroutine look_back
 
   !> Whether the last release agrees with that of some slow cycles before.
   subroutine look_for_repetition(self)
@@ -249,11 +270,6 @@ contains
       now = abs(returned(self, 0) - returned(self, m))
       before = abs(returned(self, m) - returned(self, 2*m))
       if (now < before .and. now > roundoff) then
-        if (before > well_above*roundoff .and. &
-          (.not. self%orbit%has_multiplier(m) .or. now > max(same*self%rtol, well_above*roundoff))) then
-          self%orbit%log_multiplier(m) = log(now/before)
-          self%orbit%has_multiplier(m) = .true.
-        end if
         ! Differences of durations shrink like those of releases.
         if (now <= shrinking**m*before .and. changed(self, m)*(now/before) <= &
           same_duration*self%rtol*lasted(self, 0)) now = now*(now/before)

@@ -28,6 +28,8 @@ module dst_observation
     integer :: turns = 0
     !> Whether all of it is creep or rest, and whether the load exceeds F(v) in it.
     logical :: is_creep = .true., begins_to_slip = .false.
+    !> Error of the largest rate [m/s].
+    real(wp) :: rate_error = 0.0_wp
   end type observation_t
 
   !> Passages at Chebyshev points of a variable x in [-1, 1], as polynomials in it.
@@ -81,6 +83,7 @@ contains
     real(wp), intent(in) :: rtol, length
 
     self%permitted = max(share*rtol, smooth)*maxval(abs(self%coefficient), dim=1)
+    self%like%rate_error = self%permitted(largest_rate)
     self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
     self%coefficient = chebyshev_coefficients(self%coefficient)
   end subroutine settle

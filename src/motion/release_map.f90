@@ -20,6 +20,7 @@ module dst_release_map
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
+  use dst_tangent, only: set_slope
   implicit none
   private
 
@@ -27,10 +28,6 @@ module dst_release_map
 
   !> Largest error of a table, in rtol, relative to the duration and to the turn. Convention; measured in bench/cycle_map.py.
   real(wp), parameter :: accurate = 0.1_wp
-  !> A difference of the angle at whose growth the slope is measured: this share of the turn, but not less than so many rtol.
-  !> Conventions. Ten times: the exponent of Fig. 3 is higher by 0.02, as a slip depends on its beginning like a square root near a
-  !> touch.
-  real(wp), parameter :: push = 1.0e-4_wp, least_push = 0.1_wp
   !> Tables begin at this distance from the end of sticks [rad], or at this share of the turn of a lap there: so many slow cycles have
   !> a release that is nearer and is run. The end is found with a tenth of this uncertainty. Conventions.
   real(wp), parameter :: nearest = 1.0e-7_wp, near_share = 0.01_wp, fine = 0.1_wp
@@ -96,8 +93,6 @@ module dst_release_map
     procedure :: count
     procedure :: learn
     procedure :: will_tabulate
-    procedure :: find_slope
-    procedure :: measure_slope
     procedure :: come_back
     procedure :: power
     procedure :: theta
@@ -209,11 +204,10 @@ contains
     if (found) passage = passage_of(alpha, self%recording, self%steps%slider, self%velocity)
   end subroutine run
 
-  !> The passage from `alpha` [rad]: P(alpha); its slope only on request.
-  subroutine next(self, alpha, with_slope, passage, found, error)
+  !> The passage from `alpha` [rad], P(alpha), with its slope.
+  subroutine next(self, alpha, passage, found, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: alpha
-    logical, intent(in) :: with_slope
     type(passage_t), intent(out) :: passage
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
@@ -222,7 +216,7 @@ contains
     if (found) return
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
-    if (with_slope) call self%measure_slope(passage)
+    call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
     call self%learn(passage, without_end*passage%measure(duration), without_end, error)
   end subroutine next
 
@@ -271,81 +265,6 @@ contains
         self%unused%piece, self%recording)
     end associate
   end subroutine describe
-
-  !> P' of a passage that was run: estimated if it begins nearer to the end of sticks than a table reaches, else measured, if that is
-  !> wanted. Without a table of laps that would make the run dearer than without a map.
-  subroutine find_slope(self, is_wanted, passage)
-    class(release_map_t), intent(inout) :: self
-    logical, intent(in) :: is_wanted
-    type(passage_t), intent(inout) :: passage
-    integer :: i
-
-    do i = 1, size(self%branch)
-      if (.not. self%branch(i)%is_inside(passage%from)) cycle
-      call estimate_slope(self%branch(i), passage)
-      return
-    end do
-    if (is_wanted .and. self%branch(1)%has_table() .and. affordable(self)) call self%measure_slope(passage)
-  end subroutine find_slope
-
-  !> P' of a passage that begins nearer to the end of sticks than the table of the branch reaches: the turn changes there like a power
-  !> of the distance, from -1 on (a logarithm). For laps that is right to a factor of 1.3 at a third of the table's edge; for slips to
-  !> one of 20, which moves an exponent by 0.02, as one slip in a hundred begins there.
-  pure subroutine estimate_slope(branch, passage)
-    type(branch_t), intent(in) :: branch
-    type(passage_t), intent(inout) :: passage
-    real(wp) :: value(measures + 1), distance(2), rate(2), power
-    integer :: k, place
-
-    place = branch%innermost()
-    ! At the edge and somewhat further away.
-    do k = 1, 2
-      associate (at => branch%angle(place, -1.0_wp + 0.1_wp*real(k - 1, wp)))
-        distance(k) = branch%distance(at)
-        call branch%table(place)%evaluate(branch%x_of(place, at), value)
-        rate(k) = branch%x_rate(place, at)*value(measures + 1)
-      end associate
-    end do
-    power = log(max(tiny(1.0_wp), abs(rate(2)))/max(tiny(1.0_wp), abs(rate(1))))/log(distance(2)/distance(1))
-    passage%slope = 1.0_wp + rate(1)*max(fine, branch%distance(passage%from)/distance(1))**min(0.0_wp, max(-1.0_wp, power))
-    passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
-    passage%has_slope = .true.
-  end subroutine estimate_slope
-
-  !> P' by a difference; there is none where the neighbours do not stay neighbours. Near the end of sticks it has to be small.
-  subroutine measure_slope(self, passage)
-    class(release_map_t), intent(inout) :: self
-    type(passage_t), intent(inout) :: passage
-    type(error_t), allocatable :: error
-    !> The neighbours may take so much longer or less. Their growth may differ by so much; else they are brought nearer by a factor,
-    !> a few times. Conventions.
-    real(wp), parameter :: alike = 0.05_wp, straight = 0.003_wp, nearer = 0.25_wp
-    integer, parameter :: times = 4
-    type(passage_t) :: beside(2)
-    logical :: found(2)
-    real(wp) :: apart, least
-    integer :: i, k
-
-    least = max(least_push*self%rtol, still)
-    apart = max(push*abs(passage%to - passage%from), least)
-    do k = 1, times
-      do i = 1, 2
-        call self%run(passage%from + (real(i, wp) - 1.5_wp)*apart, 2.0_wp*passage%measure(duration), beside(i), found(i), error)
-        self%learned%vain = self%learned%vain + 1
-        if (allocated(error)) found(i) = .false.
-      end do
-      passage%has_slope = all(found)
-      if (passage%has_slope) passage%has_slope = &
-        abs(beside(2)%measure(duration) - beside(1)%measure(duration)) <= alike*passage%measure(duration)
-      if (.not. passage%has_slope) return
-      associate (growth => [passage%to - beside(1)%to, beside(2)%to - passage%to])
-        passage%slope = sum(growth)/apart
-        if (abs(growth(2) - growth(1)) <= straight*abs(sum(growth)) .or. nearer*apart < least) exit
-      end associate
-      apart = nearer*apart
-    end do
-    passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
-  end subroutine measure_slope
 
   !> Count a passage of the motion.
   pure subroutine count(self, passage)
@@ -584,10 +503,9 @@ contains
   end subroutine fill
 
   !> A slow cycle: passage after passage until one turns back, the `slip`. `whole` leads from its beginning to its end.
-  subroutine come_back(self, alpha, with_slope, whole, slip, found, error)
+  subroutine come_back(self, alpha, whole, slip, found, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: alpha
-    logical, intent(in) :: with_slope
     type(passage_t), intent(out) :: whole, slip
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
@@ -599,7 +517,7 @@ contains
 
     whole = beginning(alpha)
     do i = 1, most
-      call self%next(whole%to, with_slope, slip, found, error)
+      call self%next(whole%to, slip, found, error)
       if (allocated(error) .or. .not. found) return
       call whole%go_on(slip)
       if (slip%turns_back()) return
@@ -621,7 +539,7 @@ contains
 
     whole = beginning(alpha)
     do i = 1, slow_cycles
-      call self%come_back(whole%to, .true., one, slip, found, error)
+      call self%come_back(whole%to, one, slip, found, error)
       if (allocated(error) .or. .not. found) return
       call whole%go_on(one)
     end do

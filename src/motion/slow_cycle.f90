@@ -39,11 +39,12 @@ module dst_slow_cycle
 
 contains
 
-  !> A slow cycle begins.
-  pure subroutine clear(self)
+  !> A slow cycle begins; its passages may have to be kept.
+  pure subroutine clear(self, is_kept)
     class(slow_cycle_t), intent(inout) :: self
+    logical, intent(in) :: is_kept
 
-    self%sum = totals_t(whole=passage_t(), is_complete=.true.)
+    self%sum = totals_t(whole=passage_t(slope=1.0_wp, has_slope=.true.), is_complete=is_kept)
   end subroutine clear
 
   !> Append a passage; the motion inside one that no table has is copied.
@@ -51,19 +52,17 @@ contains
     class(slow_cycle_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
     type(recording_t), intent(in) :: recording
+    real(wp) :: begin
 
+    begin = self%sum%whole%measure(duration)
+    call self%sum%whole%go_on(passage)
+    if (self%sum%count == most_passages .or. self%sum%pieces > most_pieces) self%sum%is_complete = .false.
     if (.not. self%sum%is_complete) return
-    if (self%sum%count == most_passages .or. self%sum%pieces > most_pieces) then
-      self%sum%is_complete = .false.
-      return
-    end if
     call make_room(self)
     self%sum%count = self%sum%count + 1
     self%passage(self%sum%count) = passage
-    self%begin(self%sum%count) = self%sum%whole%measure(duration)
+    self%begin(self%sum%count) = begin
     self%recorded(self%sum%count) = 0
-    if (self%sum%count == 1) self%sum%whole = passage_t(from=passage%from, slope=1.0_wp, has_slope=.true.)
-    call self%sum%whole%go_on(passage)
     if (passage%table(1) > 0) return
     self%sum%recordings = self%sum%recordings + 1
     self%recorded(self%sum%count) = self%sum%recordings

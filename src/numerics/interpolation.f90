@@ -1,6 +1,7 @@
 !> Polynomials on [0, 1] through values at given nodes: the form in which every integrator returns its dense output.
 module dst_interpolation
   use dst_kinds, only: wp, pi
+  use dst_linear_solve, only: solve_in_place
   implicit none
   private
 
@@ -17,6 +18,9 @@ module dst_interpolation
     real(wp) :: barycentric(0:max_degree) = 0.0_wp
     !> derivative(i, j): derivative at node i of the j-th Lagrange polynomial.
     real(wp) :: derivative(0:max_degree, 0:max_degree) = 0.0_wp
+    !> integral(i, j): integral from 0 to node i of the j-th Lagrange polynomial on the nodes 1..degree: the inverse of `derivative`
+    !> there.
+    real(wp) :: integral(max_degree, max_degree) = 0.0_wp
     !> Bernstein coefficients on [0, 1] from nodal values.
     real(wp) :: bernstein(0:max_degree, 0:max_degree) = 0.0_wp
     !> reciprocal(j, k) = 1/(node(j) - node(j - k)), for divided differences.
@@ -38,6 +42,7 @@ contains
     grid%degree = size(nodes) - 1
     grid%node(0:grid%degree) = nodes
     call set_differentiation(grid)
+    call set_integration(grid)
     call set_bernstein(grid)
     do k = 1, grid%degree
       do j = k, grid%degree
@@ -144,6 +149,22 @@ contains
       end do
     end associate
   end subroutine set_differentiation
+
+  !> The matrix of integrals, column by column.
+  pure subroutine set_integration(grid)
+    type(grid_t), intent(inout) :: grid
+    real(wp) :: matrix(grid%degree, grid%degree)
+    logical :: singular
+    integer :: j
+
+    associate (s => grid%degree)
+      do j = 1, s
+        matrix = grid%derivative(1:s, 1:s)
+        grid%integral(j, j) = 1.0_wp
+        call solve_in_place(s, matrix, grid%integral(1:s, j), singular)
+      end do
+    end associate
+  end subroutine set_integration
 
   !> Matrix from nodal values to Bernstein coefficients of the same polynomial on [0, 1]: each
   !> Lagrange polynomial is a product of linear factors, multiplied in Bernstein form.

@@ -113,7 +113,7 @@ contains
     class(motion_t), intent(in) :: motion
     real(wp), intent(out) :: value(:)
     real(wp) :: exponent, exponent_error
-    integer :: count, verdict
+    integer :: verdict, repeats
 
     if (motion%in_closed_form) then
       call summary_values(self%summary_t, value)
@@ -124,20 +124,19 @@ contains
     end if
     select type (motion)
     class is (cycle_map_t)
-      associate (m => motion%orbit%repeats)
-        if (m > 0) then
-          if (motion%orbit%has_multiplier(m)) call put('lyapunov_exponent', motion%orbit%log_multiplier(m)/real(m, wp))
-          return
-        end if
+      ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
+      repeats = motion%orbit%repeats
+      associate (told => value(find_quantity(summary_quantities, 'repeats')))
+        if (repeats == 0 .and. told > 0.0_wp) repeats = nint(told)
       end associate
-      call motion%orbit%divergence%estimate(exponent, exponent_error, count, verdict)
-      if (count > 1) then
-        call put('lyapunov_exponent', exponent)
-        ! Without scatter and without a verdict there was one measurement.
-        if (verdict /= 0 .or. exponent_error > 0.0_wp) call put('lyapunov_error', exponent_error)
-        ! An irregular beginning is no irregular motion.
-        if (ieee_is_nan(value(find_quantity(summary_quantities, 'regularity')))) call put('regularity', real(verdict, wp))
+      if (repeats > 0) then
+        call put('lyapunov_exponent', motion%orbit%divergence%mean_of(repeats))
+        return
       end if
+      call motion%orbit%divergence%estimate(exponent, exponent_error, verdict)
+      call put('lyapunov_exponent', exponent)
+      call put('lyapunov_error', exponent_error)
+      if (.not. ieee_is_nan(exponent)) call put('regularity', real(verdict, wp))
     end select
 
   contains

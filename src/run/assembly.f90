@@ -104,7 +104,7 @@ contains
     end subroutine take_dampers
   end subroutine new_motion
 
-  !> The motion that has been started, with leaps over fast cycles if the scene permits.
+  !> The motion that has been started, of the full model slow cycle by slow cycle, with leaps if the scene permits.
   subroutine leap_cycles(scene, first, motion)
     type(scene_t), intent(in) :: scene
     class(stepping_t), allocatable, intent(inout) :: first
@@ -112,8 +112,7 @@ contains
     class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    ! Whether a motion has settled is decided cycle by cycle, and by steps.
-    if (scene%cycle_map == 'auto' .and. scene%model == 'full' .and. .not. scene%settle > 0.0_wp) then
+    if (scene%model == 'full') then
       select type (first)
       class is (slip_stick_t)
         allocate (steps, source=first)
@@ -125,7 +124,8 @@ contains
     end if
     deallocate (first)
     allocate (map)
-    call new_cycle_map(steps, scene%rtol, map)
+    ! Whether a motion has settled is decided cycle by cycle, and by steps.
+    call new_cycle_map(steps, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
     call move_alloc(map, motion)
   end subroutine leap_cycles
 

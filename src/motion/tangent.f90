@@ -1,0 +1,171 @@
+!> The derivative of a motion with respect to its beginning, carried along with it from piece to piece.
+!>
+!> It is the derivative of the numbers, not of the equations. The nodal values Z of a step solve G(Z; u_0, y_0) = 0, so that
+!>
+!>     G_Z dZ = -(G_u0 du_0 + G_y0 dy_0),
+!>
+!> where G_Z is Newton's matrix once more; it needs nothing but the values that a piece has, and so costs nothing where it is not
+!> wanted. Pieces in closed form and those of explicit methods are polynomials as well: for them G is collocation at their nodes.
+!> The length of a step is held. At a stop u' = V e - w is continuous, and so is du at a fixed time. At a release the time shifts by
+!>
+!>     dt = -n.K du/(n.K V e),      n = f/|f|,  f = K u + C V e,
+!>
+!> and what follows is seen from there: du + V e dt is along the circle |f| = F_s. Where slip turns without a rest, the time shifts
+!> with the zero of v.
+module dst_tangent
+  use dst_dense_output, only: column_u, column_y
+  use dst_interpolation, only: max_degree
+  use dst_kinds, only: wp
+  use dst_passage, only: passage_t
+  use dst_piece, only: piece_t, slips
+  use dst_recording, only: recording_t
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
+  use dst_state, only: state_t
+  implicit none
+  private
+
+  public :: set_slope
+
+  !> How the state changes at the end of a piece, per change at the beginning of the motion.
+  type :: tangent_t
+    real(wp) :: u(max_components) = 0.0_wp, y(max_unknowns) = 0.0_wp
+    !> Whether the object rests; and if it turns, how the time of the turn changes, at which it has this velocity [m/s].
+    logical :: rests = .true.
+    real(wp) :: delay = 0.0_wp
+  contains
+    procedure :: follow
+    procedure :: set_off
+  end type tangent_t
+
+contains
+
+  !> P' of a passage that was recorded from one release to the next: how the direction of friction at its end changes with that at
+  !> its beginning. It has none if it hangs on a release that just happens.
+  subroutine set_slope(recording, system, slider, passage)
+    type(recording_t), intent(in) :: recording
+    class(slip_system_t), intent(in) :: system
+    type(slider_t), intent(in) :: slider
+    type(passage_t), intent(inout) :: passage
+    type(tangent_t) :: tangent
+    type(stage_terms_t) :: terms
+    type(piece_t) :: piece
+    logical :: found
+    integer :: i, nodes
+
+    nodes = 0
+    do i = 1, recording%count
+      call recording%get(i, state_t(), piece)
+      if (i == 1) then
+        associate (force => slider%force_at_rest(piece%from%u, piece%drive%velocity))
+          tangent%u = [-force(2), force(1)]/slider%stiffness
+        end associate
+      end if
+      if (piece%contact == slips .and. piece%path%grid%degree /= nodes) then
+        nodes = piece%path%grid%degree
+        terms = new_terms(nodes, system%components, system%unknowns)
+      end if
+      call tangent%follow(piece, system, slider, terms, found)
+      if (.not. found) return
+    end do
+    call tangent%set_off(piece%to, piece%drive%velocity, slider, found)
+    passage%has_slope = found
+    passage%slope = tangent%y(2)
+    passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+  end subroutine set_slope
+
+  !> Continue to the end of a piece.
+  subroutine follow(self, piece, system, slider, terms, found)
+    class(tangent_t), intent(inout) :: self
+    type(piece_t), intent(in) :: piece
+    class(slip_system_t), intent(in) :: system
+    type(slider_t), intent(in) :: slider
+    type(stage_terms_t), intent(inout) :: terms
+    logical, intent(out) :: found
+    real(wp) :: rate, curvature
+
+    found = .true.
+    if (piece%contact /= slips) then
+      self%rests = .true.
+      return
+    end if
+    if (.not. piece%from%y(1) > 0.0_wp) then
+      if (.not. self%rests) self%u = self%u + self%delay*piece%drive%velocity_at(piece%from%time)*piece%drive_coupling
+      call self%set_off(piece%from, piece%drive%velocity_at(piece%from%time), slider, found)
+      if (.not. found) return
+    end if
+    self%rests = .false.
+    call through_slip(self, piece, system, piece%path%grid%degree, system%components, system%unknowns, terms, found)
+    if (piece%to%y(1) > 0.0_wp) return
+    call piece%path%end_slope(rate, curvature)
+    self%delay = 0.0_wp
+    if (rate < 0.0_wp) self%delay = -self%y(1)/rate
+  end subroutine follow
+
+  !> Slip begins in the direction of the force. From a rest it begins when the force reaches the limit.
+  subroutine set_off(self, from, velocity, slider, found)
+    class(tangent_t), intent(inout) :: self
+    type(state_t), intent(in) :: from
+    real(wp), intent(in) :: velocity         !! V, m/s
+    type(slider_t), intent(in) :: slider
+    logical, intent(out) :: found
+    real(wp) :: force(2), change(2), growth(2), outward
+
+    force = slider%force_at_rest(from%u, velocity)
+    growth = slider%drive_coupling()*velocity
+    if (self%rests) then
+      outward = dot_product(force, slider%stiffness*growth)
+      found = outward > 0.0_wp
+      if (.not. found) return
+      self%u = self%u - dot_product(force, slider%stiffness*self%u)/outward*growth
+    else
+      found = any(abs(force) > 0.0_wp)
+      if (.not. found) return
+    end if
+    change = slider%stiffness*self%u
+    self%y = 0.0_wp
+    self%y(2) = (force(1)*change(2) - force(2)*change(1))/dot_product(force, force)
+  end subroutine set_off
+
+  !> Through a step in slip with s nodes, n components and m unknowns; the terms have room for all nodes. Compiled for the full model
+  !> with each number of stages, and for any other.
+  subroutine through_slip(self, piece, system, s, n, m, terms, found)
+    class(tangent_t), intent(inout) :: self
+    type(piece_t), intent(in) :: piece
+    class(slip_system_t), intent(in) :: system
+    integer, intent(in) :: s, n, m
+    type(stage_terms_t), intent(inout) :: terms
+    logical, intent(out) :: found
+
+    select case (100*s + 10*n + m)
+    case (322)
+      call step_3_2(self, piece, system, terms, found)
+    case (522)
+      call step_5_2(self, piece, system, terms, found)
+    case (722)
+      call step_7_2(self, piece, system, terms, found)
+    case default
+      call step_of_any_size(self, piece, system, s, n, m, terms, found)
+    end select
+  end subroutine through_slip
+
+  subroutine step_3_2(self, piece, system, terms, found)
+    integer, parameter :: s = 3, n = 2, m = 2
+    include 'tangent_step.inc'
+  end subroutine step_3_2
+
+  subroutine step_5_2(self, piece, system, terms, found)
+    integer, parameter :: s = 5, n = 2, m = 2
+    include 'tangent_step.inc'
+  end subroutine step_5_2
+
+  subroutine step_7_2(self, piece, system, terms, found)
+    integer, parameter :: s = 7, n = 2, m = 2
+    include 'tangent_step.inc'
+  end subroutine step_7_2
+
+  subroutine step_of_any_size(self, piece, system, s, n, m, terms, found)
+    integer, intent(in) :: s, n, m
+    include 'tangent_step.inc'
+  end subroutine step_of_any_size
+end module dst_tangent
