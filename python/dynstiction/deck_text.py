@@ -45,7 +45,10 @@ def plain(value: object) -> object:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, Iterable) and not isinstance(value, str):
-        return tuple(plain(item) for item in value)
+        try:
+            return tuple(plain(item) for item in value)
+        except RecursionError:
+            raise UsageError("a value of a deck is no list that contains itself") from None
     return value
 
 

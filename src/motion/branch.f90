@@ -40,8 +40,6 @@ module dst_branch
     procedure :: interval_count
     procedure :: place_of
     procedure :: distance
-    procedure :: innermost
-    procedure :: is_inside
     procedure :: has_table
     procedure :: halvings
     procedure :: visit
@@ -102,29 +100,6 @@ contains
 
     distance = self%limits%side*(at - self%limits%end)
   end function distance
-
-  !> The smallest interval that begins with the least distance.
-  pure integer function innermost(self) result(place)
-    class(branch_t), intent(in) :: self
-
-    place = 1
-    do while (self%intervals(place)%half(1) > 0)
-      place = self%intervals(place)%half(1)
-    end do
-  end function innermost
-
-  !> Whether an angle is nearer to the end of sticks than the branch, which has a table there.
-  pure logical function is_inside(self, at)
-    class(branch_t), intent(in) :: self
-    real(wp), intent(in) :: at
-    integer :: place
-
-    is_inside = .false.
-    if (self%interval_count() == 0) return
-    place = self%innermost()
-    is_inside = self%intervals(place)%is_known .and. self%distance(at) >= 0.0_wp .and. &
-      self%distance(at) < self%distance(self%angle(place, -1.0_wp))
-  end function is_inside
 
   !> Whether any interval is tabulated.
   pure logical function has_table(self)

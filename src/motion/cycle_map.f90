@@ -131,6 +131,7 @@ contains
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
+    self%steps%t_end = self%t_end
     call self%steps%advance(error)
     self%piece%to = self%steps%piece%to
     self%piece%contact = self%steps%piece%contact

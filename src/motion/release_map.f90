@@ -92,7 +92,6 @@ module dst_release_map
     procedure :: describe
     procedure :: count
     procedure :: learn
-    procedure :: will_tabulate
     procedure :: come_back
     procedure :: power
     procedure :: theta
@@ -298,7 +297,7 @@ contains
       if (known%slips == 0) known%expected = real(known%passages, wp) + laps_left(before, passage, passage%to, rest)
       if (.not. known%is_parted .and. affordable(self)) then
         if (passage%turns_back()) then
-          if ((known%passages >= many*points(self) .or. known%slips >= first_passages .and. self%will_tabulate(slips)) .and. &
+          if ((known%passages >= many*points(self) .or. known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
         else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then

@@ -10,7 +10,6 @@ import pytest
 from fig3 import changed, slider
 from programs import INPUTS
 
-GROWTH = ("lyapunov_exponent", "lyapunov_error", "regularity")
 COUNTERS = ("cycles_leapt", "cycles_sampled", "excursions_reused")
 FIG3 = INPUTS / "fig3.nml"
 SAMPLED = {"interval": 1e-3, "fields": ["u_x", "u_y", "w_x", "w_y", "X"]}
@@ -65,14 +64,15 @@ def compare(scene: ds.Scene, rtol: float = 1e-10) -> int:
     scatter = distances(finer, by_steps)
     for name, distance in distances(by_map, by_steps).items():
         assert distance <= max(1e-6, 30 * scatter[name]), (name, distance, scatter[name])
-    # Only the map shows how a small difference grows.
-    assert [name for name in by_map.summary if name not in GROWTH] == [name for name in by_steps.summary if name not in GROWTH]
+    assert list(by_map.summary) == list(by_steps.summary)
     for name, value in by_steps.summary.items():
         if name == "energy_residual":
             assert abs(by_map.summary[name]) < 1e-7
         elif not name.endswith("_scatter"):
             # How long a cycle creeps is no smooth function of the release: |X'| passes V/10 once more or once less.
-            allowed = max((2e-5 if name == "creep_share" else 1e-6) * abs(value), 30 * abs(finer.summary.get(name, np.inf) - value))
+            # A slope near the end of sticks is a steep function of the release.
+            share = {"creep_share": 2e-5, "lyapunov_exponent": 1e-4}.get(name, 1e-6)
+            allowed = max(share * abs(value), 30 * abs(finer.summary.get(name, np.inf) - value))
             assert by_map.summary[name] == pytest.approx(value, rel=0, abs=allowed), name
     return statistics["cycles_leapt"]
 

@@ -51,7 +51,7 @@ def words_of(code: int) -> list[str]:
 
 
 DECKS: dict[str, tuple[int, tuple[str, ...]]] = {
-    "step_underflow": (41, ("friction.v_f=1e-9", "system.mass=1e-12")),
+    "step_underflow": (41, ("integrator.method=radau9", "friction.v_f=1e-9", "system.mass=1e-12")),
     "too_many_steps": (42, ("integrator.max_steps=50",)),
     "not_finite": (43, ("friction.normal_load=1e300",)),
     "too_many_rejections": (44, ("initial.elongation_x=1e300",)),

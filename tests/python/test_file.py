@@ -61,7 +61,7 @@ def test_root_attributes(result_file):
     assert texts <= attributes.keys()
     assert all(isinstance(attributes[name], str) for name in texts)
     assert attributes["program"] == "dynstiction"
-    assert (attributes["model"], attributes["method"]) == ("full", "radau9")
+    assert (attributes["model"], attributes["method"]) == ("full", "radau13")
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", attributes["created"])
     assert re.fullmatch(r"[0-9a-f]{64}", attributes["deck_sha256"])
     assert (attributes["result_code"], attributes["complete"]) == (0, 1)

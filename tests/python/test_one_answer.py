@@ -138,7 +138,10 @@ def test_when_a_motion_settles(system: dict[str, object]) -> None:
     ]
     for name in runs[0].summary:
         values = [run.summary[name] for run in runs]
-        if "scatter" not in name and name != "energy_residual":
+        if name == "lyapunov_exponent":
+            # Of a difference hardly anything is left: the multiplier has the digits.
+            np.testing.assert_allclose(np.exp(values), np.exp(values[0]), rtol=0, atol=3e-7, err_msg=name)
+        elif "scatter" not in name and name != "energy_residual":
             np.testing.assert_allclose(values, values[0], rtol=3e-7, err_msg=name)
     assert {float(run.time[-1]) for run in runs[:3]} == {float(runs[0].time[-1])}
 

@@ -223,7 +223,7 @@ def test_result_describes_itself(fig3_result: ds.Result) -> None:
     assert isinstance(fig3_result.statistics["steps"], int)
     assert fig3_result.statistics.units["wall_time"] == "s"
     assert fig3_result.attributes["model"] == "full"
-    assert fig3_result.attributes["method"] == "radau9"
+    assert fig3_result.attributes["method"] == "radau13"
     assert "u_x" in fig3_result
     assert "5398 sticks" in repr(fig3_result)
 

@@ -166,7 +166,7 @@ def test_the_page_says_what_is_missing_and_how_to_cite(fig3: ds.Scene, page: str
         "arXiv:2008.01854",
     ):
         assert each in page
-    assert re.search(r"Computed with dynstiction [\d.]+.*model full, method radau9, relative tolerance 1e-08", page)
+    assert re.search(r"Computed with dynstiction [\d.]+.*model full, method radau13, relative tolerance 1e-08", page)
 
 
 def test_any_run_has_a_page(fig3: ds.Scene, fig3_result: ds.Result) -> None:

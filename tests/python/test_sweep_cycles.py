@@ -144,7 +144,7 @@ def test_it_is_shown_and_exported(sweep, tmp_path, package: Program, found):
 
 
 def test_a_case_that_fails_keeps_what_it_has(sweep, tmp_path):
-    sweep.run("f.h5", "--set", "integrator.max_steps=1500", status=5)
+    sweep.run("f.h5", "--set", "integrator.max_steps=1000", status=5)
     some = values(tmp_path / "f.h5")
     failed = some["result_code"] != 0
     assert 0 < failed.sum() < 60

@@ -229,7 +229,7 @@ def test_the_cycle_map_changes_cost_alone(fig3):
         error = trade.error(name)
         assert error[mapped] < 10.0 * max(error[stepped], trade.floor(name))
     assert trade.error("sticks")[mapped] == trade.error("sticks")[stepped] == 0.0
-    (family,) = [f for f in families(trade, "final_velocity") if f.kind == "direct" and f.method == "radau9"]
+    (family,) = [f for f in families(trade, "final_velocity") if f.kind == "direct" and f.method == "radau13"]
     assert trade["seconds"][stepped] in family.seconds
 
 
