@@ -127,7 +127,7 @@ contains
       ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
       repeats = motion%orbit%repeats
       associate (told => value(find_quantity(summary_quantities, 'repeats')))
-        if (repeats == 0 .and. told > 0.0_wp) repeats = nint(told)
+        if (repeats == 0 .and. .not. ieee_is_nan(told)) repeats = nint(told)
       end associate
       if (repeats > 0) then
         call put('lyapunov_exponent', motion%orbit%divergence%mean_of(repeats))
