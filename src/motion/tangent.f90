@@ -30,7 +30,7 @@ module dst_tangent
   !> How the state changes at the end of a piece, per change at the beginning of the motion.
   type :: tangent_t
     real(wp) :: u(max_components) = 0.0_wp, y(max_unknowns) = 0.0_wp
-    !> Whether the object rests; and if it turns, how the time of the turn changes, at which it has this velocity [m/s].
+    !> Whether the object rests; and how the time changes at which the slip speed has fallen to zero.
     logical :: rests = .true.
     real(wp) :: delay = 0.0_wp
   contains
