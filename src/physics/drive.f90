@@ -36,7 +36,8 @@ module dst_drive
 contains
 
   !> From knots: times [s] (the first is 0, they never decrease, two equal ones make a jump) and velocities [m/s] there. After the
-  !> last knot the velocity stays constant. A knot on the line between its neighbours is ignored.
+  !> last knot the velocity stays constant. A knot on the line between its neighbours is ignored, and so is a last one at which nothing
+  !> changes.
   pure function new_drive(time, velocity) result(drive)
     real(wp), intent(in) :: time(:), velocity(:)
     type(drive_t) :: drive
@@ -54,6 +55,13 @@ contains
       first = i
     end do
     drive%segment = [drive%segment, drive_segment_t(start=time(n), velocity=velocity(n))]
+    n = size(drive%segment)
+    if (n == 1) return
+    associate (before => drive%segment(n - 1), last => drive%segment(n))
+      if (abs(before%acceleration) > 0.0_wp .or. abs(before%velocity - last%velocity) > 0.0_wp) return
+      before%end = last%end
+    end associate
+    drive%segment = drive%segment(:n - 1)
   end function new_drive
 
   !> Whether the second of three knots lies on the line between the others, within roundoff.

@@ -124,7 +124,8 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
 
     Forces: F_s. Durations: the period, else t_end; other times: t_end, the time at rest by an explicit method t_end for each stick, as
     it leaves each event an error of its own. Works: what was exchanged. slip_length: at least the length that
-    loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean.
+    loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean. The exponent: 10, as an error of a
+    release changes ln |P'| by P''/P'.
     """
     limit, t_end = limit_of(groups), float(groups["scene"]["t_end"])
     period = value_of(result, "period")
@@ -136,6 +137,7 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
         "sticking_time": t_end * (max(1.0, value_of(result, "sticks")) if is_explicit(groups) else 1.0),
         **dict.fromkeys(works, sum(abs(float(result.summary.get(key, 0.0))) for key in works)),
         "max_X_rate": value_of(result, "max_X_rate"),
+        "lyapunov_exponent": 10.0,
         "slip_length": max(abs(value_of(result, "slip_length")), limit / float(groups["system"]["stiffness_x"])),
     }
     return {key: max(found.get(key.removesuffix("_scatter"), 1.0), 1e-300) for key in result.summary}

@@ -16,7 +16,7 @@ TEXT = re.sub(r" *!.*|\n  (contact|file) = .*", "", DECK.read_text(encoding="utf
 GROUPS: Groups = {
     group: {key: ast.literal_eval(value) for key, value in re.findall(r"(\w+) = ('[^']*'|[^\s,]+)", keys)}
     for group, keys in re.findall(r"&(\w+)\n(.*?)\n/", TEXT, re.DOTALL)
-}
+} | {"integrator": {"rtol": 1e-8}}
 SYSTEM, FRICTION, DRIVE = GROUPS["system"], GROUPS["friction"], GROUPS["drive"]
 CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
 """What makes friction constant."""
