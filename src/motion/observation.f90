@@ -2,12 +2,12 @@
 !> where these are smooth.
 module dst_observation
   use dst_chebyshev, only: chebyshev_polynomials, chebyshev_coefficients
-  use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
+  use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
-  use dst_motion, only: motion_t
   use dst_piece, only: piece_t
   use dst_piece_view, only: piece_view_t
   use dst_recording, only: recording_t
+  use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stretch, only: moment_t, nowhere, most_places => most_turns
   implicit none
@@ -114,17 +114,15 @@ contains
 
   !> Observe a passage that was recorded in this motion.
   subroutine observe(motion, recording, seen)
-    class(motion_t), intent(in), target :: motion
+    class(slip_stick_t), intent(in), target :: motion
     type(recording_t), intent(in) :: recording
     type(observation_t), intent(out) :: seen
     type(piece_t), target :: piece
     type(piece_view_t) :: view
-    type(grid_t) :: grid
     type(moment_t) :: last, turn
     real(wp) :: load(0:max_degree), places(most_places), creep
     integer :: degree, count, i, k
 
-    grid = chebyshev_grid()
     do i = 1, recording%count
       call recording%get(i, state_t(), piece)
       call view%show(motion, piece)
@@ -133,16 +131,16 @@ contains
         turn = view%first
       end if
       call view%load(degree, load)
-      call view%turning_places(grid, load(:degree), places, count)
+      call view%turning_places(motion%closed_form%grid, load(:degree), places, count)
       do k = 1, count
         call pass(view%at(places(k)))
       end do
       call pass(view%last)
-      creep = view%creep_time(grid, 0.0_wp, 1.0_wp)
+      creep = view%creep_time(motion%closed_form%grid, 0.0_wp, 1.0_wp)
       seen%is_creep = seen%is_creep .and. creep >= view%duration()
       seen%value(creep_time) = seen%value(creep_time) + creep
-      seen%value(largest_rate) = view%largest_rate(grid, seen%value(largest_rate))
-      if (.not. seen%begins_to_slip) seen%begins_to_slip = view%slip_begins_at(grid, load(:degree)) < nowhere
+      seen%value(largest_rate) = view%largest_rate(motion%closed_form%grid, seen%value(largest_rate))
+      if (.not. seen%begins_to_slip) seen%begins_to_slip = view%slip_begins_at(motion%closed_form%grid, load(:degree)) < nowhere
     end do
 
   contains

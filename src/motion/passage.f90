@@ -35,6 +35,7 @@ module dst_passage
   contains
     procedure :: turns_back
     procedure :: share_of_rest
+    procedure :: take_slope
     procedure :: go_on
   end type passage_t
 
@@ -53,6 +54,16 @@ contains
 
     share_of_rest = 1.0_wp - self%measure(slip_duration)/max(tiny(1.0_wp), self%measure(duration))
   end function share_of_rest
+
+  !> P' is known.
+  pure subroutine take_slope(self, slope)
+    class(passage_t), intent(inout) :: self
+    real(wp), intent(in) :: slope
+
+    self%slope = slope
+    self%log_slope = log(max(tiny(1.0_wp), abs(slope)))
+    self%has_slope = .true.
+  end subroutine take_slope
 
   !> Continue with the passage that follows.
   pure subroutine go_on(self, next)

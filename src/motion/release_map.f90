@@ -235,9 +235,8 @@ contains
       if (.not. self%branch(i)%intervals(place)%is_known) cycle
       call self%branch(i)%table(place)%evaluate(self%branch(i)%x_of(place, alpha), value)
       found = value(slip_duration) > 0.0_wp .and. value(duration) > value(slip_duration)
-      passage = passage_t(alpha, alpha + value(turn), value(:measures), is_plain=i == 1, table=[i, place], &
-        slope=1.0_wp + self%branch(i)%x_rate(place, alpha)*value(measures + 1), has_slope=.true.)
-      passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+      passage = passage_t(alpha, alpha + value(turn), value(:measures), is_plain=i == 1, table=[i, place])
+      call passage%take_slope(1.0_wp + self%branch(i)%x_rate(place, alpha)*value(measures + 1))
       return
     end do
   end subroutine look_up

@@ -69,9 +69,7 @@ contains
       if (.not. found) return
     end do
     call tangent%set_off(piece%to, piece%drive%velocity, slider, found)
-    passage%has_slope = found
-    passage%slope = tangent%y(2)
-    passage%log_slope = log(max(tiny(1.0_wp), abs(passage%slope)))
+    if (found) call passage%take_slope(tangent%y(2))
   end subroutine set_slope
 
   !> Continue to the end of a piece.

@@ -29,7 +29,7 @@ module dst_passage_summary
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
   !> The last lap is followed if the largest rate of the run might be its own, unless that is known to this relative error. Convention;
-  !> twice: the same summaries of 80 random scenes to 1e-6.
+  !> ten times: one of 80 random scenes is wrong by 1.6e-6.
   real(wp), parameter :: known_rate = 1.0e-7_wp
 
   !> A part of a table of the map.

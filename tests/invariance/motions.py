@@ -124,8 +124,8 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
 
     Forces: F_s. Durations: the period, else t_end; other times: t_end, the time at rest by an explicit method t_end for each stick, as
     it leaves each event an error of its own. Works: what was exchanged. slip_length: at least the length that
-    loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean. The exponent: 10, as an error of a
-    release changes ln |P'| by P''/P'.
+    loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean. The exponent: 10, as steps are
+    chosen for the motion, not for its derivative (on a line off the axes it was wrong by 310 rtol).
     """
     limit, t_end = limit_of(groups), float(groups["scene"]["t_end"])
     period = value_of(result, "period")
