@@ -99,6 +99,18 @@ def test_scenes_of_a_kind(name: str) -> None:
     assert compare(kind(name), 1e-9) > 100
 
 
+def test_the_largest_rate_of_a_run_that_ends_among_the_first_laps() -> None:
+    """Rates of a table of laps are known to a share of its largest one, and the first laps are slower by orders of magnitude."""
+    changes: Groups = {
+        "system": {"mass": 0.5506403451766021, "stiffness_y": 6381731244.504325, "misalignment_deg": 0.3404056250423219}
+    }
+    changes |= {"friction": {"v_f": 1.182673237518143e-4}, "drive": {"velocity": 9.181562142602463e-5}}
+    scene = ds.Scene(FIG3).replace(scene={"t_end": 0.08754591505787124}, **changes)
+    by_map, by_steps = (run(scene, how, 1e-8, {"interval": 0.0875}, "radau13") for how in ("auto", "off"))
+    assert by_map.statistics["cycles_leapt"] > 100
+    assert by_map.summary["max_X_rate"] == pytest.approx(by_steps.summary["max_X_rate"], rel=1e-6, abs=0)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
