@@ -2,8 +2,10 @@
 !>
 !> The threads of OpenMP have stacks of OMP_STACKSIZE or `ulimit -s`; a stack overflow is a segmentation fault, and one thread too
 !> many for the system ends the program. OpenMP's locks and atomic operations also work between the threads of this module.
+!>
+!> Where memory is limited (`ulimit -v`, a job's share), so are the threads: what their stacks took, their work would lack.
 module dst_threads
-  use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_int64_t, c_ptr, c_loc, c_funloc, c_associated, c_f_pointer, c_null_ptr
+  use, intrinsic :: iso_c_binding, only: c_int8_t, c_int64_t, c_ptr, c_loc, c_funloc, c_associated, c_f_pointer, c_null_ptr
   use dst_posix, only: c_begin_thread, c_join_thread, c_stack_limit
   implicit none
   private
@@ -34,6 +36,9 @@ module dst_threads
   !> Bytes of a stack: the default of Linux for a program, and the size that suffices.
   integer(c_int64_t), parameter :: stack_bytes = 8*1024**2, least_stack_bytes = 1024**2
 
+  !> Bytes that the work of a thread may need besides: an arena of malloc holds 64 MB, for two threads or more.
+  integer(c_int64_t), parameter :: work_bytes = 32*1024**2
+
 contains
 
   !> Do a task with this thread and up to `wanted - 1` others, as many as the system allows, and wait for all.
@@ -43,16 +48,31 @@ contains
     type(member_t), allocatable, target :: members(:)
     integer :: i
 
-    allocate (members(2:max(1, wanted)))
-    do i = 2, wanted
+    allocate (members(2:threads_with_room(wanted)))
+    do i = 2, ubound(members, 1)
       call begin(task, i, members(i))
       if (.not. c_associated(members(i)%thread)) exit
     end do
     call task%work(1)
-    do i = 2, wanted
+    do i = 2, ubound(members, 1)
       call await(members(i))
     end do
   end subroutine run_in_threads
+
+  !> How many of so many threads have room for their stacks and their work. Asked before the first begins: later the question would
+  !> itself take room, if only for a moment. Memory that is not touched is not used.
+  integer function threads_with_room(wanted)
+    integer, intent(in) :: wanted
+    integer(c_int8_t), allocatable, volatile :: room(:)   ! volatile: a compiler may leave out what is never read
+    integer :: status
+
+    threads_with_room = max(1, wanted)
+    do while (threads_with_room > 1)
+      allocate (room((threads_with_room - 1)*(stack_bytes + work_bytes)), stat=status)
+      if (status == 0) exit
+      threads_with_room = threads_with_room - max(1, threads_with_room/8)
+    end do
+  end function threads_with_room
 
   !> Do a task where the stack is large enough: in this thread, or, if its stack is limited to less, in another one. `done` is false
   !> if no other thread can be created and the stack of this one is too small.

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # tests/package/compilers.sh [--full [NAME]...]: builds the program with other compilers and flags, and for another processor. Each build runs
-# the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11.
+# the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11. By
+# radau9, the eigenvectors of whose five stages have a condition number of 95: those of radau13 have 1,170, and its roundoff is 10 times larger.
 #
 #   --full   all builds, or those named, and all unit tests for the other processor; without it LLVM's flang, and an emulated aarch64
 #            with products and sums that are rounded together and a few unit tests
@@ -20,7 +21,7 @@ named=" $* "
 skipped=0
 prepare
 reference=$scratch/reference.h5
-"${DYNSTICTION_EXE:-$venv/bin/dynstiction}" run "$checkout/inputs/fig3.nml" -o "$reference" --quiet
+"${DYNSTICTION_EXE:-$venv/bin/dynstiction}" run "$checkout/inputs/fig3.nml" --set integrator.method=radau9 -o "$reference" --quiet
 
 # agrees FILE: whether the sticks are counted, and each column and value of the summary agrees with the reference relative to its
 # largest value, components of a vector relative to the largest of both. Roundoff itself has no such value: the residual of the
@@ -89,7 +90,7 @@ compiles() {
 run_fig3() {
   local name=$1
   shift
-  check "$name: Fig. 3 runs" "$@" run "$checkout/inputs/fig3.nml" -o "$scratch/$name.h5" --quiet
+  check "$name: Fig. 3 runs" "$@" run "$checkout/inputs/fig3.nml" --set integrator.method=radau9 -o "$scratch/$name.h5" --quiet
   check "$name: the numbers of the installed program" agrees "$scratch/$name.h5"
 }
 

@@ -658,7 +658,7 @@ def meets(name: str, fig3: ds.Scene, budget: float) -> str:
 
 @pytest.mark.parametrize("name", FEW)
 def test_recommendation_meets_the_accuracy(name, fig3):
-    meets(name, fig3, budget=3.0)
+    meets(name, fig3, budget=6.0)
 
 
 @pytest.mark.full

@@ -159,7 +159,11 @@ class Comparison:
     def steps(self) -> Iterator[None]:
         """Run the comparison in steps of about 50 ms; raise an `Error` if there is no reference, or no time for one."""
         yield from self._find_reference()
-        waiting = yield from self._try_all(range(len(self.points)), SHARE)
+        # First what is right, and cheaper than the reference: whatever is left of the budget, there is a recommendation.
+        kin = {"model": self.best.candidate.model, "method": self.best.candidate.method}
+        sure = [i for i, point in enumerate(self.points) if kin.items() <= vars(point.candidate).items()][:1]
+        waiting = yield from self._try_all(sure, 1.0)
+        waiting += yield from self._try_all((i for i in range(len(self.points)) if i not in sure), SHARE)
         cost = {i: max(self.points[i].seconds, self._expected(self.points[i].candidate)) for i in waiting}
         yield from self._try_all(sorted(waiting, key=cost.__getitem__), 1.0)
 
