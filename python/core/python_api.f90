@@ -28,6 +28,7 @@ module dst_python_api
   use dst_sampling, only: sampling_note
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, key_count, is_automatic, integer_kind, real_kind, reals_kind
+  use dst_sensitivity, only: sensitivity_t, find_sensitivity
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
@@ -45,7 +46,7 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, run_open, sweep_open, cycles_open, ends_open, steady_open
+  public :: library_open, deck_open, run_open, sweep_open, cycles_open, sensitivity_open, ends_open, steady_open
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
@@ -99,6 +100,7 @@ module dst_python_api
   !> The limit cycles of a scene, where its stick-slip ends, and the linear theory of its steady sliding.
   type, extends(session_t) :: cycles_session_t
     type(limit_cycles_t) :: cycles
+    type(sensitivity_t) :: sensitivity
     type(stick_slip_ends_t) :: ends
     real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
   contains
@@ -246,6 +248,23 @@ contains
     if (.not. allocated(self%error)) call find_limit_cycles(scene, velocity, self%cycles, self%error)
     status = status_of(self)
   end subroutine cycles_open
+
+  !> Read a deck and find the sensitivity of its settled motion to the keys GROUP.KEY that are named, one in each line.
+  subroutine sensitivity_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(scene_t) :: scene
+    real(wp) :: velocity
+
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
+    if (.not. allocated(self%error)) &
+      call find_sensitivity(self%deck, scene, velocity, lines_of(text_of(keys)), self%sensitivity, self%error)
+    status = status_of(self)
+  end subroutine sensitivity_open
 
   !> Read a deck and find where its stick-slip ends, under the only drive velocity that is kept for some time and is not 0.
   subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
@@ -570,7 +589,8 @@ contains
 
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles, repeats), and 'ends', one number with a name each: values that do not exist are omitted.
+  !> (with exponent, error, slow cycles, cycles, repeats), 'sensitivity', of each
+  !> measure of the cycle the value and the derivatives with respect to the 'parameters', and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -606,6 +626,18 @@ contains
       associate (regularity => self%cycles%regularity)
         self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
           real([regularity%slow_cycles, regularity%cycles, regularity%repeats], wp)]
+      end associate
+    case ('sensitivity')
+      associate (derivative => self%sensitivity%derivative)
+        call describe(self%table, cycle_quantities, 1 + size(derivative, 2))
+        self%table%number(1, :) = self%sensitivity%value
+        self%table%number(2:, :) = transpose(derivative)
+      end associate
+    case ('parameters')
+      associate (sensitivity => self%sensitivity)
+        call new_table(self%table, size(sensitivity%key), 1, 1)
+        self%table%text(1, :) = sensitivity%key
+        self%table%number(1, :) = sensitivity%parameter
       end associate
     case ('ends')
       call make_table_of_ends(self%ends, self%table)

@@ -28,6 +28,7 @@ __all__ = [
     "Ends",
     "KeyInfo",
     "Run",
+    "Sensitivity",
     "Session",
     "Steady",
     "Sweep",
@@ -338,6 +339,31 @@ class Cycles(Session):
         self.sliding_is_stable = stable == 1.0
         real, imaginary = _table(handle, "eigenvalues")[1]
         self.eigenvalues = real + 1j * imaginary
+
+
+class Sensitivity(Session):
+    """Derivatives of the cycle to which a scene settles, found in the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    keys : iterable of str
+        Parameters GROUP.KEY.
+    """
+
+    name = "list of derivatives"
+
+    def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
+        handle, status = _core.sensitivity_open(*deck.arguments(), _characters("\n".join(keys)))
+        super().__init__(handle)
+        self._raise(deck, status)
+        cells, numbers = _table(handle, "sensitivity", described=True)
+        self.quantities = [info for (info,) in cells]
+        self.values, self.derivatives = numbers[0], numbers[1:].T
+        """Values (quantity) and derivatives (quantity, key)."""
+        cells, (self.parameters,) = _table(handle, "parameters")
+        self.keys = [key for (key,) in cells]
 
 
 class Ends(Session):

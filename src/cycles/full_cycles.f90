@@ -13,7 +13,7 @@ module dst_full_cycles
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
   use dst_motion_summary, only: motion_summary_t
-  use dst_piece, only: slip_begins, sticks
+  use dst_piece, only: piece_t
   use dst_piece_view, only: piece_view_t
   use dst_passage, only: passage_t, duration
   use dst_release_map, only: release_map_t, new_release_map
@@ -24,7 +24,7 @@ module dst_full_cycles
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of
+  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of, steady, extremes_of, measures_of
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
@@ -393,33 +393,51 @@ contains
     real(wp), intent(in) :: alpha, lasting
     real(wp), intent(out) :: value(measures)
     type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: slip
+    type(extremum_t) :: high, low
+    logical :: found
+
+    call map%run(alpha, map%longest, slip, found, error)
+    if (allocated(error)) return
+    call extremes_of(map, high, low)
+    value = measures_of(high, low, lasting, map%velocity)
+  end subroutine measure
+
+  !> The peak and the valley, as seen in the direction of the drive, of the load in the passage that was run last.
+  subroutine extremes_of(map, high, low)
+    type(release_map_t), intent(in), target :: map
+    type(extremum_t), intent(out) :: high, low
     type(summary_t) :: summary
     type(piece_view_t) :: view
     type(contribution_t) :: slip
-    type(extremum_t) :: high, low
-    real(wp) :: falling
+    type(piece_t), target :: piece
+    integer :: i
 
-    call map%steps%place_at_release(map%theta(alpha), state_t())
-    associate (slider => map%steps%slider, piece => map%steps%piece)
+    associate (slider => map%steps%slider)
       call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
-      do
-        call map%steps%advance(error)
-        if (allocated(error)) return
+      do i = 1, map%recording%count
+        call map%recording%get(i, state_t(), piece)
         call view%show(map%steps, piece)
-        if (.not. piece%from%time > 0.0_wp) call summary%begin(view%first, 0.0_wp, 0.0_wp)
+        if (i == 1) call summary%begin(view%first, 0.0_wp, 0.0_wp)
         call summary%take_in(view)
-        if (piece%event == slip_begins .and. piece%contact == sticks) exit
       end do
       slip = summary%contribution()
       high = slip%highest
       low = slip%lowest
-      if (slider%along(1)*piece%drive%velocity < 0.0_wp) then
+      if (slider%along(1)*map%velocity < 0.0_wp) then
         high = extremum_t(-low%load, low%time, low%position)
         low = extremum_t(-slip%highest%load, slip%highest%time, slip%highest%position)
       end if
-      falling = modulo(low%time - high%time, lasting)
-      value = [lasting, high%load, low%load, lasting - falling, falling, &
-        sign(1.0_wp, piece%drive%velocity)*(low%position - high%position)]
     end associate
-  end subroutine measure
+  end subroutine extremes_of
+
+  !> The measures of a slow cycle of this duration [s] with this peak and this valley in its slip.
+  pure function measures_of(high, low, lasting, velocity) result(value)
+    type(extremum_t), intent(in) :: high, low
+    real(wp), intent(in) :: lasting, velocity
+    real(wp) :: value(measures), falling
+
+    falling = modulo(low%time - high%time, lasting)
+    value = [lasting, high%load, low%load, lasting - falling, falling, sign(1.0_wp, velocity)*(low%position - high%position)]
+  end function measures_of
 end module dst_full_cycles

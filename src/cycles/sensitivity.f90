@@ -1,0 +1,303 @@
+!> The sensitivity of a settled regular motion: the derivative of its cycle with respect to parameters of the rig.
+!>
+!> The cycle is a fixed point of the map of its slow cycles, theta -> P(theta; p). A passage of it that was run has the derivatives of
+!> its turn and of its duration with respect to theta and to p (dst_tangent), and so have the peak and the valley of the load in its
+!> slip, whose times shift with the zero of u_x'. The fixed point shifts by
+!>
+!>     dtheta/dp = (dP/dp)/(1 - dP/dtheta),
+!>
+!> and with it all that is measured. No run is compared with another one.
+module dst_sensitivity
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, slip_time, slip_length
+  use dst_dense_output, only: column_u
+  use dst_deck_sweep, only: varied_key, variation_problem
+  use dst_deck_values, only: deck_t
+  use dst_errors, only: error_t, raise, deck_error, usage_error
+  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, extremes_of, measures_of
+  use dst_interpolation, only: max_degree
+  use dst_kinds, only: wp
+  use dst_passage, only: passage_t, duration
+  use dst_piece, only: piece_t, slips
+  use dst_release_map, only: release_map_t
+  use dst_scene, only: scene_t, set_number
+  use dst_schema, only: schema, longest_text
+  use dst_state, only: state_t
+  use dst_tangent, only: tangent_t, rig_t, variation_t, carry
+  use dst_text, only: has_word, lower_case
+  implicit none
+  private
+
+  public :: sensitivity_t, find_sensitivity
+
+  !> How far from a value the rigs are of which differences are taken, over the value. Twice: no change but for roundoff.
+  real(wp), parameter :: near = 1.0e-5_wp
+  !> Groups of the parameters on which a cycle hangs.
+  character(*), parameter :: groups = 'system friction drive'
+
+  !> The measures of the cycle, as in dst_cycles, and their derivatives (measure, parameter); the names and values of the parameters.
+  type :: sensitivity_t
+    integer :: slow_cycles = 0
+    real(wp) :: value(measures) = 0.0_wp
+    real(wp), allocatable :: derivative(:, :), parameter(:)
+    character(longest_text), allocatable :: key(:)
+  end type sensitivity_t
+
+contains
+
+  !> The sensitivity of the motion of a deck's scene, which keeps one drive velocity [m/s], to some of its keys GROUP.KEY.
+  subroutine find_sensitivity(deck, scene, velocity, keys, sensitivity, error)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity
+    character(*), intent(in) :: keys(:)
+    type(sensitivity_t), intent(out) :: sensitivity
+    type(error_t), allocatable, intent(out) :: error
+    type(full_cycle_t), allocatable :: cycles(:)
+    type(regularity_t) :: regularity
+    type(release_map_t) :: map
+    type(variation_t), allocatable :: variation(:)
+    integer :: i
+
+    if (scene%model /= 'full' .or. scene%contact /= 'exact') call raise(error, deck_error, &
+      "scene.model: sensitivities are those of model 'full' with contact 'exact': give these", 'scene.model')
+    allocate (variation(size(keys)), sensitivity%parameter(size(keys)), sensitivity%key(size(keys)))
+    do i = 1, size(keys)
+      sensitivity%key(i) = lower_case(trim(keys(i)))
+      if (.not. allocated(error)) call vary(deck, scene, velocity, trim(keys(i)), sensitivity%parameter(i), variation(i), error)
+    end do
+    if (allocated(error)) return
+    call find_full_cycles(scene, velocity, .false., cycles, regularity, error)
+    if (allocated(error)) return
+    if (regularity%repeats == 0) then
+      call raise(error, usage_error, 'the motion does not repeat, so that its cycles have no sensitivity: long means of '// &
+        'an irregular motion have one, by runs at both values')
+      return
+    end if
+    if (size(cycles) > 0) then
+      if (cycles(1)%has_multiplier) then
+        call map_of(steady(scene, velocity), map, error)
+        if (.not. allocated(error)) call differentiate(map, cycles(1)%alpha, regularity%repeats, variation, sensitivity, error)
+        return
+      end if
+    end if
+    call raise(error, usage_error, 'the motion repeats without rest, or its cycle was not found: its sensitivity is not known')
+  end subroutine find_sensitivity
+
+  !> The value of a key, and rigs with a little more and a little less.
+  subroutine vary(deck, scene, velocity, name, value, variation, error)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity
+    character(*), intent(in) :: name
+    real(wp), intent(out) :: value
+    type(variation_t), intent(out) :: variation
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+
+    value = 0.0_wp
+    problem = variation_problem(deck, name)
+    if (problem == '') then
+      associate (key => schema(varied_key(name)))
+        if (.not. has_word(groups, trim(key%group))) then
+          problem = "a cycle does not hang on '"//name//"': name numbers of &system, &friction or &drive"
+        else
+          value = deck%real_of(trim(key%group), trim(key%name))
+          if (.not. abs(value) > 0.0_wp) problem = "'"//name//"' is 0, so that it has no small share: give a small value"
+        end if
+      end associate
+    end if
+    if (problem /= '') then
+      call raise(error, usage_error, problem)
+      return
+    end if
+    call take_rig(value*(1.0_wp + near), variation%more)
+    if (.not. allocated(error)) call take_rig(value*(1.0_wp - near), variation%less)
+    variation%apart = 2.0_wp*near*value
+
+  contains
+
+    !> The rig with another value of the key.
+    subroutine take_rig(other, rig)
+      real(wp), intent(in) :: other
+      type(rig_t), intent(out) :: rig
+      type(scene_t) :: changed
+      type(release_map_t) :: map
+
+      changed = scene
+      associate (key => schema(varied_key(name)))
+        call set_number(changed, trim(key%name), other)
+        call map_of(steady(changed, merge(other, velocity, key%name == 'velocity')), map, error)
+      end associate
+      if (allocated(error)) return
+      rig%slider = map%steps%slider
+      allocate (rig%system, source=map%steps%system)
+      rig%velocity = map%velocity
+    end subroutine take_rig
+  end subroutine vary
+
+  !> Around the cycle that begins with a release. The derivatives of direction 0 are those with respect to this release.
+  subroutine differentiate(map, alpha, slow_cycles, variation, sensitivity, error)
+    type(release_map_t), intent(inout), target :: map
+    real(wp), intent(in) :: alpha
+    integer, intent(in) :: slow_cycles
+    type(variation_t), intent(in) :: variation(:)
+    type(sensitivity_t), intent(inout) :: sensitivity
+    type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: passage
+    type(tangent_t) :: tangent
+    type(tangent_t), allocatable :: trail(:)
+    type(extremum_t) :: high, low
+    real(wp), dimension(0:size(variation)) :: turned, turn, delay, lasting
+    real(wp), dimension(measures, 0:size(variation)) :: slip, one, total, direct
+    real(wp) :: release, lasted
+    logical :: found
+    integer :: i, k
+
+    release = alpha
+    direct = 1.0_wp
+    direct(:, 0) = 0.0_wp
+    turned = 0.0_wp
+    turned(0) = 1.0_wp
+    total = 0.0_wp
+    do i = 1, slow_cycles
+      lasted = 0.0_wp
+      lasting = 0.0_wp
+      do
+        call map%run(release, map%longest, passage, found, error)
+        if (allocated(error)) return
+        do k = 0, size(variation)
+          if (found) call look_along(k)
+        end do
+        if (.not. found) then
+          call raise(error, usage_error, 'the cycle hangs on a release that just happens, and has no derivative')
+          return
+        end if
+        ! What the parameter does here, and what the beginning does, which it has turned.
+        if (passage%turns_back()) one = spread(turned, 1, measures)*spread(slip(:, 0), 2, size(turned)) + direct*slip
+        lasting = lasting + turned*delay(0) + direct(1, :)*delay
+        turned = turned*turn(0) + direct(1, :)*turn
+        lasted = lasted + passage%measure(duration)
+        release = passage%to
+        if (passage%turns_back()) exit
+      end do
+      one(period, :) = lasting
+      if (low%time < high%time) one(slip_time, :) = one(slip_time, :) + lasting
+      one(stick_time, :) = lasting - one(slip_time, :)
+      call take_in(sensitivity%value, total, measures_of(high, low, lasted, map%velocity), one, i)
+    end do
+    sensitivity%slow_cycles = slow_cycles
+    allocate (sensitivity%derivative(measures, size(variation)))
+    do k = 1, size(variation)
+      sensitivity%derivative(:, k) = total(:, k) + total(:, 0)*turned(k)/(1.0_wp - turned(0))
+    end do
+
+  contains
+
+    !> The derivatives of the passage: with respect to its beginning (0), or to a parameter.
+    subroutine look_along(number)
+      integer, intent(in) :: number
+
+      if (number == 0) then
+        call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, trail=trail)
+        if (passage%turns_back()) call extremes_of(map, high, low)
+        if (found .and. passage%turns_back()) call differentiate_slip(map, high%time, low%time, trail, slip(:, 0), found)
+      else
+        call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, variation(number), trail)
+        if (found .and. passage%turns_back()) &
+          call differentiate_slip(map, high%time, low%time, trail, slip(:, number), found, variation(number))
+      end if
+      turn(number) = tangent%y(2)
+      delay(number) = tangent%clock
+    end subroutine look_along
+  end subroutine differentiate
+
+  !> The derivatives of the measures of a slip: of the loads at its extremes, which are there at the times `high` and `low` [s], of
+  !> the time between them, and of the advance.
+  subroutine differentiate_slip(map, high, low, trail, derivative, found, variation)
+    type(release_map_t), intent(in) :: map
+    real(wp), intent(in) :: high, low
+    type(tangent_t), intent(in) :: trail(:)
+    real(wp), intent(out) :: derivative(measures)
+    logical, intent(out) :: found
+    type(variation_t), intent(in), optional :: variation
+    real(wp), dimension(2) :: u_high, u_low, of_high, of_low, of_direction
+    real(wp) :: delay(2), side, of_velocity, of_stiffness
+
+    derivative = 0.0_wp
+    of_direction = 0.0_wp
+    of_velocity = 0.0_wp
+    of_stiffness = 0.0_wp
+    if (present(variation)) then
+      associate (more => variation%more, less => variation%less)
+        of_direction = (more%slider%along - less%slider%along)/variation%apart
+        of_velocity = (more%velocity - less%velocity)/variation%apart
+        of_stiffness = (more%slider%stiffness(1) - less%slider%stiffness(1))/variation%apart
+      end associate
+    end if
+    call look(high, u_high, of_high, delay(1), found)
+    if (found) call look(low, u_low, of_low, delay(2), found)
+    if (.not. found) return
+    associate (slider => map%steps%slider)
+      side = sign(1.0_wp, slider%along(1)*map%velocity)
+      derivative(peak) = side*(slider%stiffness(1)*of_high(1) + of_stiffness*u_high(1))
+      derivative(valley) = side*(slider%stiffness(1)*of_low(1) + of_stiffness*u_low(1))
+      derivative(slip_time) = delay(2) - delay(1)
+      ! X is V t - u.e but for a constant.
+      derivative(slip_length) = sign(1.0_wp, map%velocity)*(of_velocity*(low - high) + map%velocity*(delay(2) - delay(1)) &
+        - dot_product(of_low - of_high, slider%along) - dot_product(u_low - u_high, of_direction))
+    end associate
+
+  contains
+
+    !> The elongation u [m] at an extremum of the load, how it changes there, and how its time does [s].
+    subroutine look(time, u, of_u, of_time, is_inside)
+      real(wp), intent(in) :: time
+      real(wp), intent(out) :: u(2), of_u(2), of_time
+      logical, intent(out) :: is_inside
+      type(piece_t) :: piece
+      type(state_t) :: state
+      real(wp) :: tau, basis(0:max_degree), rate(2), of_rate, bend
+      integer :: place, axis
+
+      place = map%recording%place_of(time)
+      call map%recording%get(place, state_t(), piece)
+      is_inside = piece%contact == slips
+      if (.not. is_inside) return
+      tau = min(1.0_wp, piece%from%until(time)/piece%path%step)
+      state = piece%inside(tau)
+      u = state%u
+      associate (grid => piece%path%grid, s => piece%path%grid%degree, h => piece%path%step, change => trail(place))
+        call grid%lagrange(tau, basis)
+        do axis = 1, 2
+          of_u(axis) = dot_product(basis(0:s), change%inside(0:s, axis))
+          rate(axis) = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), piece%path%nodal(0:s, column_u + axis - 1)))/h &
+            + map%velocity*piece%drive_coupling(axis)
+        end do
+        of_rate = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), change%inside(0:s, 1)))/h
+        bend = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), &
+          matmul(grid%derivative(0:s, 0:s), piece%path%nodal(0:s, column_u))))/h**2
+        of_time = -of_rate/bend
+        of_u = of_u + rate*of_time
+        of_time = of_time + change%clock
+      end associate
+    end subroutine look
+  end subroutine differentiate_slip
+
+  !> One more slow cycle: the period is that of all, the peak the highest, the valley the lowest; the others are means.
+  pure subroutine take_in(value, derivative, one, of_one, number)
+    real(wp), intent(inout) :: value(:), derivative(:, 0:)
+    real(wp), intent(in) :: one(:), of_one(:, 0:)
+    integer, intent(in) :: number
+    real(wp), dimension(measures) :: old, new
+
+    new = 1.0_wp/real(number, wp)
+    old = 1.0_wp - new
+    old(period) = 1.0_wp
+    new(period) = 1.0_wp
+    new(peak) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(peak) > value(peak))
+    new(valley) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(valley) < value(valley))
+    old(peak:valley) = 1.0_wp - new(peak:valley)
+    value = old*value + new*one
+    derivative = spread(old, 2, size(derivative, 2))*derivative + spread(new, 2, size(derivative, 2))*of_one
+  end subroutine take_in
+end module dst_sensitivity
