@@ -249,7 +249,7 @@ contains
     status = status_of(self)
   end subroutine cycles_open
 
-  !> Read a deck and find the sensitivity of its settled motion to the keys GROUP.KEY that are named, one in each line.
+  !> Read a deck and find the sensitivity of its settled motion to the keys GROUP.KEY in a list with blanks.
   subroutine sensitivity_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
@@ -262,7 +262,7 @@ contains
 
     call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
     if (.not. allocated(self%error)) &
-      call find_sensitivity(self%deck, scene, velocity, lines_of(text_of(keys)), self%sensitivity, self%error)
+      call find_sensitivity(self%deck, scene, velocity, text_of(keys), self%sensitivity, self%error)
     status = status_of(self)
   end subroutine sensitivity_open
 

@@ -71,6 +71,8 @@ _MODULE_OF = {
     "compare": "trace_comparison",
     "CreepTest": "trace_creep",
     "creep_test": "trace_creep",
+    "Sensitivity": "cycle_sensitivity",
+    "sensitivity": "cycle_sensitivity",
     "TraceCycles": "trace_cycles",
     "Waveform": "trace_cycles",
     "find_cycles": "trace_cycles",
@@ -84,6 +86,7 @@ _MODULE_OF = {
 if _TYPE_CHECKING:
     from ._plotting import plot as plot
     from ._trade import Trade, open_trade, trade
+    from .cycle_sensitivity import Sensitivity, sensitivity
     from .trace import Trace
     from .trace_comparison import Statistic, TraceComparison, compare
     from .trace_creep import CreepTest, creep_test
@@ -119,6 +122,7 @@ __all__ = [
     "Result",
     "SamplingWarning",
     "Scene",
+    "Sensitivity",
     "Setup",
     "Simulation",
     "SlipProblem",
@@ -160,6 +164,7 @@ __all__ = [
     "rhs",
     "ridge",
     "run",
+    "sensitivity",
     "slip_problem",
     "spectrogram",
     "steady_sliding_eigenvalues",

@@ -355,7 +355,7 @@ class Sensitivity(Session):
     name = "list of derivatives"
 
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        handle, status = _core.sensitivity_open(*deck.arguments(), _characters("\n".join(keys)))
+        handle, status = _core.sensitivity_open(*deck.arguments(), _characters(" ".join(keys)))
         super().__init__(handle)
         self._raise(deck, status)
         cells, numbers = _table(handle, "sensitivity", described=True)

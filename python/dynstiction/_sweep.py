@@ -125,7 +125,7 @@ def sweep(
     scene = Scene(deck, **changes)
     if not (parameters is None or isinstance(parameters, Mapping)):
         raise UsageError(f"parameters = {shown(parameters)}: a mapping, {{'misalignment_deg': values}}")
-    axes = [(_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
+    axes = [(full_key(key), _values(key, values)) for key, values in (parameters or {}).items()]
     points = flag("points", points)
     if points and len({axis.size for _, axis in axes}) != 1:
         raise UsageError("points=True takes lists of one length")
@@ -179,7 +179,7 @@ def _of_cycle(info: Info) -> Info:
     return info._replace(name=f"cycle_{info.name}")
 
 
-def _key(key: str) -> str:
+def full_key(key: str) -> str:
     """``group.key`` of a key that is given with or without its group."""
     if not isinstance(key, str) or not key.isprintable():
         raise UsageError(

@@ -26,6 +26,7 @@ module dst_command_line
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
     type(argument_t), allocatable :: settings(:)   !! of --set
     character(:), allocatable :: quantity          !! of --quantity; '' = not given
+    character(:), allocatable :: sensitivity       !! of --sensitivity, with blanks between the keys; '' = not given
     real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
     real(wp) :: budget = 10.0_wp                   !! of --budget, s
     type(share_t) :: share                         !! of --share
@@ -79,6 +80,7 @@ contains
     command%name = ''
     command%output = ''
     command%quantity = ''
+    command%sensitivity = ''
     command%given = ''
     allocate (command%operands(0), command%settings(0))
     only_operands = .false.
@@ -173,6 +175,8 @@ contains
       call take_share(value, command%share, error)
     case ('--quantity')
       command%quantity = value
+    case ('--sensitivity')
+      command%sensitivity = with_blanks(value)
     case ('--accuracy')
       call take_number(option, value, '1e-3', command%accuracy, error)
     case ('--budget')
@@ -180,6 +184,18 @@ contains
     end select
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
+
+  !> A list with blanks in place of commas.
+  pure function with_blanks(list) result(words)
+    character(*), intent(in) :: list
+    character(len(list)) :: words
+    integer :: i
+
+    words = list
+    do i = 1, len(list)
+      if (words(i:i) == ',') words(i:i) = ' '
+    end do
+  end function with_blanks
 
   !> The name of an option in the table.
   pure function usual_name(option) result(name)

@@ -94,6 +94,7 @@ module dst_command_table
       'logarithm of its multiplier; also steady sliding with its eigenvalues, and from where it is reached. For a '// &
       'drive with several velocities, each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction cycles inputs/fig3.nml'//n// &
+      'dynstiction cycles inputs/fig3.nml --sensitivity system.mass,friction.v_f'//n// &
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
       'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
@@ -170,6 +171,9 @@ module dst_command_table
     option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
     option_t('--quantity', 'NAME', 'trade', '?', 'quantity with these errors, or all; default: those of final_elongation, '// &
       'period, peak_force and creep_velocity that the scene has', trade_help), &
+    option_t('--sensitivity', 'KEYS', 'cycles', '?', &
+      'how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
+      'parameters: write --sensitivity system.mass,friction.v_f'), &
     option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper validate-creep', '?', &
       'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &

@@ -173,7 +173,7 @@ contains
     else
       call scene_from_deck(deck, scene)
       if (command%name == 'cycles') then
-        call cycles_report(scene, printable(deck%name), text, error)
+        call cycles_report(deck, scene, printable(deck%name), command%sensitivity, text, error)
       else
         call stability_report(scene, printable(deck%name), text, error)
       end if

@@ -3,12 +3,14 @@ module dst_cycles_report
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, peak, valley
+  use dst_deck_values, only: deck_t
   use dst_divergence, only: regular, irregular
   use dst_errors, only: error_t, raise, deck_error
   use dst_full_cycles, only: regularity_t, steady_sliding
   use dst_kinds, only: wp
   use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier
   use dst_scene, only: scene_t
+  use dst_sensitivity, only: sensitivity_t, find_sensitivity
   use dst_slider, only: slider_t
   use dst_stability_report, only: held_velocities
   use dst_plain_numbers, only: long_text
@@ -20,14 +22,16 @@ module dst_cycles_report
 
 contains
 
-  !> One table for each velocity that the drive keeps for some time.
-  subroutine cycles_report(scene, name, text, error)
+  !> One table for each velocity that the drive keeps for some time; with the sensitivity of the motion to the listed keys.
+  subroutine cycles_report(deck, scene, name, keys, text, error)
+    type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name, keys
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(text_builder_t) :: page
     type(limit_cycles_t) :: cycles
+    type(sensitivity_t) :: sensitivity
     type(slider_t) :: slider
     real(wp), allocatable :: velocities(:)
     integer :: i
@@ -48,6 +52,11 @@ contains
       call list_sliding(page, cycles)
       call list_cycles(page, cycles, slider)
       if (cycles%model == 'full') call list_regularity(page, cycles%regularity)
+      if (keys /= '') then
+        call find_sensitivity(deck, scene, velocities(i), keys, sensitivity, error)
+        if (allocated(error)) return
+        call list_sensitivity(page, sensitivity)
+      end if
       call page%line('')
     end do
     text = page%content()
@@ -123,4 +132,19 @@ contains
         long_text(regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
     end do
   end subroutine list_regularity
+  !> In percent of a measure for one percent of a parameter.
+  subroutine list_sensitivity(page, sensitivity)
+    type(text_builder_t), intent(inout) :: page
+    type(sensitivity_t), intent(in) :: sensitivity
+    character(15*size(cycle_quantities)) :: line
+    integer :: i
+
+    call page%line('')
+    write (line, '(*(a15))') adjustr(cycle_quantities%name(:15))
+    call page%row('percent per percent', trim(line))
+    do i = 1, size(sensitivity%key)
+      write (line, '(*(f15.4))') sensitivity%derivative(:, i)*sensitivity%parameter(i)/sensitivity%value
+      call page%row('  '//trim(sensitivity%key(i)), trim(line))
+    end do
+  end subroutine list_sensitivity
 end module dst_cycles_report

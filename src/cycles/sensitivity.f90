@@ -23,7 +23,7 @@ module dst_sensitivity
   use dst_schema, only: schema, longest_text
   use dst_state, only: state_t
   use dst_tangent, only: tangent_t, rig_t, variation_t, carry
-  use dst_text, only: has_word, lower_case
+  use dst_text, only: has_word, lower_case, word, word_count
   implicit none
   private
 
@@ -44,12 +44,12 @@ module dst_sensitivity
 
 contains
 
-  !> The sensitivity of the motion of a deck's scene, which keeps one drive velocity [m/s], to some of its keys GROUP.KEY.
+  !> The sensitivity of the motion of a deck's scene, which keeps one drive velocity [m/s], to the keys GROUP.KEY in a list.
   subroutine find_sensitivity(deck, scene, velocity, keys, sensitivity, error)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
-    character(*), intent(in) :: keys(:)
+    character(*), intent(in) :: keys         !! separated by blanks
     type(sensitivity_t), intent(out) :: sensitivity
     type(error_t), allocatable, intent(out) :: error
     type(full_cycle_t), allocatable :: cycles(:)
@@ -60,10 +60,12 @@ contains
 
     if (scene%model /= 'full' .or. scene%contact /= 'exact') call raise(error, deck_error, &
       "scene.model: sensitivities are those of model 'full' with contact 'exact': give these", 'scene.model')
-    allocate (variation(size(keys)), sensitivity%parameter(size(keys)), sensitivity%key(size(keys)))
-    do i = 1, size(keys)
-      sensitivity%key(i) = lower_case(trim(keys(i)))
-      if (.not. allocated(error)) call vary(deck, scene, velocity, trim(keys(i)), sensitivity%parameter(i), variation(i), error)
+    associate (n => word_count(keys))
+      allocate (variation(n), sensitivity%parameter(n), sensitivity%key(n))
+    end associate
+    do i = 1, size(variation)
+      sensitivity%key(i) = lower_case(word(keys, i))
+      if (.not. allocated(error)) call vary(deck, scene, velocity, word(keys, i), sensitivity%parameter(i), variation(i), error)
     end do
     if (allocated(error)) return
     call find_full_cycles(scene, velocity, .false., cycles, regularity, error)
@@ -126,7 +128,7 @@ contains
       changed = scene
       associate (key => schema(varied_key(name)))
         call set_number(changed, trim(key%name), other)
-        call map_of(steady(changed, merge(other, velocity, key%name == 'velocity')), map, error)
+        call map_of(steady(changed, merge(sign(other, velocity), velocity, key%name == 'velocity')), map, error)
       end associate
       if (allocated(error)) return
       rig%slider = map%steps%slider

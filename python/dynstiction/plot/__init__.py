@@ -17,6 +17,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from .._plotting import make_callable
 from .._trade import Trade
+from ..cycle_sensitivity import Sensitivity
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
@@ -27,6 +28,7 @@ from .damping import draw_damping
 from .path import draw_path
 from .samples import columns as needed_columns
 from .samples import thin
+from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, in_axes, in_figure, new_figure, write
 from .sweep_lambda import draw_lambda
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DOTS_PER_INCH",
     "KINDS",
+    "SENSITIVITY",
     "SWEEP_KINDS",
     "WORK_PRECISION",
     "Drawable",
@@ -91,11 +94,13 @@ LARGEST = 1e100
 
 WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
+SENSITIVITY = "sensitivity"
+"""The kind of figure of the derivatives of a cycle."""
 
 make_callable(__name__)
 
-Drawable: TypeAlias = "Result | Trade | xarray.Dataset"
-"""A run, a comparison or a sweep."""
+Drawable: TypeAlias = "Result | Trade | Sensitivity | xarray.Dataset"
+"""A run, a comparison, the derivatives of a cycle, or a sweep."""
 
 
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
@@ -123,12 +128,13 @@ def draw(
 
     Parameters
     ----------
-    result : Result, Trade or xarray.Dataset
+    result : Result, Trade, Sensitivity or xarray.Dataset
         A run, from `dynstiction.run` or `dynstiction.open`; a comparison, from `dynstiction.trade` or
-        `dynstiction.open_trade`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
+        `dynstiction.open_trade`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
-        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, the only one.
+        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, and
+        for derivatives `SENSITIVITY`, the only ones.
     quantity : str, optional
         Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``.
     columns : str or sequence of str, optional
@@ -261,6 +267,8 @@ def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
     """Kinds of figure for the given object, and the default one."""
     if isinstance(result, Trade):
         return {WORK_PRECISION: draw_work_precision}, WORK_PRECISION
+    if isinstance(result, Sensitivity):
+        return {SENSITIVITY: draw_sensitivity}, SENSITIVITY
     if isinstance(result, Result):
         return KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
     return SWEEP_KINDS, "map"
