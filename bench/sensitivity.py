@@ -114,7 +114,9 @@ def main() -> None:
             error = np.abs((found.derivatives[:, place] - near) * scale)
             against.append(error / np.maximum(1.0, np.abs(found.elasticities[:, place])))
             if against[-1].max() > 1e-5:
-                print(f"scene {number}, {key}: {against[-1].max():.1e}, elasticities {found.elasticities[:, place]}")
+                print(
+                    f"scene {number}, {key}: {against[-1].max():.1e}, elasticities {found.elasticities[:, place]}"
+                )
     print(f"{scenes} scenes, {len(units)} with derivatives; {refused}")
     for title, errors in (("units", units), ("differences", against)):
         table = np.array(errors)
@@ -124,7 +126,9 @@ def main() -> None:
             f"largest {worst.max():.1e}; below 1e-6: {np.mean(worst <= 1e-6):.1%}"
         )
         for name, error in zip(found.cycle, np.median(table, axis=0), strict=True):
-            print(f"  {name:15s} median {error:.1e}, largest {table[:, list(found.cycle).index(name)].max():.1e}")
+            print(
+                f"  {name:15s} median {error:.1e}, largest {table[:, list(found.cycle).index(name)].max():.1e}"
+            )
     print(f"a parameter: median {1e3 * float(np.median(cost)):.1f} ms, longest {1e3 * max(cost):.0f} ms")
 
 

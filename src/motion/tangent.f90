@@ -184,7 +184,7 @@ contains
       associate (more => variation%more, less => variation%less)
         change = change + (more%slider%force_at_rest(from%u, more%velocity) - less%slider%force_at_rest(from%u, less%velocity)) &
           /variation%apart
-        limit = norm2(force)*(more%slider%law%static_limit - less%slider%law%static_limit)/variation%apart
+        limit = hypot(force(1), force(2))*(more%slider%law%static_limit - less%slider%law%static_limit)/variation%apart
       end associate
     end if
     if (self%rests) then
