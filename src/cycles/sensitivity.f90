@@ -36,7 +36,6 @@ module dst_sensitivity
 
   !> The measures of the cycle, as in dst_cycles, and their derivatives (measure, parameter); the names and values of the parameters.
   type :: sensitivity_t
-    integer :: slow_cycles = 0
     real(wp) :: value(measures) = 0.0_wp
     real(wp), allocatable :: derivative(:, :), parameter(:)
     character(longest_text), allocatable :: key(:)
@@ -142,7 +141,7 @@ contains
     type(release_map_t), intent(inout), target :: map
     real(wp), intent(in) :: alpha
     integer, intent(in) :: slow_cycles
-    type(variation_t), intent(in) :: variation(:)
+    type(variation_t), intent(in), target :: variation(:)
     type(sensitivity_t), intent(inout) :: sensitivity
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: passage
@@ -187,7 +186,6 @@ contains
       one(stick_time, :) = lasting - one(slip_time, :)
       call take_in(sensitivity%value, total, measures_of(high, low, lasted, map%velocity), one, i)
     end do
-    sensitivity%slow_cycles = slow_cycles
     allocate (sensitivity%derivative(measures, size(variation)))
     do k = 1, size(variation)
       sensitivity%derivative(:, k) = total(:, k) + total(:, 0)*turned(k)/(1.0_wp - turned(0))
@@ -198,15 +196,15 @@ contains
     !> The derivatives of the passage: with respect to its beginning (0), or to a parameter.
     subroutine look_along(number)
       integer, intent(in) :: number
+      type(variation_t), pointer :: towards
 
-      if (number == 0) then
-        call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, trail=trail)
-        if (passage%turns_back()) call extremes_of(map, high, low)
-        if (found .and. passage%turns_back()) call differentiate_slip(map, high%time, low%time, trail, slip(:, 0), found)
-      else
-        call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, variation(number), trail)
-        if (found .and. passage%turns_back()) &
-          call differentiate_slip(map, high%time, low%time, trail, slip(:, number), found, variation(number))
+      ! A pointer to nothing is an absent argument.
+      towards => null()
+      if (number > 0) towards => variation(number)
+      call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, towards, trail)
+      if (found .and. passage%turns_back()) then
+        if (number == 0) call extremes_of(map, high, low)
+        call differentiate_slip(map, high%time, low%time, trail, slip(:, number), found, towards)
       end if
       turn(number) = tangent%y(2)
       delay(number) = tangent%clock

@@ -30,10 +30,12 @@ module dst_tangent
 
   public :: tangent_t, rig_t, variation_t, set_slope, carry
 
-  !> How the state changes at the end of a piece, per change at the beginning of the motion or of the rig; and u at its nodes.
+  !> How the state changes at the end of a piece, per change at the beginning of the motion or of the rig; and, if wanted, u at
+  !> its nodes.
   type :: tangent_t
     real(wp) :: u(max_components) = 0.0_wp, y(max_unknowns) = 0.0_wp
     real(wp) :: inside(0:max_degree, max_components) = 0.0_wp
+    logical :: has_inside = .false.
     !> How the time changes from which the piece is seen.
     real(wp) :: clock = 0.0_wp
     !> Whether the object rests; and how the time changes at which the slip speed has fallen to zero.
@@ -90,6 +92,7 @@ contains
     integer :: i, nodes
 
     nodes = 0
+    tangent%has_inside = present(trail)
     if (present(trail)) then
       if (allocated(trail)) deallocate (trail)
       allocate (trail(recording%count))
