@@ -29,7 +29,7 @@ module dst_sensitivity
 
   public :: sensitivity_t, find_sensitivity
 
-  !> How far from a value the rigs are of which differences are taken, over the value. Twice: elasticities of up to 20
+  !> How far from a value the rigs are of which differences are taken, over the value. Twice: elasticities of up to 6
   !> change by 5e-9; ten times: by 8e-8.
   real(wp), parameter :: near = 1.0e-6_wp
   !> Groups of the parameters on which a cycle hangs.

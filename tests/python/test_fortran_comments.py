@@ -93,6 +93,22 @@ def test_the_check_finds_norm2() -> None:
     assert uses_of_norm2("a = 1\nb = Norm2 (w) ! no\n! norm2(w)\nnorm2_of = 1\n") == [2]
 
 
+def associated_texts(text: str) -> list[int]:
+    """Line numbers of names for the results of trim and the like, whose memory gfortran 12 frees twice."""
+    lines = text.lower().splitlines()
+    return [number for number, line in enumerate(lines, 1) if re.search(r"=>\s*(trim|adjustl|repeat)\s*\(", line.split("!")[0])]
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
+def test_no_text_is_freed_twice(source: Path) -> None:
+    found = associated_texts(source.read_text(encoding="utf-8"))
+    assert not found, f"src/{source.name}, lines {found}: associate with the text itself, or a variable"
+
+
+def test_the_check_finds_an_associated_text() -> None:
+    assert associated_texts("associate (a => b, c => trim (d))\nassociate (e => f) ! => trim(f)\n") == [1]
+
+
 def test_the_check_finds_what_is_missing() -> None:
     module = "!> What it is.\nmodule m\n  public :: one, two, three\n  integer, parameter :: three = 3\ncontains\n"
     routines = "  !> Said.\n  subroutine one()\n  end subroutine one\n  pure real(wp) function two()\n  end function two\n"
