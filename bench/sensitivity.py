@@ -119,6 +119,8 @@ def main() -> None:
                 )
     print(f"{scenes} scenes, {len(units)} with derivatives; {refused}")
     for title, errors in (("units", units), ("differences", against)):
+        if not errors:
+            continue
         table = np.array(errors)
         worst = table.max(axis=1)
         print(
