@@ -7,7 +7,7 @@ module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
   use dst_cycle_map, only: cycle_map_t
-  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
   use dst_divergence, only: judge, regular, irregular, undecided
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
@@ -24,7 +24,7 @@ module dst_full_cycles
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of, steady, extremes_of, measures_of
+  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of, steady, extremes_of, measures_of, share_out
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
@@ -350,7 +350,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(full_cycle_t) :: cycle
     type(passage_t) :: slow_cycle, slip
-    real(wp) :: here, one(measures)
+    real(wp) :: here, one(measures), old(measures), new(measures)
     logical :: found
     integer :: i
 
@@ -374,17 +374,29 @@ contains
       here = slow_cycle%to
       call measure(map, slip%from, slow_cycle%measure(duration), one, error)
       if (allocated(error)) return
-      associate (all => cycle%measure)
-        if (i == 1) all = one
-        if (i > 1) all = [all(period) + one(period), max(all(peak), one(peak)), min(all(valley), one(valley)), &
-          all(stick_time:) + (one(stick_time:) - all(stick_time:))/real(i, wp)]
-      end associate
+      call share_out(i, cycle%measure, one, old, new)
+      cycle%measure = old*cycle%measure + new*one
     end do
     associate (swing => cycle%measure(peak) - cycle%measure(valley), limit => map%steps%slider%law%kinetic_limit)
       cycle%slow_cycles = merge(repeats, 0, swing > threshold*limit)
     end associate
     cycles = [cycles, cycle]
   end subroutine take
+
+  !> What several slow cycles have of their measures, and what one more adds, the `number`-th: the period is that of all, the peak the
+  !> highest, the valley the lowest; the others are means.
+  pure subroutine share_out(number, value, one, old, new)
+    integer, intent(in) :: number
+    real(wp), intent(in) :: value(measures), one(measures)
+    real(wp), intent(out) :: old(measures), new(measures)
+
+    new = 1.0_wp/real(number, wp)
+    new(peak) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(peak) > value(peak))
+    new(valley) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(valley) < value(valley))
+    old = 1.0_wp - new
+    new(period) = 1.0_wp
+    old(period) = 1.0_wp
+  end subroutine share_out
 
   !> The measures of a slow cycle of this duration [s] that ends with the slip from a release: its load has its peak and its valley
   !> in this slip.

@@ -13,7 +13,7 @@ module dst_sensitivity
   use dst_deck_sweep, only: varied_key, variation_problem
   use dst_deck_values, only: deck_t
   use dst_errors, only: error_t, raise, deck_error, usage_error
-  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, extremes_of, measures_of
+  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, extremes_of, measures_of, share_out
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
@@ -151,6 +151,7 @@ contains
     type(extremum_t) :: high, low
     real(wp), dimension(0:size(variation)) :: turned, turn, delay, lasting
     real(wp), dimension(measures, 0:size(variation)) :: slip, one, total, direct
+    real(wp), dimension(measures) :: value, old, new
     real(wp) :: release, lasted
     logical :: found
     integer :: i, k
@@ -185,7 +186,10 @@ contains
       one(period, :) = lasting
       if (low%time < high%time) one(slip_time, :) = one(slip_time, :) + lasting
       one(stick_time, :) = lasting - one(slip_time, :)
-      call take_in(sensitivity%value, total, measures_of(high, low, lasted, map%velocity), one, i)
+      value = measures_of(high, low, lasted, map%velocity)
+      call share_out(i, sensitivity%value, value, old, new)
+      sensitivity%value = old*sensitivity%value + new*value
+      total = spread(old, 2, size(turned))*total + spread(new, 2, size(turned))*one
     end do
     allocate (sensitivity%derivative(measures, size(variation)))
     do k = 1, size(variation)
@@ -283,22 +287,4 @@ contains
       end associate
     end subroutine look
   end subroutine differentiate_slip
-
-  !> One more slow cycle: the period is that of all, the peak the highest, the valley the lowest; the others are means.
-  pure subroutine take_in(value, derivative, one, of_one, number)
-    real(wp), intent(inout) :: value(:), derivative(:, 0:)
-    real(wp), intent(in) :: one(:), of_one(:, 0:)
-    integer, intent(in) :: number
-    real(wp), dimension(measures) :: old, new
-
-    new = 1.0_wp/real(number, wp)
-    old = 1.0_wp - new
-    old(period) = 1.0_wp
-    new(period) = 1.0_wp
-    new(peak) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(peak) > value(peak))
-    new(valley) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(valley) < value(valley))
-    old(peak:valley) = 1.0_wp - new(peak:valley)
-    value = old*value + new*one
-    derivative = spread(old, 2, size(derivative, 2))*derivative + spread(new, 2, size(derivative, 2))*of_one
-  end subroutine take_in
 end module dst_sensitivity
