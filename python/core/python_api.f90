@@ -589,8 +589,8 @@ contains
 
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles, repeats), 'sensitivity', of each
-  !> measure of the cycle the value and the derivatives with respect to the 'parameters', and 'ends', one number with a name each: values that do not exist are omitted.
+  !> (with exponent, error, slow cycles, cycles, repeats), 'sensitivity', of each measure of the cycle the value and the
+  !> derivatives with respect to the 'parameters', and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which

@@ -6,8 +6,8 @@ module dst_command_line
   use dst_errors, only: error_t, raise, usage_error
   use dst_schema, only: schema, find_key, find_name, names_file
   use dst_share, only: share_t, take_share
-  use dst_text, only: starts_with, has_word, lower_case, word, word_count, nearest_word, excerpt, alternatives, integer_text, &
-    one_per_line, read_real
+  use dst_text, only: starts_with, has_word, with_blanks, lower_case, word, word_count, nearest_word, excerpt, alternatives, &
+    integer_text, one_per_line, read_real
   implicit none
   private
 
@@ -176,7 +176,7 @@ contains
     case ('--quantity')
       command%quantity = value
     case ('--sensitivity')
-      command%sensitivity = with_blanks(value)
+      command%sensitivity = with_blanks(value, ',')
     case ('--accuracy')
       call take_number(option, value, '1e-3', command%accuracy, error)
     case ('--budget')
@@ -184,18 +184,6 @@ contains
     end select
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
-
-  !> A list with blanks in place of commas.
-  pure function with_blanks(list) result(words)
-    character(*), intent(in) :: list
-    character(len(list)) :: words
-    integer :: i
-
-    words = list
-    do i = 1, len(list)
-      if (words(i:i) == ',') words(i:i) = ' '
-    end do
-  end function with_blanks
 
   !> The name of an option in the table.
   pure function usual_name(option) result(name)
@@ -226,10 +214,7 @@ contains
     integer :: equals, i, k
 
     equals = index(text, '=')
-    words = text(equals + 1:)
-    do i = 1, len(words)
-      if (words(i:i) == ':') words(i:i) = ' '
-    end do
+    words = with_blanks(text(equals + 1:), ':')
     spacing = 'linear'
     if (word_count(words) == 4) spacing = word(words, 4)
     problem = ''

@@ -11,7 +11,7 @@ module dst_completion
     trade_quantities
   use dst_schema, only: schema, key_count, find_key, find_name, real_kind, reals_kind
   use dst_summary, only: summary_quantities
-  use dst_text, only: text_builder_t, starts_with, lower_case, has_word, word, word_count
+  use dst_text, only: text_builder_t, starts_with, lower_case, has_word, with_blanks, word, word_count
   implicit none
   private
 
@@ -162,13 +162,8 @@ contains
   subroutine offer_kind(builder, kind, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: kind, typed
-    character(len(kind)) :: words
     integer :: i
 
-    words = kind
-    do i = 1, len(kind)
-      if (kind(i:i) == '|') words(i:i) = ' '
-    end do
     select case (kind)
     case ('DECK', 'NML')
       call builder%line('*.nml')
@@ -202,7 +197,7 @@ contains
       if (starts_with(kind, 'KEY=')) then
         call offer_varied(builder, typed)
       else if (lower_case(kind) == kind) then
-        call offer(builder, words, typed)
+        call offer(builder, with_blanks(kind, '|'), typed)
       end if
     end select
   end subroutine offer_kind

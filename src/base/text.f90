@@ -5,8 +5,8 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, value_in, word, word_count, has_word, nearest_word, alternatives, excerpt, printable, &
-    one_per_line, utf8_width
+  public :: lower_case, starts_with, value_in, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
+    printable, one_per_line, utf8_width
   public :: short_length, real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
 
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
@@ -82,6 +82,19 @@ contains
     text = ''
     if (self%length > 0) text = self%buffer(:self%length)
   end function content
+
+  !> A list with blanks in place of its separators.
+  pure function with_blanks(list, separator) result(words)
+    character(*), intent(in) :: list
+    character(1), intent(in) :: separator
+    character(len(list)) :: words
+    integer :: i
+
+    words = list
+    do i = 1, len(list)
+      if (words(i:i) == separator) words(i:i) = ' '
+    end do
+  end function with_blanks
 
   !> ASCII letters in lower case.
   pure function lower_case(text) result(lower)

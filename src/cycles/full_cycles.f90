@@ -24,7 +24,8 @@ module dst_full_cycles
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding, map_of, steady, extremes_of, measures_of, share_out
+  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding
+  public :: settle, map_of, steady, extremes_of, measures_of, share_out
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
@@ -84,11 +85,7 @@ contains
     real(wp), allocatable :: returns(:)
     logical :: goes_on
 
-    allocate (cycles(0))
-    regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
-    regularity%error = regularity%exponent
-    call map_of(steady(scene, velocity), map, error)
-    if (.not. allocated(error)) call follow(map, returns, goes_on, regularity, error)
+    call settle(scene, velocity, map, returns, goes_on, cycles, regularity, error)
     if (allocated(error)) return
     if (.not. goes_on) then
       call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
@@ -102,6 +99,28 @@ contains
     regularity%exponent = cycles(1)%log_multiplier/real(regularity%repeats, wp)
     regularity%error = 0.0_wp
   end subroutine find_full_cycles
+
+  !> Follow the motion of a scene under one drive velocity [m/s] by its map: the releases with which slow cycles end, and the cycle
+  !> with rest to which it settles, if it does.
+  subroutine settle(scene, velocity, map, returns, goes_on, cycles, regularity, error)
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity
+    type(release_map_t), intent(out) :: map
+    real(wp), allocatable, intent(out) :: returns(:)
+    logical, intent(out) :: goes_on
+    type(full_cycle_t), allocatable, intent(out) :: cycles(:)
+    type(regularity_t), intent(out) :: regularity
+    type(error_t), allocatable, intent(out) :: error
+
+    allocate (cycles(0))
+    goes_on = .false.
+    regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
+    regularity%error = regularity%exponent
+    call map_of(steady(scene, velocity), map, error)
+    if (.not. allocated(error)) call follow(map, returns, goes_on, regularity, error)
+    if (allocated(error) .or. regularity%repeats == 0) return
+    call take(map, returns(size(returns)), regularity%repeats, cycles, error)
+  end subroutine settle
 
   !> The map of a scene, which must have one steady drive velocity, exact contact and a method for it.
   subroutine map_of(scene, map, error)
@@ -268,7 +287,7 @@ contains
     end if
   end subroutine look_at_the_end
 
-  !> The cycle to which the motion settles, and those that the map of one slow cycle has around its releases.
+  !> The cycles that the map of one slow cycle has around its releases.
   subroutine find_fixed_points(map, returns, repeats, cycles, error)
     type(release_map_t), intent(inout) :: map
     real(wp), intent(in) :: returns(:)
@@ -279,8 +298,6 @@ contains
     logical :: found, found_before
     integer :: i, points
 
-    if (repeats > 0) call take(map, returns(size(returns)), repeats, cycles, error)
-    if (allocated(error)) return
     points = merge(few, many, repeats > 0)
     ! The first release comes from the beginning of the scene.
     first = minval(returns(2:))

@@ -51,14 +51,14 @@ module dst_tangent
     type(slider_t) :: slider
     class(slip_system_t), allocatable :: system
     real(wp) :: velocity = 0.0_wp              !! V, m/s
-  contains
-    procedure :: drift
   end type rig_t
 
   !> Two rigs on either side of one, and how far they are apart in a parameter.
   type :: variation_t
     type(rig_t) :: more, less
     real(wp) :: apart = 1.0_wp
+  contains
+    procedure :: drift
   end type variation_t
 
 contains
@@ -128,12 +128,13 @@ contains
     end function begun
   end subroutine carry
 
-  !> The rate [m/s] at which the drive stretches the springs of the object at rest, V e.
+  !> How V e changes, the rate [m/s] at which the drive stretches the springs of the object at rest.
   pure function drift(self)
-    class(rig_t), intent(in) :: self
+    class(variation_t), intent(in) :: self
     real(wp) :: drift(2)
 
-    drift = self%velocity*self%slider%drive_coupling()
+    drift = (self%more%velocity*self%more%slider%drive_coupling() - self%less%velocity*self%less%slider%drive_coupling()) &
+      /self%apart
   end function drift
 
   !> Continue to the end of a piece.
@@ -150,7 +151,7 @@ contains
     found = .true.
     if (piece%contact /= slips) then
       self%rests = .true.
-      if (present(variation)) self%u = self%u + (variation%more%drift() - variation%less%drift())/variation%apart &
+      if (present(variation)) self%u = self%u + variation%drift() &
         *(piece%to%time - piece%from%time + (piece%to%time_rest - piece%from%time_rest))
       return
     end if
