@@ -1,11 +1,12 @@
 """What a run and `dynstiction.cycles` say of a motion, against runs by steps: random scenes of the full model.
 
-    python bench/repeats.py [--scenes 100] [--seed 1] [--short]
+    python bench/repeats.py [--scenes 100] [--seed 1] [--starts 0] [--short]
 
 A run with the cycle map off (radau13, rtol 1e-9) is as long as some hundred slow cycles. Its releases tell whether it repeats: the
 intervals between the last ones agree with those of n releases before. Compared are the time after which it repeats, and the verdict, of
 `cycles`, and of a run with the map at the usual tolerance: `repeats` times its mean period. Prints a line for each scene where they
-differ, and for each verdict how many there are and how long the analysis takes.
+differ, and for each verdict how many there are and how long the analysis takes. With ``--starts`` runs begin with as many random
+elongations of each scene: what they repeat has to be one of the cycles, too.
 """
 
 import argparse
@@ -69,6 +70,23 @@ def repeats_after(scene: ds.Scene, slow_cycles: float) -> tuple[float | None, in
     return None, late.size
 
 
+def period_from(scene: ds.Scene, chance: random.Random) -> float | None:
+    """The time after which a run repeats that begins with random elongations within the limit of rest [s]; None if it does not."""
+    pull, angle = 2.0 * math.sqrt(chance.random()), chance.uniform(-math.pi, math.pi)
+    summary = ds.run(
+        scene,
+        initial={
+            "velocity_ratio": 0.0,
+            "elongation_x": pull * math.cos(angle) / 1e3,
+            "elongation_y": pull * math.sin(angle) / scene.system.stiffness_y,
+        },
+        scene={"t_end": length_of(scene, 100.0)},
+        integrator={"method": "radau13", "rtol": 1e-9},
+        output=ONE,
+    ).summary
+    return summary["repeats"] * summary["period"] if summary.get("repeats") and summary["cycles"] else None
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -76,13 +94,14 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--starts", type=int, default=0, help="runs from other elongations")
     parser.add_argument("--slow-cycles", type=float, default=150, help="length of the runs")
     parser.add_argument(
         "--short", action="store_true", help="a short form of some seconds, to check that it runs"
     )
     options = parser.parse_args()
     taken = collections.defaultdict(list)
-    agree = differ = 0
+    agree = differ = attractors = missed = 0
     runs = collections.Counter()
     for number in range(options.first, options.first + (4 if options.short else options.scenes)):
         scene = random_scene(options.seed, number)
@@ -102,6 +121,14 @@ def main() -> None:
                 "right" if abs(summary["repeats"] * summary["period"] - period) <= 1e-5 * period else "wrong"
             )
         runs[said] += 1
+        for start in range(options.starts):
+            other = period_from(scene, random.Random(f"{options.seed} {number} {start}"))
+            if other is None:
+                continue
+            attractors += 1
+            if not any(abs(other - cycle.period) <= 1e-5 * other for cycle in found.stable):
+                missed += 1
+                print(f"scene {number}: a run from elsewhere repeats after {other} s, which is no cycle")
         if said == "wrong":
             print(f"scene {number}: the run says {summary['repeats']} x {summary['period']}, steps {period}")
         told = [cycle.period for cycle in found.stable]
@@ -128,6 +155,7 @@ def main() -> None:
                 flush=True,
             )
     print(f"cycles: {agree} agree, {differ} differ; runs: {dict(runs)}")
+    print(f"runs from elsewhere that repeat: {attractors}, not in the list: {missed}")
     for verdict, seconds in taken.items():
         print(
             f"{verdict:15s} {len(seconds):4d} scenes, median {1e3 * median(seconds):8.1f} ms, longest {max(seconds):6.2f} s"

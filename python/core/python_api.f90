@@ -21,7 +21,7 @@ module dst_python_api
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
-  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, log_multiplier, find_limit_cycles
+  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
@@ -589,7 +589,7 @@ contains
 
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles, repeats), 'sensitivity', of each measure of the cycle the value and the
+  !> (with exponent, error, slow cycles, cycles, repeats, searched), 'sensitivity', of each measure of the cycle the value and the
   !> derivatives with respect to the 'parameters', and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
@@ -603,7 +603,6 @@ contains
       associate (cycles => self%cycles, n => size(limit_cycle_quantities))
         call new_table(self%table, cycles%number(), 0, n + 1)
         self%table%number(:n, :) = cycles%value
-        where (.not. cycles%has_multiplier) self%table%number(log_multiplier, :) = ieee_value(1.0_wp, ieee_quiet_nan)
         self%table%number(n + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
       end associate
     case ('sliding')
@@ -622,10 +621,10 @@ contains
         self%table%number(2, :) = regularity%scatter
       end associate
     case ('verdict')
-      call new_table(self%table, 1, 0, 6)
+      call new_table(self%table, 1, 0, 7)
       associate (regularity => self%cycles%regularity)
         self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
-          real([regularity%slow_cycles, regularity%cycles, regularity%repeats], wp)]
+          real([regularity%slow_cycles, regularity%cycles, regularity%repeats, regularity%searched], wp)]
       end associate
     case ('sensitivity')
       associate (derivative => self%sensitivity%derivative)

@@ -333,7 +333,7 @@ class Cycles(Session):
             for row in (mean, scatter)
         )
         self.verdict, self.exponent, self.error, *counts = _table(handle, "verdict")[1][:, 0].tolist()
-        self.slow_cycles, self.count, self.repeats = map(int, counts)
+        self.slow_cycles, self.count, self.repeats, self.searched = map(int, counts)
         sliding = _table(handle, "sliding")[1][:, 0].tolist()
         self.sliding_load, stable, self.velocity, self.model_error = sliding
         self.sliding_is_stable = stable == 1.0

@@ -62,6 +62,9 @@ class Regularity(NamedTuple):
     """Mean of period, peak_force, ..., over the later half of the cycles; empty if there are none."""
     scatter: dict[str, float]
     """Their standard deviations."""
+    searched: int
+    """Cycles of up to so many slow cycles were looked for: those of more are too many for the releases that were followed, or the search
+    took too long."""
 
 
 class Cycles(NamedTuple):
@@ -72,6 +75,9 @@ class Cycles(NamedTuple):
     """Drive velocity |V| [m/s]."""
     cycles: tuple[LimitCycle, ...]
     """The cycles by increasing swing."""
+    release_angle: NDArray[np.float64]
+    """Direction of the force on the object at the release with which each of them begins [rad], from the soft to the stiff axis, each
+    positive where the drive pulls; NaN for those without a release, as in the slow motion."""
     sliding_load: float
     """k_x u_x in steady sliding [N]."""
     sliding_is_stable: bool
@@ -165,8 +171,9 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.velocity,
             tuple(
                 LimitCycle(*row, int(slow_cycles), stable)
-                for (*row, slow_cycles), stable in zip(found.values.tolist(), found.are_stable, strict=True)
+                for (*row, slow_cycles, _), stable in zip(found.values.tolist(), found.are_stable, strict=True)
             ),
+            found.values[:, -1],
             found.sliding_load,
             found.sliding_is_stable,
             found.eigenvalues,
@@ -190,6 +197,7 @@ def _regularity(found: _native.Cycles) -> Regularity:
         found.slow_cycles,
         found.mean if there else {},
         found.scatter if there else {},
+        found.searched,
     )
 
 

@@ -1,6 +1,6 @@
 !> What the executable does. Only here is anything printed about errors.
 module dst_main
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable, real_text
   use dst_disk, only: place_of
@@ -16,6 +16,7 @@ module dst_main
   use dst_catalogue, only: catalogue
   use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
+  use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
   use dst_scene, only: scene_t, scene_from_deck
@@ -24,10 +25,11 @@ module dst_main
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep, merge_sweep
   use dst_show, only: show_result, deck_in_brief
-  use dst_signals, only: listen_to_requests, listen_to_signals
+  use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
   use dst_instructions, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
+  use dst_stopwatch, only: wall_clock
   use dst_threads, only: task_t
   use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
@@ -43,6 +45,9 @@ module dst_main
   end type program_t
 
   type(command_t) :: command
+  !> A search for cycles, and when it began [s].
+  type(progress_t) :: progress
+  real(wp) :: begun = 0.0_wp
   !> Exit status of the program: that of the first error.
   integer, public, protected :: status = result_done
 
@@ -144,8 +149,8 @@ contains
       else
         call describe_deck(command%operands(i)%text, text, error)
       end if
+      if (.not. (allocated(error) .and. text == '')) call print_text(text)
       call complain(error)
-      if (.not. allocated(error)) call print_text(text)
     end do
   end subroutine print_each
 
@@ -173,13 +178,26 @@ contains
     else
       call scene_from_deck(deck, scene)
       if (command%name == 'cycles') then
-        call cycles_report(deck, scene, printable(deck%name), command%sensitivity, text, error)
+        call listen_to_signals()
+        progress = new_progress(deck%name, .false.)
+        begun = wall_clock()
+        call cycles_report(deck, scene, printable(deck%name), command%sensitivity, text, error, is_stopped)
+        call progress%close()
+        if (is_told_to_end()) call raise(error, stopped_early, stopped_by()//': there may be more cycles')
       else
         call stability_report(scene, printable(deck%name), text, error)
       end if
       if (allocated(error)) error%text = printable(deck%name)//': '//error%text
     end if
   end subroutine describe_deck
+
+  !> Show how far a search for cycles is; whether it has to end.
+  logical function is_stopped(passages)
+    integer(int64), intent(in) :: passages
+
+    call progress%show_search(passages, wall_clock() - begun)
+    is_stopped = is_told_to_end()
+  end function is_stopped
 
   !> A deck with the settings of the command; a deck that 'check' and 'run' accept without an error will run.
   subroutine take_deck(file_name, deck, notes, interval, error)

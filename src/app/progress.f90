@@ -1,6 +1,6 @@
 !> The progress of a run on the terminal: one line that is updated, or a plain line every 10 s.
 module dst_progress
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_plain_numbers, only: number_text, duration_text
   use dst_posix, only: c_is_terminal
   use dst_standard_streams, only: put_error
@@ -23,6 +23,7 @@ module dst_progress
   contains
     procedure :: show
     procedure :: show_cases
+    procedure :: show_search
     procedure, private :: put_line
     procedure :: remark
     procedure :: close
@@ -70,6 +71,16 @@ contains
     call self%put_line(self%label//': '//integer_text(before + done)//' of '//integer_text(before + to_do)//' cases, '// &
       integer_text(failed)//' failed'//pace, elapsed)
   end subroutine show_cases
+
+  !> Report that a search for cycles has followed so many passages in `elapsed` wall time [s], if it is time to.
+  subroutine show_search(self, passages, elapsed)
+    class(progress_t), intent(inout) :: self
+    integer(int64), intent(in) :: passages
+    real(wp), intent(in) :: elapsed
+
+    if (self%quiet .or. elapsed < self%next) return
+    call self%put_line(self%label//': cycles of '//number_text(real(passages, wp))//' passages', elapsed)
+  end subroutine show_search
 
   !> ', 12 s left', if a share took `elapsed` wall time [s]; '' before the remaining time can be estimated.
   pure function time_left(elapsed, share) result(text)

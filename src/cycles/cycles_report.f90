@@ -2,13 +2,14 @@
 module dst_cycles_report
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: slider_from_scene
-  use dst_cycles, only: cycle_quantities, peak, valley
+  use dst_cycles, only: cycle_quantities, period, peak, valley
   use dst_deck_values, only: deck_t
   use dst_divergence, only: regular, irregular
   use dst_errors, only: error_t, raise, deck_error
   use dst_full_cycles, only: regularity_t, steady_sliding
   use dst_kinds, only: wp
-  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier
+  use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier, slow_cycles
+  use dst_release_map, only: watch_t
   use dst_scene, only: scene_t
   use dst_sensitivity, only: sensitivity_t, find_sensitivity
   use dst_slider, only: slider_t
@@ -23,12 +24,13 @@ module dst_cycles_report
 contains
 
   !> One table for each velocity that the drive keeps for some time; with the sensitivity of the motion to the listed keys.
-  subroutine cycles_report(deck, scene, name, keys, text, error)
+  subroutine cycles_report(deck, scene, name, keys, text, error, watch)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: name, keys
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
+    procedure(watch_t), optional :: watch    !! who looks on, and may end the search
     type(text_builder_t) :: page
     type(limit_cycles_t) :: cycles
     type(sensitivity_t) :: sensitivity
@@ -45,7 +47,7 @@ contains
     end if
     call slider_from_scene(scene, slider)
     do i = 1, size(velocities)
-      call find_limit_cycles(scene, velocities(i), cycles, error)
+      call find_limit_cycles(scene, velocities(i), cycles, error, watch)
       if (allocated(error)) return
       call page%line('# '//name//': limit cycles at V = '//long_text(velocities(i))//' m/s, phi = '// &
         long_text(scene%misalignment_deg)//' deg, model '//cycles%model)
@@ -84,9 +86,16 @@ contains
     if (cycles%number() == 0) call page%row('cycles', 'none')
     do i = 1, cycles%number()
       call page%line('')
+      if (.not. cycles%is_stable(i) .and. cycles%value(slow_cycles, i) > 1.0_wp) then
+        ! There may be very many of these.
+        call page%row('cycle '//integer_text(i), 'unstable, of '//integer_text(nint(cycles%value(slow_cycles, i)))// &
+          ' slow cycles in '//long_text(cycles%value(period, i))//' s, between '//long_text(cycles%value(valley, i))//' N and '// &
+          long_text(cycles%value(peak, i))//' N, log_multiplier '//long_text(cycles%value(log_multiplier, i)))
+        cycle
+      end if
       call page%row('cycle '//integer_text(i), trim(merge('stable  ', 'unstable', cycles%is_stable(i))))
       do k = 1, size(limit_cycle_quantities)
-        if (k == log_multiplier .and. .not. cycles%has_multiplier(i)) cycle
+        if (ieee_is_nan(cycles%value(k, i))) cycle
         call page%row('  '//trim(limit_cycle_quantities(k)%name), long_text(cycles%value(k, i))//' '// &
           trim(limit_cycle_quantities(k)%units))
       end do
@@ -100,13 +109,16 @@ contains
     end do
   end subroutine list_cycles
 
-  !> What the motion from the scene's initial state is like: a cycle that it settles to, or a distribution of cycles.
+  !> How far was searched, and what the motion from the scene's initial state is like: a cycle that it settles to, or a distribution
+  !> of cycles.
   subroutine list_regularity(page, regularity)
     type(text_builder_t), intent(inout) :: page
     type(regularity_t), intent(in) :: regularity
     integer :: k
 
     call page%line('')
+    call page%row('cycles were looked for', 'of up to '//integer_text(regularity%searched)//' slow cycle'// &
+      trim(merge('s', ' ', regularity%searched > 1)))
     select case (regularity%verdict)
     case (regular)
       if (regularity%repeats > 0) then

@@ -1,10 +1,12 @@
 !> The limit cycles of the full model, and what its motion comes to, from its map from release to release (dst_release_map).
 !>
 !> A slow cycle ends with the passage that turns the force back. Where the release with which it ends agrees with that of the m-th
-!> slow cycle before, the motion repeats after m slow cycles; unstable cycles are zeros of the map of one slow cycle minus identity,
-!> found in the same way as stable ones: because of rest the motion need not be followed backwards.
+!> slow cycle before, the motion repeats after m slow cycles. Other orbits, which begin with releases of all directions, come to the
+!> other stable cycles. Cycles that no motion comes to are zeros of the map of n slow cycles minus identity, which the orbits have
+!> already: between two releases next to each other of which one was followed by a larger one n slow cycles later, the other by a
+!> smaller one. Because of rest no motion need be followed backwards.
 module dst_full_cycles
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
@@ -16,7 +18,7 @@ module dst_full_cycles
   use dst_piece, only: piece_t
   use dst_piece_view, only: piece_view_t
   use dst_passage, only: passage_t, duration
-  use dst_release_map, only: release_map_t, new_release_map
+  use dst_release_map, only: release_map_t, watch_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
   use dst_state, only: state_t
@@ -24,7 +26,7 @@ module dst_full_cycles
   implicit none
   private
 
-  public :: full_cycle_t, regularity_t, find_full_cycles, steady_sliding
+  public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles, steady_sliding
   public :: settle, map_of, steady, extremes_of, measures_of, share_out
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
@@ -33,15 +35,23 @@ module dst_full_cycles
   real(wp), parameter :: same = 1.0e-10_wp
   !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
   integer, parameter :: most_repeats = 8, followed = 400
-  !> Numbers of releases between which fixed points are searched: if the motion settles, and if it does not. Conventions; twice: no
-  !> more cycles of Fig. 3 and k_y = 5e6 N/m, 19 instead of 17 with k_y = 1e6 N/m.
-  integer, parameter :: few = 8, many = 256
+  !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
+  real(wp), parameter :: lengths = 200.0_wp
+  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if it repeats, and if it
+  !> does not; and slow cycles for which such an orbit is followed. Conventions.
+  integer, parameter :: few = 8, many = 128, explored = 60
+  !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention.
+  real(wp), parameter :: resolved = 0.25_wp
   integer, parameter :: max_iterations = 40
   !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
   real(wp), parameter :: alike = 1.0e-6_wp
   !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
+  !> The share of what a search may cost after which an orbit is followed no further. Convention.
+  real(wp), parameter :: share_of_orbit = 0.4_wp
+  !> No range of releases.
+  real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
   !> A further verdict, beside those of dst_divergence.
   integer, parameter :: steady_sliding = 2
 
@@ -54,8 +64,23 @@ module dst_full_cycles
     logical :: has_multiplier = .true.
     real(wp) :: log_multiplier = 0.0_wp
     integer :: slow_cycles = 1
-    real(wp) :: alpha = 0.0_wp
+    !> The releases with which its slow cycles begin [rad], the first one the largest, and their number.
+    real(wp) :: release(most_repeats) = huge(1.0_wp)
+    integer :: repeats = 1
+  contains
+    procedure :: is_stable
   end type full_cycle_t
+
+  !> The releases with which the slow cycles of a motion end, one after the other [rad].
+  type :: orbit_t
+    real(wp), allocatable :: release(:)
+    !> The logarithms of the slopes of its slow cycles, NaN if they are not known, and the time that they took [s].
+    real(wp), allocatable :: log_slope(:)
+    real(wp) :: time = 0.0_wp
+    !> After how many slow cycles it repeats, 0 if it does not; and whether there is always one more.
+    integer :: repeats = 0
+    logical :: goes_on = .true.
+  end type orbit_t
 
   !> What a motion is like after some time.
   type :: regularity_t
@@ -69,57 +94,114 @@ module dst_full_cycles
     !> Mean and scatter of the measures of its cycles.
     real(wp) :: mean(measures) = 0.0_wp, scatter(measures) = 0.0_wp
     integer :: cycles = 0
+    !> Cycles of up to so many slow cycles were looked for.
+    integer :: searched = 0
   end type regularity_t
 
 contains
 
+  !> Whether a motion can stay at the cycle.
+  elemental logical function is_stable(self)
+    class(full_cycle_t), intent(in) :: self
+
+    is_stable = self%log_multiplier < 0.0_wp .or. .not. self%has_multiplier
+  end function is_stable
+
   !> The cycles of a scene under one drive velocity [m/s], and what its motion comes to.
-  subroutine find_full_cycles(scene, velocity, sliding_is_stable, cycles, regularity, error)
+  subroutine find_full_cycles(scene, velocity, sliding_is_stable, cycles, regularity, error, watch)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     logical, intent(in) :: sliding_is_stable
     type(full_cycle_t), allocatable, intent(out) :: cycles(:)
     type(regularity_t), intent(out) :: regularity
     type(error_t), allocatable, intent(out) :: error
+    procedure(watch_t), optional :: watch
     type(release_map_t) :: map
-    real(wp), allocatable :: returns(:)
-    logical :: goes_on
+    type(orbit_t) :: orbit
+    type(orbit_t), allocatable :: orbits(:)
+    logical :: are_all
+    integer :: n
 
-    call settle(scene, velocity, map, returns, goes_on, cycles, regularity, error)
+    call settle(scene, velocity, map, orbit, cycles, regularity, error, watch)
     if (allocated(error)) return
-    if (.not. goes_on) then
-      call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
-    else if (regularity%repeats == 0) then
+    if (.not. orbit%goes_on) call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
+    if (allocated(error)) return
+    orbits = [orbit]
+    call explore(map, steady(scene, velocity), orbits, cycles)
+    if (map%has_fixed) call take(map, map%fixed, 1, cycles, error)
+    if (allocated(error)) deallocate (error)
+    do n = 1, most_repeats
+      call find_between(map, orbits, n, cycles, are_all)
+      if (.not. are_all) exit
+      regularity%searched = n
+    end do
+    ! The cycle to which it settles determines its regularity.
+    n = place_of_end(orbit, cycles)
+    if (n > 0) then
+      regularity%verdict = regular
+      regularity%repeats = cycles(n)%repeats
+      regularity%exponent = cycles(n)%log_multiplier/real(cycles(n)%repeats, wp)
+      regularity%error = 0.0_wp
+    else if (orbit%goes_on .and. orbit%repeats == 0) then
       call measure_scatter(steady(scene, velocity), regularity, error)
     end if
-    if (.not. allocated(error) .and. size(returns) > 1) call find_fixed_points(map, returns, regularity%repeats, cycles, error)
-    if (allocated(error) .or. regularity%repeats == 0 .or. size(cycles) == 0) return
-    ! The cycle to which it settles determines its regularity.
-    if (.not. cycles(1)%has_multiplier) return
-    regularity%exponent = cycles(1)%log_multiplier/real(regularity%repeats, wp)
-    regularity%error = 0.0_wp
   end subroutine find_full_cycles
+
+  !> The place of the stable cycle to which an orbit comes, 0 if there is none or it is not known: it repeats it, or its distance
+  !> decreases by the multiplier each time.
+  pure integer function place_of_end(orbit, cycles) result(place)
+    type(orbit_t), intent(in) :: orbit
+    type(full_cycle_t), intent(in) :: cycles(:)
+    !> How far a decrease may be from the multiplier, and how many have to agree. Conventions.
+    real(wp), parameter :: near = 0.05_wp
+    integer, parameter :: telling = 4
+    real(wp) :: distance(0:telling)
+    integer :: i, k
+
+    do place = 1, size(cycles)
+      associate (one => cycles(place), last => size(orbit%release))
+        if (.not. (one%has_multiplier .and. one%log_multiplier < 0.0_wp) .or. last <= telling*one%repeats) cycle
+        i = minloc(abs(one%release - orbit%release(last)), 1)
+        distance = [(abs(orbit%release(last - k*one%repeats) - one%release(i)), k=telling, 0, -1)]
+        if (distance(telling) <= alike) return
+        if (all(abs(distance(1:) - exp(one%log_multiplier)*distance(:telling - 1)) <= near*distance(1:))) return
+      end associate
+    end do
+    place = 0
+  end function place_of_end
 
   !> Follow the motion of a scene under one drive velocity [m/s] by its map: the releases with which slow cycles end, and the cycle
   !> with rest to which it settles, if it does.
-  subroutine settle(scene, velocity, map, returns, goes_on, cycles, regularity, error)
+  subroutine settle(scene, velocity, map, orbit, cycles, regularity, error, watch)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(release_map_t), intent(out) :: map
-    real(wp), allocatable, intent(out) :: returns(:)
-    logical, intent(out) :: goes_on
+    type(orbit_t), intent(out) :: orbit
     type(full_cycle_t), allocatable, intent(out) :: cycles(:)
     type(regularity_t), intent(out) :: regularity
     type(error_t), allocatable, intent(out) :: error
+    procedure(watch_t), optional :: watch
+    real(wp) :: start
 
-    allocate (cycles(0))
-    goes_on = .false.
+    allocate (cycles(0), orbit%release(0), orbit%log_slope(0))
     regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
     regularity%error = regularity%exponent
     call map_of(steady(scene, velocity), map, error)
-    if (.not. allocated(error)) call follow(map, returns, goes_on, regularity, error)
-    if (allocated(error) .or. regularity%repeats == 0) return
-    call take(map, returns(size(returns)), regularity%repeats, cycles, error)
+    if (present(watch)) map%watch => watch
+    if (.not. allocated(error)) call map%first(start, orbit%goes_on, error)
+    if (.not. allocated(error) .and. orbit%goes_on) call follow(map, start, followed, nowhere, cycles, orbit, error)
+    if (allocated(error)) return
+    regularity%slow_cycles = size(orbit%log_slope)
+    regularity%time = orbit%time
+    regularity%repeats = orbit%repeats
+    if (orbit%repeats > 0) then
+      regularity%verdict = regular
+      call take(map, orbit%release(size(orbit%release)), orbit%repeats, cycles, error)
+    else if (orbit%goes_on) then
+      associate (known => pack(orbit%log_slope, .not. ieee_is_nan(orbit%log_slope)))
+        call judge(known(size(known)/2 + 1:), regularity%exponent, regularity%error, regularity%verdict)
+      end associate
+    end if
   end subroutine settle
 
   !> The map of a scene, which must have one steady drive velocity, exact contact and a method for it.
@@ -146,9 +228,6 @@ contains
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(scene_t) :: changed
-    !> In lengths F_0/k_x of drive displacement, and in periods of the free oscillation. Convention.
-    real(wp), parameter :: long = 200.0_wp
-
     changed = scene
     changed%model = 'full'
     changed%method = 'radau13'
@@ -158,43 +237,39 @@ contains
     changed%drive_velocity = [velocity]
     changed%step_max = 0.0_wp
     changed%settle = 0.0_wp
-    changed%t_end = long*(scene%mu_0*scene%normal_load/(scene%stiffness_x*abs(velocity)) &
+    changed%t_end = lengths*(scene%mu_0*scene%normal_load/(scene%stiffness_x*abs(velocity)) &
       + 2.0_wp*pi*sqrt(scene%mass/scene%stiffness_x))
   end function steady
 
-  !> The releases with which slow cycles end, until they repeat, or decide that they do not. `goes_on`: there is always one more.
-  subroutine follow(map, returns, goes_on, regularity, error)
+  !> The orbit from a release [rad] until it repeats, over so many slow cycles at most: no further than to a known stable cycle, or
+  !> into a range of releases [rad].
+  subroutine follow(map, start, most, range, cycles, orbit, error)
     type(release_map_t), intent(inout) :: map
-    real(wp), allocatable, intent(out) :: returns(:)
-    logical, intent(out) :: goes_on
-    type(regularity_t), intent(inout) :: regularity
+    real(wp), intent(in) :: start, range(2)
+    integer, intent(in) :: most
+    type(full_cycle_t), intent(in) :: cycles(:)
+    type(orbit_t), intent(out) :: orbit
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: slow_cycle, slip
-    real(wp) :: logarithm(followed), here
-    integer :: n, known
+    logical :: found
+    integer :: n, i
 
-    allocate (returns(0))
-    known = 0
-    call map%first(here, goes_on, error)
-    do n = 1, followed
-      if (allocated(error) .or. .not. goes_on) return
-      call map%come_back(here, slow_cycle, slip, goes_on, error)
-      if (allocated(error) .or. .not. goes_on) return
-      here = slow_cycle%to
-      returns = [returns, here]
-      regularity%slow_cycles = n
-      regularity%time = regularity%time + slow_cycle%measure(duration)
-      regularity%repeats = repeats_of(returns)
-      if (regularity%repeats > 0) then
-        regularity%verdict = regular
-        return
-      end if
-      if (slow_cycle%has_slope) then
-        known = known + 1
-        logarithm(known) = slow_cycle%log_slope
-      end if
+    orbit%release = [start]
+    allocate (orbit%log_slope(0))
+    do n = 1, most
+      if (map%is_spent(share_of_orbit)) return
+      call map%come_back(orbit%release(n), slow_cycle, slip, found, error)
+      orbit%goes_on = found
+      if (.not. found) orbit%goes_on = map%is_spent()
+      if (allocated(error) .or. .not. found) return
+      orbit%release = [orbit%release, slow_cycle%to]
+      if (.not. slow_cycle%has_slope) slow_cycle%log_slope = ieee_value(slow_cycle%log_slope, ieee_quiet_nan)
+      orbit%log_slope = [orbit%log_slope, slow_cycle%log_slope]
+      orbit%time = orbit%time + slow_cycle%measure(duration)
+      orbit%repeats = repeats_of(orbit%release)
+      if (orbit%repeats > 0 .or. (slow_cycle%to >= range(1) .and. slow_cycle%to <= range(2))) return
+      if (any([(cycles(i)%is_stable() .and. any(abs(cycles(i)%release - slow_cycle%to) <= alike), i=1, size(cycles))])) return
     end do
-    call judge(logarithm(known/2 + 1:known), regularity%exponent, regularity%error, regularity%verdict)
   end subroutine follow
 
   !> The number of releases after which they are the same again, 0 if they are not.
@@ -228,7 +303,7 @@ contains
     end function apart
   end function repeats_of
 
-  !> The motion of a scene, with its summary, until its end.
+  !> The motion of a scene, with its summary, until its end, or until it has settled.
   subroutine run(scene, motion, summary, error)
     type(scene_t), intent(in) :: scene
     class(motion_t), allocatable, intent(out) :: motion
@@ -238,8 +313,8 @@ contains
 
     call new_motion(scene, motion, other, error)
     if (allocated(error)) return
-    call summary%start(motion, 0.0_wp)
-    do while (.not. motion%finished())
+    call summary%start(motion, scene%settle)
+    do while (.not. (motion%finished() .or. summary%settled_at >= 0.0_wp))
       call next_piece(motion, other, error)
       if (allocated(error)) return
       call summary%follow(motion)
@@ -254,11 +329,11 @@ contains
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
     type(scene_t) :: shorter
-    !> In slow cycles: as many as are kept count. Convention.
-    real(wp), parameter :: long_enough = 200.0_wp
+    !> In slow cycles: as many as are kept count, if so many were followed. Convention.
+    integer, parameter :: long_enough = 200
 
     shorter = scene
-    shorter%t_end = long_enough*regularity%time/real(regularity%slow_cycles, wp)
+    shorter%t_end = regularity%time*min(1.0_wp, real(long_enough, wp)/real(regularity%slow_cycles, wp))
     call run(shorter, motion, summary, error)
     if (.not. allocated(error)) call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
   end subroutine measure_scatter
@@ -270,132 +345,198 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    !> Scatter over the mean up to which cycles are equal: those that count began in the second half of a long run. Convention.
-    real(wp), parameter :: equal = 1.0e-7_wp
+    !> To what two cycles agree after which nothing changes, and to what if they are the same one. Conventions.
+    real(wp), parameter :: settled = 1.0e-10_wp, equal = 1.0e-6_wp
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
+    type(scene_t) :: until_settled
+    integer :: i
 
-    call run(scene, motion, summary, error)
+    until_settled = scene
+    until_settled%settle = settled
+    call run(until_settled, motion, summary, error)
     if (allocated(error)) return
-    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+    call summary%cycles%means(summary%settled_at >= 0.0_wp, regularity%cycles, regularity%mean, regularity%scatter)
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
-    else if (regularity%cycles > 1 .and. regularity%scatter(period) <= equal*regularity%mean(period)) then
-      cycles = [full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
+    else if (summary%settled_at >= 0.0_wp) then
+      if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
+        cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
       regularity%verdict = regular
       regularity%repeats = 1
     end if
   end subroutine look_at_the_end
 
-  !> The cycles that the map of one slow cycle has around its releases.
-  subroutine find_fixed_points(map, returns, repeats, cycles, error)
+  !> Add orbits that begin elsewhere, and the stable cycles to which they come. What fails in them fails not in the motion.
+  subroutine explore(map, scene, orbits, cycles)
     type(release_map_t), intent(inout) :: map
-    real(wp), intent(in) :: returns(:)
-    integer, intent(in) :: repeats
+    type(scene_t), intent(in) :: scene
+    type(orbit_t), allocatable, intent(inout) :: orbits(:)
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: first, last, alpha, alpha_before, turn, turn_before, slope
-    logical :: found, found_before
-    integer :: i, points
+    !> A passage that takes longer than so many lengths F_0/k_x of drive displacement, and as many periods, has no end. Convention.
+    real(wp), parameter :: long = 10.0_wp
+    type(error_t), allocatable :: error
+    type(orbit_t) :: orbit
+    type(scene_t) :: other
+    type(regularity_t) :: unused
+    real(wp) :: range(2), pull(2), lowest
+    logical :: is_endless
+    integer :: i
 
-    points = merge(few, many, repeats > 0)
-    ! The first release comes from the beginning of the scene.
-    first = minval(returns(2:))
-    last = maxval(returns(2:))
-    associate (margin => max(0.05_wp*(last - first), 1.0e-3_wp))
-      first = first - margin
-      last = last + margin
+    range = nowhere
+    is_endless = orbits(1)%goes_on .and. orbits(1)%repeats == 0
+    if (is_endless) range = [minval(orbits(1)%release(2:)), maxval(orbits(1)%release(2:))]
+    map%longest = long*scene%t_end/lengths
+    ! Below, the force on the object decreases as the drive moves.
+    pull = abs(map%steps%slider%stiffness*map%steps%slider%along)
+    lowest = -atan2(pull(1), pull(2))
+    call begin_between(lowest, 0.5_wp*pi, few)
+    if (size(orbits(1)%release) < 2) return
+    associate (seen => orbits(1)%release(2:))
+      associate (margin => max(0.05_wp*(maxval(seen) - minval(seen)), 1.0e-3_wp))
+        call begin_between(minval(seen) - margin, maxval(seen) + margin, merge(many, few, is_endless))
+      end associate
     end associate
-    found_before = .false.
-    turn_before = 0.0_wp
-    alpha_before = first
-    do i = 0, points
-      alpha = first + (last - first)*(real(i, wp)/real(points, wp))
-      call look(alpha, turn, slope, found)
-      if (allocated(error)) return
-      if (found .and. found_before .and. turn_before*turn < 0.0_wp) call refine(alpha_before, alpha, turn)
-      if (allocated(error)) return
-      found_before = found
-      turn_before = turn
-      alpha_before = alpha
-    end do
-    if (map%has_fixed) call take(map, map%fixed, 1, cycles, error)
 
   contains
 
-    !> The angle by which a slow cycle turns the release with which it begins [rad], and its derivative.
-    subroutine look(from, by, rate, is_known)
-      real(wp), intent(in) :: from
-      real(wp), intent(out) :: by, rate
-      logical, intent(out) :: is_known
-      type(passage_t) :: slow_cycle, slip
+    subroutine begin_between(low, high, starts)
+      real(wp), intent(in) :: low, high
+      integer, intent(in) :: starts
 
-      call map%come_back(from, slow_cycle, slip, is_known, error)
-      by = slow_cycle%to - from
-      rate = slow_cycle%slope - 1.0_wp
-    end subroutine look
+      do i = starts, 1, -1
+        call follow(map, low + (high - low)*(real(i, wp) - 0.5_wp)/real(starts, wp), explored, range, cycles, orbit, error)
+        if (.not. allocated(error) .and. orbit%repeats > 0) &
+          call take(map, orbit%release(size(orbit%release)), orbit%repeats, cycles, error)
+        if (.not. (allocated(error) .or. orbit%goes_on) .and. all(orbits(2:)%goes_on)) then
+          other = scene
+          associate (u => map%elongation(orbit%release(size(orbit%release))))
+            other%elongation_x = u(1)
+            other%elongation_y = u(2)
+          end associate
+          other%velocity_ratio = 0.0_wp
+          call look_at_the_end(other, .false., cycles, unused, error)
+        end if
+        orbits = [orbits, orbit]
+        if (allocated(error)) deallocate (error)
+      end do
+    end subroutine begin_between
+  end subroutine explore
+
+  !> The cycles of n slow cycles between releases of orbits. `are_all`: they are not too many for these, or for the time.
+  subroutine find_between(map, orbits, n, cycles, are_all)
+    type(release_map_t), intent(inout) :: map
+    type(orbit_t), intent(in) :: orbits(:)
+    integer, intent(in) :: n
+    type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
+    logical, intent(out) :: are_all
+    real(wp), allocatable :: from(:), turn(:)
+    integer, allocatable :: next(:)
+    logical, allocatable :: is_new(:)
+    integer :: i
+
+    allocate (from(0), turn(0))
+    do i = 1, size(orbits)
+      associate (release => orbits(i)%release, last => size(orbits(i)%release) - n)
+        if (last < 1) cycle
+        from = [from, release(:last)]
+        turn = [turn, release(n + 1:) - release(:last)]
+      end associate
+    end do
+    ! At a cycle there is nothing between.
+    from = pack(from, abs(turn) > missed)
+    turn = pack(turn, abs(turn) > missed)
+    next = [(minloc(from, 1, from > from(i)), i=1, size(from))]
+    where (next == 0) next = [(i, i=1, size(from))]
+    is_new = [(turn(i)*turn(next(i)) < 0.0_wp .and. .not. any(is_between(cycles, from(i), from(next(i)))), i=1, size(from))]
+    are_all = n == 1 .or. count(is_new) <= resolved*real(size(from), wp)
+    if (.not. are_all) return
+    do i = 1, size(from)
+      if (is_new(i)) call refine(from(i), from(next(i)), turn(next(i)))
+    end do
+    are_all = .not. map%is_spent()
+
+  contains
+
+    !> Whether a cycle which repeats itself after n slow cycles has a release between.
+    elemental logical function is_between(cycle, low, high)
+      type(full_cycle_t), intent(in) :: cycle
+      real(wp), intent(in) :: low, high
+
+      is_between = modulo(n, cycle%repeats) == 0 .and. any(cycle%release >= low .and. cycle%release <= high)
+    end function is_between
 
     !> By Newton's method in the bracket.
     subroutine refine(a, b, f_b)
       real(wp), intent(in) :: a, b, f_b
+      type(error_t), allocatable :: error
+      type(passage_t) :: whole
       type(bracket_t) :: bracket
-      real(wp) :: x, f, rate, side
+      real(wp) :: x, f, side
       integer :: iteration
-      logical :: is_known
+      logical :: found
 
       side = sign(1.0_wp, f_b)
       bracket = bracket_t([a, b], [-1.0_wp, 1.0_wp])
       x = bracket%middle()
       do iteration = 1, max_iterations
-        call look(x, f, rate, is_known)
-        if (allocated(error) .or. .not. is_known) return
+        call map%power(x, n, whole, found, error)
+        if (allocated(error) .or. .not. found) return
+        f = whole%to - x
         if (abs(f) <= fine) exit
         call bracket%narrow(x, side*f)
         if (bracket%width() <= fine) exit
-        x = bracket%newton(x, side*f, side*rate)
+        x = bracket%newton(x, side*f, side*(whole%slope - 1.0_wp))
       end do
-      if (abs(f) <= missed) call take(map, x, 1, cycles, error)
+      if (abs(f) <= missed) call take(map, x, n, cycles, error)
     end subroutine refine
-  end subroutine find_fixed_points
+  end subroutine find_between
 
   !> The cycle that begins with a release and repeats after so many slow cycles, unless it is known.
-  subroutine take(map, alpha, repeats, cycles, error)
+  recursive subroutine take(map, alpha, slow_cycles, cycles, error)
     type(release_map_t), intent(inout) :: map
     real(wp), intent(in) :: alpha
-    integer, intent(in) :: repeats
+    integer, intent(in) :: slow_cycles
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
     type(full_cycle_t) :: cycle
-    type(passage_t) :: slow_cycle, slip
-    real(wp) :: here, one(measures), old(measures), new(measures)
+    type(passage_t) :: whole, slow_cycle, slip
+    real(wp) :: begins, one(measures), old(measures), new(measures)
     logical :: found
     integer :: i
 
     ! Newton's step: a motion that settles slowly is still on its way.
-    cycle%alpha = alpha
-    call map%power(alpha, repeats, slow_cycle, found, error)
+    begins = alpha
+    call map%power(alpha, slow_cycles, whole, found, error)
     if (allocated(error) .or. .not. found) return
-    if (abs(slow_cycle%to - alpha) > missed) return
-    cycle%has_multiplier = slow_cycle%has_slope
+    if (abs(whole%to - alpha) > missed) return
+    cycle%has_multiplier = whole%has_slope
     if (cycle%has_multiplier) then
-      cycle%log_multiplier = slow_cycle%log_slope
-      associate (slope => slow_cycle%slope)
-        if (abs(1.0_wp - slope) > 0.0_wp) cycle%alpha = alpha + (slow_cycle%to - alpha)/(1.0_wp - slope)
-      end associate
+      cycle%log_multiplier = whole%log_slope
+      if (abs(1.0_wp - whole%slope) > 0.0_wp) begins = alpha + (whole%to - alpha)/(1.0_wp - whole%slope)
     end if
-    if (any(abs(cycles%alpha - cycle%alpha) <= alike .and. cycles%has_multiplier)) return
-    here = cycle%alpha
-    do i = 1, repeats
-      call map%come_back(here, slow_cycle, slip, found, error)
+    do i = 1, slow_cycles
+      cycle%release(i) = begins
+      call map%come_back(begins, slow_cycle, slip, found, error)
       if (allocated(error) .or. .not. found) return
-      here = slow_cycle%to
+      begins = slow_cycle%to
+      ! It may be one of fewer.
+      if (i < slow_cycles .and. modulo(slow_cycles, i) == 0 .and. abs(begins - cycle%release(1)) <= alike) then
+        call take(map, cycle%release(1), i, cycles, error)
+        return
+      end if
       call measure(map, slip%from, slow_cycle%measure(duration), one, error)
       if (allocated(error)) return
       call share_out(i, cycle%measure, one, old, new)
       cycle%measure = old*cycle%measure + new*one
     end do
+    cycle%repeats = slow_cycles
+    associate (release => cycle%release(:slow_cycles))
+      release = cshift(release, maxloc(release, 1) - 1)
+    end associate
+    if (any([(abs(cycles(i)%release(1) - cycle%release(1)) <= alike, i=1, size(cycles))])) return
     associate (swing => cycle%measure(peak) - cycle%measure(valley), limit => map%steps%slider%law%kinetic_limit)
-      cycle%slow_cycles = merge(repeats, 0, swing > threshold*limit)
+      cycle%slow_cycles = merge(slow_cycles, 0, swing > threshold*limit)
     end associate
     cycles = [cycles, cycle]
   end subroutine take

@@ -1,11 +1,13 @@
 !> The limit cycles of a scene: stable ones, to which it settles, and unstable ones.
 module dst_limit_cycles
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
   use dst_friction, only: falls_exponentially
   use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, pi
+  use dst_release_map, only: watch_t
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
@@ -19,13 +21,14 @@ module dst_limit_cycles
   public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles
 
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
-    quantities = measures + 3
-  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, the growth of a small disturbance, and of how many slow
-  !> cycles it consists.
+    release_angle = measures + 4, quantities = measures + 4
+  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, the growth of a small disturbance, of how many slow cycles
+  !> it consists, and where it begins.
   type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
     quantity_t('swing', 'N', 'peak_force minus valley_force'), &
     quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle'), &
-    quantity_t('slow_cycles', '1', 'slow cycles after which it repeats; 0: it is the fast oscillation alone')]
+    quantity_t('slow_cycles', '1', 'slow cycles after which it repeats; 0: it is the fast oscillation alone'), &
+    quantity_t('release_angle', 'rad', 'direction of the force from the soft axis at the release with which it begins')]
 
   !> Accuracy of the motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
   real(wp), parameter :: rtol = 1.0e-12_wp
@@ -34,9 +37,8 @@ module dst_limit_cycles
   type :: limit_cycles_t
     character(:), allocatable :: model
     real(wp) :: velocity = 0.0_wp                  !! |V|, m/s
-    real(wp), allocatable :: value(:, :)           !! (quantity, cycle)
-    !> Whether a cycle is stable, and whether its multiplier is known.
-    logical, allocatable :: is_stable(:), has_multiplier(:)
+    real(wp), allocatable :: value(:, :)           !! (quantity, cycle); NaN where it is not known
+    logical, allocatable :: is_stable(:)
     !> Steady sliding: the load k_x u_x [N], and the growth rates of a small disturbance [1/s].
     real(wp) :: sliding_load = 0.0_wp
     logical :: sliding_is_stable = .false.
@@ -51,11 +53,12 @@ module dst_limit_cycles
 contains
 
   !> The cycles of a scene at one drive velocity [m/s], in the model of the scene.
-  subroutine find_limit_cycles(scene, velocity, cycles, error)
+  subroutine find_limit_cycles(scene, velocity, cycles, error, watch)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(limit_cycles_t), intent(out) :: cycles
     type(error_t), allocatable, intent(out) :: error
+    procedure(watch_t), optional :: watch
     type(slider_t) :: slider
 
     call slider_from_scene(scene, slider)
@@ -82,19 +85,20 @@ contains
       call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
         "'weakening': give one of them, or model 'full'", 'friction.law')
     else if (cycles%model == 'full') then
-      call take_full(scene, slider, velocity, cycles, error)
+      call take_full(scene, slider, velocity, cycles, error, watch)
     else
       call take_slow(slider, velocity, cycles, error)
     end if
   end subroutine find_limit_cycles
 
   !> The cycles of the full model, and its steady sliding.
-  subroutine take_full(scene, slider, velocity, cycles, error)
+  subroutine take_full(scene, slider, velocity, cycles, error, watch)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity
     type(limit_cycles_t), intent(inout) :: cycles
     type(error_t), allocatable, intent(out) :: error
+    procedure(watch_t), optional :: watch
     type(full_cycle_t), allocatable :: found(:)
     real(wp) :: force(1), slope(1)
     integer :: i, order
@@ -105,15 +109,17 @@ contains
     if (allocated(error)) return
     call slider%law%evaluate(1, [abs(velocity)], force, slope)
     cycles%sliding_load = force(1)*abs(slider%along(1))
-    call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error)
+    call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error, watch)
     if (allocated(error)) return
     call make_room(cycles, size(found))
     do i = 1, size(found)
       associate (cycle => found(i))
         order = 1 + number_below(found, swing_of(cycle))
-        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp)]
-        cycles%is_stable(order) = cycle%log_multiplier < 0.0_wp .or. .not. cycle%has_multiplier
-        cycles%has_multiplier(order) = cycle%has_multiplier
+        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
+          cycle%release(1)]
+        if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = unknown()
+        if (cycle%release(1) > pi) cycles%value(release_angle, order) = unknown()
+        cycles%is_stable(order) = cycle%is_stable()
       end associate
     end do
 
@@ -162,11 +168,15 @@ contains
     do i = 1, size(found)
       associate (cycle => found(i), stiffness => slider%stiffness(1))
         cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
-          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp]
+          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp, unknown()]
         cycles%is_stable(i) = cycle%log_multiplier < 0.0_wp
       end associate
     end do
   end subroutine take_slow
+
+  pure real(wp) function unknown()
+    unknown = ieee_value(unknown, ieee_quiet_nan)
+  end function unknown
 
   subroutine make_room(cycles, n)
     type(limit_cycles_t), intent(inout) :: cycles
@@ -174,7 +184,6 @@ contains
 
     allocate (cycles%value(quantities, n))
     allocate (cycles%is_stable(n), source=.false.)
-    allocate (cycles%has_multiplier(n), source=.true.)
   end subroutine make_room
 
   !> The roots of m x^2 + d x + k_x, by falling real part [1/s].

@@ -13,7 +13,7 @@ module dst_sensitivity
   use dst_deck_sweep, only: varied_key, variation_problem
   use dst_deck_values, only: deck_t
   use dst_errors, only: error_t, raise, deck_error, usage_error
-  use dst_full_cycles, only: full_cycle_t, regularity_t, settle, map_of, steady, extremes_of, measures_of, share_out
+  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, map_of, steady, extremes_of, measures_of, share_out
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
@@ -56,8 +56,7 @@ contains
     type(regularity_t) :: regularity
     type(release_map_t) :: map
     type(variation_t), allocatable :: variation(:)
-    real(wp), allocatable :: returns(:)
-    logical :: goes_on
+    type(orbit_t) :: orbit
     integer :: i
 
     if (scene%model /= 'full' .or. scene%contact /= 'exact') call raise(error, deck_error, &
@@ -70,16 +69,16 @@ contains
       if (.not. allocated(error)) call vary(deck, scene, velocity, word(keys, i), sensitivity%parameter(i), variation(i), error)
     end do
     if (allocated(error)) return
-    call settle(scene, velocity, map, returns, goes_on, cycles, regularity, error)
+    call settle(scene, velocity, map, orbit, cycles, regularity, error)
     if (allocated(error)) return
-    if (goes_on .and. regularity%repeats == 0) then
+    if (orbit%goes_on .and. regularity%repeats == 0) then
       call raise(error, usage_error, 'the motion does not repeat, so that its cycles have no sensitivity: long means of '// &
         'an irregular motion have one, by runs at both values')
       return
     end if
     if (size(cycles) > 0) then
       if (cycles(1)%has_multiplier) then
-        call differentiate(map, cycles(1)%alpha, regularity%repeats, variation, sensitivity, error)
+        call differentiate(map, cycles(1)%release(1), cycles(1)%repeats, variation, sensitivity, error)
         return
       end if
     end if

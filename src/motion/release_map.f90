@@ -24,7 +24,7 @@ module dst_release_map
   implicit none
   private
 
-  public :: release_map_t, new_release_map
+  public :: release_map_t, watch_t, new_release_map
 
   !> Largest error of a table, in rtol, relative to the duration and to the turn. Convention; measured in bench/cycle_map.py.
   real(wp), parameter :: accurate = 0.1_wp
@@ -84,6 +84,8 @@ module dst_release_map
     type(branch_t), allocatable :: branch(:)      !! laps, slips
     logical :: keeps_motion = .false.
     type(learned_t), private :: learned
+    !> Who looks on while slow cycles are followed, and may end it.
+    procedure(watch_t), pointer, nopass :: watch => null()
   contains
     procedure :: first
     procedure :: next
@@ -93,12 +95,21 @@ module dst_release_map
     procedure :: count
     procedure :: learn
     procedure :: come_back
+    procedure :: is_spent
     procedure :: power
     procedure :: theta
     procedure :: elongation
     procedure :: work
     procedure :: serialise
   end type release_map_t
+
+  abstract interface
+    !> Whether to end a search that has followed so many passages.
+    logical function watch_t(passages)
+      import :: int64
+      integer(int64), intent(in) :: passages
+    end function watch_t
+  end interface
 
 contains
 
@@ -216,7 +227,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
-    call self%learn(passage, without_end*passage%measure(duration), without_end, error)
+    call self%learn(passage, without_end*passage%measure(duration), 0.0_wp, error)
   end subroutine next
 
   !> The passage that a table has.
@@ -507,22 +518,33 @@ contains
     type(passage_t), intent(out) :: whole, slip
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
-    !> Passages after which there is no return, and Newton iterations in all after which nothing more is found: some seconds.
-    !> Conventions.
-    integer, parameter :: most = 200000
-    integer(int64), parameter :: most_work = 3000000_int64
-    integer :: i
 
     whole = beginning(alpha)
-    do i = 1, most
+    do
+      found = .not. self%is_spent()
+      if (.not. found) return
       call self%next(whole%to, slip, found, error)
       if (allocated(error) .or. .not. found) return
+      if (slip%table(1) > 0) call self%count(slip)
       call whole%go_on(slip)
       if (slip%turns_back()) return
-      if (self%steps%stepper%count%newton > most_work) exit
     end do
-    found = .false.
   end subroutine come_back
+
+  !> Whether slow cycles have cost so much, or a share of it, or somebody says, that no more are found.
+  logical function is_spent(self, share)
+    class(release_map_t), intent(in) :: self
+    real(wp), intent(in), optional :: share
+    !> Passages and Newton iterations: some seconds. Conventions.
+    real(wp), parameter :: most = 1.5e6_wp, most_work = 2.0e6_wp
+
+    real(wp) :: limit
+
+    limit = 1.0_wp
+    if (present(share)) limit = share
+    is_spent = max(real(self%learned%passages, wp)/most, real(self%steps%stepper%count%newton, wp)/most_work) > limit
+    if (.not. is_spent .and. associated(self%watch)) is_spent = self%watch(self%learned%passages)
+  end function is_spent
 
   !> So many slow cycles, with their slope.
   subroutine power(self, alpha, slow_cycles, whole, found, error)

@@ -5,8 +5,8 @@
 !> `threshold` of the kinetic limit F_0 = mu_0 W: the 1 kHz ripple of dynamic stiction stays far below this. If the drive stops or
 !> reverses, the present cycle is discarded; a long steady slide also ends it.
 !>
-!> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, and at most over
-!> the last `kept`. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long
+!> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, at most over the
+!> last `kept`, and over whole repetitions of a motion that repeats. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long
 !> past.
 module dst_cycles
   use dst_kinds, only: wp, int64, pi
@@ -338,11 +338,14 @@ contains
     places = [(place(self%recent - n + i), i=1, n)]
   end function last_places
 
-  !> The number of cycles that count for the means.
+  !> The number of cycles that count for the means: of a motion that repeats, a multiple of those that repeat.
   pure integer function settled(self)
     class(cycles_t), intent(in) :: self
 
     settled = int(min(int(kept, int64), max(min(2_int64, self%recent), self%recent/2)))
+    associate (m => self%repeats())
+      if (m > 1 .and. settled >= m) settled = settled - modulo(settled, m)
+    end associate
   end function settled
 
   !> Advance in X of the longest of the cycles that count [m].

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 import random
 import re
+import signal
+import subprocess
+import time
 
 import dynstiction as ds
 import numpy as np
 import pytest
-from programs import INPUTS, Program
+from programs import INPUTS, STOPPED, Program
 
 FIG3 = ds.Scene(INPUTS / "fig3.nml")
 LIMIT = 2.0
@@ -367,15 +370,98 @@ def test_an_irregular_beginning_is_no_irregular_motion() -> None:
     assert found.stable[0].period == pytest.approx(4.193310 + 4.193816, abs=2e-6)
 
 
+FEW = FIG3.replace(
+    system={"mass": 0.11810069680474723, "misalignment_deg": 19.705913050320426, "stiffness_y": 10717.48146869197},
+    friction={"mu_inf": 0.07208458490660812, "v_f": 0.01989111302206811},
+    drive={"velocity": 0.00016333553636584846},
+)
+MANY = [
+    "system.mass=0.00736305136761138",
+    "system.misalignment_deg=0.26351469481281053",
+    "system.stiffness_y=34763446.02554201",
+    "friction.mu_inf=0.09476532229353388",
+    "friction.v_f=0.029872538167948545",
+    "drive.velocity=0.0013755287024585605",
+]
+"""Some 20,000 sticks in a slow cycle."""
+OTHERS = FIG3.replace(
+    system={"mass": 0.003146045936841037, "misalignment_deg": 0.7182818178738907, "stiffness_y": 8877557.575645091},
+    friction={"mu_inf": 0.05153929994043587, "v_f": 0.003616128958358883},
+    drive={"velocity": 0.03969562397834232},
+)
+
+
 def test_irregular_motion_with_few_sticks() -> None:
-    scene = FIG3.replace(
-        system={"mass": 0.11810069680474723, "misalignment_deg": 19.705913050320426, "stiffness_y": 10717.48146869197},
-        friction={"mu_inf": 0.07208458490660812, "v_f": 0.01989111302206811},
-        drive={"velocity": 0.00016333553636584846},
-    )
-    found = ds.cycles(scene).regularity
+    found = ds.cycles(FEW).regularity
     assert (found.verdict, found.repeats) == ("irregular", 0)
     assert found.exponent > 5 * found.error > 0
+
+
+def test_every_cycle_of_few_slow_cycles_repeats_itself() -> None:
+    """Unstable ones as well: a run that begins with the release of a cycle has it, and the next one, again after its period."""
+    found = ds.cycles(FEW)
+    assert found.regularity.searched >= 4
+    seen = [(cycle, angle) for cycle, angle in zip(found.cycles, found.release_angle, strict=True) if cycle.slow_cycles <= 4]
+    assert {cycle.slow_cycles for cycle, _ in seen} == {1, 2, 3, 4}
+    for cycle, angle in seen:
+        begun = {
+            "velocity_ratio": 0.0,
+            "elongation_x": LIMIT * math.cos(angle) / FEW.system.stiffness_x,
+            "elongation_y": LIMIT * math.sin(angle) / FEW.system.stiffness_y,
+        }
+        run = ds.run(
+            FEW,
+            scene={"t_end": cycle.period + 8.0},
+            initial=begun,
+            integrator=TIGHT | {"cycle_map": "off"},
+            output={"interval": cycle.period},
+        )
+        release = np.append(0.0, run.events["time"][run.events["kind"] == 2])
+        again = release[:2] + cycle.period
+        assert np.abs(again[:, None] - release).min(axis=1).max() < 1e-9 * cycle.period, cycle
+
+
+def test_cycles_to_which_only_other_motions_come() -> None:
+    found = ds.cycles(OTHERS)
+    assert len(found.stable) == 2
+    assert found.regularity.repeats == 1
+    other = ds.run(
+        OTHERS,
+        scene={"t_end": 8.0},
+        initial={"elongation_x": 1e-3, "elongation_y": -1e-7},
+        integrator={"method": "radau13", "rtol": 1e-10},
+        output={"interval": 8.0},
+    )
+    own = ds.run(OTHERS, scene={"t_end": 8.0}, integrator={"method": "radau13", "rtol": 1e-10}, output={"interval": 8.0})
+    periods = sorted(run.summary["period"] for run in (own, other))
+    assert periods == pytest.approx(sorted(cycle.period for cycle in found.stable), rel=1e-7)
+
+
+@pytest.mark.parametrize(("angle", "stiffness_y"), [(3.5, 1e7), (3.9, 1e8)])
+def test_stick_slip_is_found_from_steady_sliding(angle: float, stiffness_y: float) -> None:
+    """Both are stable: which of them a motion comes to is decided by its beginning."""
+    stick_slip = at(75e-3, angle, stiffness_y)
+    found = ds.cycles(stick_slip)
+    assert found.sliding_is_stable
+    load = found.sliding_load
+    across = load * math.tan(math.radians(angle)) / stiffness_y
+    sliding = stick_slip.replace(initial={"velocity_ratio": 1.0, "elongation_x": load / 1e3, "elongation_y": across})
+    other = ds.cycles(sliding)
+    assert (other.regularity.verdict, found.regularity.verdict) == ("steady sliding", "regular")
+    assert len(found.stable) == 1
+    assert other.stable[0].period == pytest.approx(found.stable[0].period, rel=1e-9)
+    assert ds.run(sliding, output={"interval": 1.0}).summary["swing"] < 1e-6 < ds.run(stick_slip, output={"interval": 1.0}).summary["swing"]
+
+
+@pytest.mark.parametrize("t_end", [14.0, 14.3, 14.6, 14.9])
+def test_means_of_a_motion_that_repeats_are_over_whole_repetitions(t_end: float) -> None:
+    """After an even number of slow cycles or an odd one."""
+    (stable,) = ds.cycles(TWO).stable
+    run = ds.run(TWO, scene={"t_end": t_end}, integrator={"method": "radau13", "rtol": 1e-11}, output={"interval": t_end})
+    assert run.summary["repeats"] == 2
+    for name in ("period", "stick_duration", "slip_duration", "slip_length"):
+        scale = 2 if name == "period" else 1
+        assert scale * run.summary[name] == pytest.approx(getattr(stable, name), rel=1e-6), name
 
 
 @pytest.mark.parametrize("changes", [{"system": {"damping_x": 0.5, "damping_y": 2.0}}, {"friction": {"mu_static": 0.22}}])
@@ -427,3 +513,13 @@ def test_the_command_prints_every_cycle(program: Program) -> None:
 )
 def test_refusals_of_the_command_name_the_remedy(program: Program, settings: list[str], remedy: str) -> None:
     assert remedy in program("cycles", INPUTS / "fig3.nml", settings=settings, status=2).stderr
+
+
+def test_a_search_that_is_stopped_prints_what_it_has(program: Program) -> None:
+    search = program.start("cycles", INPUTS / "fig3.nml", settings=MANY, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    time.sleep(2.0)
+    search.send_signal(signal.SIGINT)
+    output, errors = search.communicate(timeout=60)
+    assert search.returncode == STOPPED
+    assert "steady sliding is" in output
+    assert "stopped by SIGINT: there may be more cycles" in errors
