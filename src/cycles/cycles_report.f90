@@ -4,9 +4,9 @@ module dst_cycles_report
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, period, peak, valley
   use dst_deck_values, only: deck_t
-  use dst_divergence, only: regular, irregular
+  use dst_divergence, only: regular, irregular, steady_sliding
   use dst_errors, only: error_t, raise, deck_error
-  use dst_full_cycles, only: regularity_t, steady_sliding
+  use dst_full_cycles, only: regularity_t
   use dst_kinds, only: wp
   use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier, slow_cycles
   use dst_release_map, only: watch_t

@@ -10,7 +10,7 @@ module dst_full_cycles
   use dst_assembly, only: new_motion
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
-  use dst_divergence, only: judge, regular, irregular, undecided
+  use dst_divergence, only: judge, regular, irregular, undecided, steady_sliding
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
@@ -22,11 +22,12 @@ module dst_full_cycles
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
   use dst_state, only: state_t
-  use dst_summary, only: summary_t, contribution_t
+  use dst_summary, only: summary_t, contribution_t, summary_quantities
+  use dst_writer, only: find_quantity
   implicit none
   private
 
-  public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles, steady_sliding
+  public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
   public :: settle, map_of, steady, extremes_of, measures_of, share_out
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
@@ -52,8 +53,6 @@ module dst_full_cycles
   real(wp), parameter :: share_of_orbit = 0.4_wp
   !> No range of releases.
   real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
-  !> A further verdict, beside those of dst_divergence.
-  integer, parameter :: steady_sliding = 2
 
   !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the
   !> fast oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the
@@ -350,6 +349,7 @@ contains
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
     type(scene_t) :: until_settled
+    real(wp) :: value(size(summary_quantities))
     integer :: i
 
     until_settled = scene
@@ -360,8 +360,14 @@ contains
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
     else if (summary%settled_at >= 0.0_wp) then
-      if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
-        cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=.false.)]
+      call summary%values(motion, value)
+      regularity%exponent = value(find_quantity(summary_quantities, 'lyapunov_exponent'))
+      regularity%error = value(find_quantity(summary_quantities, 'lyapunov_error'))
+      associate (is_known => .not. ieee_is_nan(regularity%exponent))
+        if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
+          cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=is_known, &
+          log_multiplier=merge(regularity%exponent, 0.0_wp, is_known))]
+      end associate
       regularity%verdict = regular
       regularity%repeats = 1
     end if

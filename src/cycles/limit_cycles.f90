@@ -1,6 +1,5 @@
 !> The limit cycles of a scene: stable ones, to which it settles, and unstable ones.
 module dst_limit_cycles
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
@@ -14,7 +13,7 @@ module dst_limit_cycles
   use dst_slow_map, only: slow_map_t, new_slow_map
   use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   use dst_stability, only: steady_sliding_eigenvalues, is_stable
-  use dst_writer, only: quantity_t
+  use dst_writer, only: quantity_t, absent
   implicit none
   private
 
@@ -117,8 +116,8 @@ contains
         order = 1 + number_below(found, swing_of(cycle))
         cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
           cycle%release(1)]
-        if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = unknown()
-        if (cycle%release(1) > pi) cycles%value(release_angle, order) = unknown()
+        if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = absent()
+        if (cycle%release(1) > pi) cycles%value(release_angle, order) = absent()
         cycles%is_stable(order) = cycle%is_stable()
       end associate
     end do
@@ -168,15 +167,11 @@ contains
     do i = 1, size(found)
       associate (cycle => found(i), stiffness => slider%stiffness(1))
         cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
-          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp, unknown()]
+          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp, absent()]
         cycles%is_stable(i) = cycle%log_multiplier < 0.0_wp
       end associate
     end do
   end subroutine take_slow
-
-  pure real(wp) function unknown()
-    unknown = ieee_value(unknown, ieee_quiet_nan)
-  end function unknown
 
   subroutine make_room(cycles, n)
     type(limit_cycles_t), intent(inout) :: cycles

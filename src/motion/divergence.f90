@@ -10,10 +10,10 @@ module dst_divergence
   implicit none
   private
 
-  public :: divergence_t, judge, regular, irregular, undecided
+  public :: divergence_t, judge, regular, irregular, undecided, steady_sliding, ringing_down
 
-  !> Kinds of motion.
-  integer, parameter :: regular = 1, undecided = 0, irregular = -1
+  !> Kinds of motion: it repeats, or small differences shrink; it is not known; they grow; it slides steadily; its cycles die out.
+  integer, parameter :: regular = 1, undecided = 0, irregular = -1, steady_sliding = 2, ringing_down = 3
   !> Smallest number of slow cycles, and number of standard errors by which the exponent has to differ from 0. Conventions.
   integer, parameter :: least_count = 8
   real(wp), parameter :: certain = 3.0_wp

@@ -36,6 +36,8 @@ module dst_tangent
     real(wp) :: u(max_components) = 0.0_wp, y(max_unknowns) = 0.0_wp
     real(wp) :: inside(0:max_degree, max_components) = 0.0_wp
     logical :: has_inside = .false.
+    !> Whether y(1) is a slip speed, which ends at 0.
+    logical :: is_polar = .true.
     !> How the time changes from which the piece is seen.
     real(wp) :: clock = 0.0_wp
     !> Whether the object rests; and how the time changes at which the slip speed has fallen to zero.
@@ -155,7 +157,7 @@ contains
         *(piece%to%time - piece%from%time + (piece%to%time_rest - piece%from%time_rest))
       return
     end if
-    if (.not. piece%from%y(1) > 0.0_wp) then
+    if (self%is_polar .and. .not. piece%from%y(1) > 0.0_wp) then
       if (.not. self%rests) then
         self%u = self%u + self%delay*piece%drive%velocity_at(piece%from%time)*piece%drive_coupling
         self%clock = self%clock + self%delay
@@ -165,7 +167,7 @@ contains
     end if
     self%rests = .false.
     call through_slip(self, piece, system, piece%path%grid%degree, system%components, system%unknowns, terms, found, variation)
-    if (piece%to%y(1) > 0.0_wp) return
+    if (piece%to%y(1) > 0.0_wp .or. .not. self%is_polar) return
     call piece%path%end_slope(rate, curvature)
     self%delay = 0.0_wp
     if (rate < 0.0_wp) self%delay = -self%y(1)/rate

@@ -112,6 +112,7 @@ module dst_cycles
     procedure :: last_creep_share
     procedure :: last_peak_time
     procedure :: next_valley
+    procedure :: is_level
   end type cycles_t
 
 contains
@@ -493,6 +494,15 @@ contains
       if (next_valley <= now) next_valley = next_valley + cycle(period)*ceiling((now - next_valley)/cycle(period) + epsilon(now))
     end associate
   end function next_valley
+
+  !> Whether a swing of the load [N] counts for nothing, while an object at rest would have been pulled up to F_0 by this advance of
+  !> the drive [m].
+  pure logical function is_level(self, swing, advance)
+    class(cycles_t), intent(in) :: self
+    real(wp), intent(in) :: swing, advance
+
+    is_level = swing <= threshold*self%kinetic_limit .and. abs(advance) >= self%natural_length
+  end function is_level
 
   !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)

@@ -1,18 +1,24 @@
 !> The summary of a single run: it passes the pieces of the motion to dst_summary.
 module dst_motion_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
-  use dst_kinds, only: wp
+  use dst_divergence, only: divergence_t, regular, undecided
+  use dst_growth, only: growth_t
+  use dst_kinds, only: wp, int64
   use dst_motion, only: motion_t
-  use dst_piece, only: stick_begins, slips, sticks
+  use dst_piece, only: piece_t, stick_begins, slips, sticks
   use dst_passage_summary, only: passage_summary_t
   use dst_piece_view, only: piece_view_t, moment_of
+  use dst_slider, only: slider_t
+  use dst_slip_system, only: slip_system_t
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
+  use dst_stepping, only: stepping_t
   use dst_summary, only: summary_t, energies_t, summary_quantities, summary_values
-  use dst_writer, only: quantity_t, outcome_t, find_quantity
+  use dst_writer, only: quantity_t, outcome_t, absent, find_quantity
   implicit none
   private
 
@@ -34,9 +40,18 @@ module dst_motion_summary
     quantity_t('map_error', '1', 'largest relative error of the cycle map, in passages that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
+  !> What is known of a motion that does not rest: how small differences grow in its cycles. Plain data.
+  type :: restless_t
+    type(growth_t) :: growth
+    type(divergence_t) :: divergence
+    !> Whether there was a rest in the present cycle.
+    logical :: has_rested = .true.
+  end type restless_t
+
   !> The results of a run so far.
   type, extends(summary_t) :: motion_summary_t
     type(passage_summary_t), private :: leaps
+    type(restless_t), private :: restless
   contains
     procedure :: start
     procedure :: follow
@@ -75,12 +90,14 @@ contains
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(inout), target :: motion
     type(piece_view_t) :: view
+    integer(int64) :: before
 
     associate (piece => motion%piece)
       if (motion%in_closed_form) then
         if (piece%contact == sticks) self%sticking_time = piece%to%time
         return
       else if (motion%leapt) then
+        call rest(self%restless)
         select type (motion)
         class is (cycle_map_t)
           call self%leaps%follow(motion, self%summary_t)
@@ -94,8 +111,50 @@ contains
       if (piece%event == stick_begins) self%sticks = self%sticks + 1
       if (self%undecided_from < 0.0_wp .and. motion%is_undecided()) self%undecided_from = piece%to%time
     end associate
+    before = self%cycles%count
     call self%take_in(view)
+    select type (motion)
+    class is (cycle_map_t)
+      call follow_growth(self, motion%piece, motion%steps%system, motion%slider, .true., self%cycles%count > before)
+    type is (stepping_t)
+      call follow_growth(self, motion%piece, motion%system, motion%slider, .false., self%cycles%count > before)
+    end select
   end subroutine follow
+
+  !> There was a rest: what follows is another motion.
+  pure subroutine rest(known)
+    type(restless_t), intent(inout) :: known
+
+    if (known%growth%is_followed) known = restless_t()
+    known%has_rested = .true.
+  end subroutine rest
+
+  !> Follow how a small difference grows, from the end of a cycle without a rest on until there is one. `is_polar`: as in dst_growth.
+  subroutine follow_growth(self, piece, system, slider, is_polar, ends_cycle)
+    class(motion_summary_t), intent(inout) :: self
+    type(piece_t), intent(in) :: piece
+    class(slip_system_t), intent(in) :: system
+    type(slider_t), intent(in) :: slider
+    logical, intent(in) :: is_polar, ends_cycle
+    real(wp) :: grown
+
+    associate (known => self%restless)
+      if (piece%contact /= slips .or. abs(piece%drive%acceleration) > 0.0_wp .or. piece%to%time >= piece%drive%end) then
+        call rest(known)
+        return
+      end if
+      if (known%growth%is_followed) call known%growth%follow(piece, system, slider)
+      if (.not. ends_cycle) return
+      if (known%growth%is_followed) then
+        grown = known%growth%grown()
+        ! A difference that falls below roundoff within a cycle is not known.
+        call known%divergence%come_back(grown, system%unknowns == 1 .or. grown > log(epsilon(grown)))
+      else if (.not. known%has_rested) then
+        call known%growth%begin(system, slider, is_polar)
+      end if
+      known%has_rested = .false.
+    end associate
+  end subroutine follow_growth
 
   !> Process a sample of a motion in closed form, which has no steps.
   subroutine see(self, motion, instant)
@@ -113,33 +172,51 @@ contains
     class(motion_t), intent(in) :: motion
     real(wp), intent(out) :: value(:)
     real(wp) :: exponent, exponent_error
-    integer :: verdict, repeats
+    integer :: verdict, told, repeats
 
     if (motion%in_closed_form) then
       call summary_values(self%summary_t, value)
-    else
-      call summary_values(self%summary_t, value, energies_t(self%first_energy, motion%energy(motion%velocity_now()), &
-        motion%piece%to%drive_work, motion%piece%to%friction_work, &
-        merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
+      return
     end if
-    select type (motion)
-    class is (cycle_map_t)
-      ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
-      repeats = motion%orbit%repeats
-      associate (told => value(find_quantity(summary_quantities, 'repeats')))
-        if (repeats == 0 .and. .not. ieee_is_nan(told)) repeats = nint(told)
-      end associate
-      if (repeats > 0) then
-        call put('lyapunov_exponent', motion%orbit%divergence%mean_of(repeats))
-        return
-      end if
-      call motion%orbit%divergence%estimate(exponent, exponent_error, verdict)
-      call put('lyapunov_exponent', exponent)
-      call put('lyapunov_error', exponent_error)
-      if (.not. ieee_is_nan(exponent)) call put('regularity', real(verdict, wp))
-    end select
+    call summary_values(self%summary_t, value, energies_t(self%first_energy, motion%energy(motion%velocity_now()), &
+      motion%piece%to%drive_work, motion%piece%to%friction_work, &
+      merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
+    if (.not. (motion%slider%free(1) > 0.0_wp .and. motion%drive%is_steady(motion%t_end))) return
+    verdict = self%without_cycles(motion%piece%drive%velocity)
+    ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
+    repeats = 0
+    if (.not. ieee_is_nan(of('repeats'))) repeats = nint(of('repeats'))
+    exponent = absent()
+    exponent_error = exponent
+    if (self%restless%growth%is_followed) then
+      call self%restless%divergence%estimate(exponent, exponent_error, told)
+    else
+      select type (motion)
+      class is (cycle_map_t)
+        if (motion%orbit%repeats > 0) repeats = motion%orbit%repeats
+        if (repeats > 0) then
+          exponent = motion%orbit%divergence%mean_of(repeats)
+        else
+          call motion%orbit%divergence%estimate(exponent, exponent_error, told)
+        end if
+      end select
+    end if
+    if (repeats > 0) then
+      verdict = regular
+    else if (verdict == undecided .and. .not. ieee_is_nan(exponent)) then
+      verdict = told
+    end if
+    call put('regularity', real(verdict, wp))
+    call put('lyapunov_exponent', exponent)
+    call put('lyapunov_error', exponent_error)
 
   contains
+
+    pure real(wp) function of(name)
+      character(*), intent(in) :: name
+
+      of = value(find_quantity(summary_quantities, name))
+    end function of
 
     subroutine put(name, number)
       character(*), intent(in) :: name
@@ -173,6 +250,7 @@ contains
     type(archive_t), intent(inout) :: archive
 
     call self%summary_t%serialise(archive)
+    call archive%serialise(c_loc(self%restless), storage_size(self%restless))
     call self%leaps%serialise(archive)
   end subroutine serialise
 end module dst_motion_summary

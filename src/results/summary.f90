@@ -15,6 +15,7 @@ module dst_summary
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures, most_cycles
+  use dst_divergence, only: undecided, steady_sliding, ringing_down
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, int64
   use dst_stretch, only: stretch_t, moment_t, nowhere, most_turns
@@ -57,7 +58,7 @@ module dst_summary
     quantity_t('repeats', '1', 'slow cycles after which the last ones repeat, to 1e-5; 0 if they do not after 1 to 8'), &
     quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
     quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
-    quantity_t('regularity', '1', '1 regular: it repeats, or lyapunov_exponent < 0; -1 irregular, 0 undecided')]
+    quantity_t('regularity', '1', '1 it repeats, or differences shrink; -1 irregular, 2 steady sliding, 3 rings down, 0 undecided')]
 
   !> A part of a run: the extremes of k_x u_x, its length so far, and the length at rest or in creep.
   type :: window_t
@@ -103,6 +104,7 @@ module dst_summary
     procedure :: contribution
     procedure :: add
     procedure :: kept_cycles
+    procedure :: without_cycles
     procedure :: serialise
   end type summary_t
 
@@ -405,7 +407,6 @@ contains
     repeats = self%cycles%repeats()
     if (has_settled) repeats = 1
     if (has_settled .or. (n > 0 .and. self%cycles%count > 2)) call put('repeats', real(repeats, wp))
-    if (n > 0 .and. repeats > 0) call put('regularity', 1.0_wp)
     if (self%cycles%has_peaked) call put('first_peak_force', self%cycles%first_peak)
     call put('drive_work', energies%drive_work)
     call put('friction_work', energies%friction_work)
@@ -442,6 +443,18 @@ contains
       value(find_quantity(summary_quantities, name)) = number
     end subroutine put
   end subroutine summary_values
+
+  !> What a motion is under a steady drive [m/s] if it has no cycles that last: steady sliding, if the load has not changed while the
+  !> drive advanced so far that it had to.
+  pure integer function without_cycles(self, velocity) result(verdict)
+    class(summary_t), intent(in) :: self
+    real(wp), intent(in) :: velocity
+
+    verdict = undecided
+    if (self%cycles%lasting(self%settled_at >= 0.0_wp) > 0) return
+    if (self%cycles%count > 0) verdict = ringing_down
+    if (self%cycles%is_level(self%late%highest%load - self%late%lowest%load, velocity*self%late%length)) verdict = steady_sliding
+  end function without_cycles
 
   !> Save or load.
   subroutine serialise(self, archive)

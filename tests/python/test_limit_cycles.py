@@ -523,3 +523,70 @@ def test_a_search_that_is_stopped_prints_what_it_has(program: Program) -> None:
     assert search.returncode == STOPPED
     assert "steady sliding is" in output
     assert "stopped by SIGINT: there may be more cycles" in errors
+
+
+# What a run says of its motion.
+
+
+def peaks_of(run: ds.Result) -> np.ndarray:
+    """The peaks of the load [m], each from a parabola through three samples."""
+    u = run["u_x"]
+    at = np.flatnonzero((u[1:-1] >= u[:-2]) & (u[1:-1] > u[2:])) + 1
+    before, here, after = u[at - 1], u[at], u[at + 1]
+    return here - (before - after) ** 2 / (8.0 * (before - 2.0 * here + after))
+
+
+def test_the_exponent_of_a_motion_without_rest_is_how_its_cycles_approach_each_other() -> None:
+    scene = at(75e-3, 3.5)
+    run = ds.run(scene, integrator={"rtol": 1e-10}, output={"interval": 10.0})
+    assert run.summary["repeats"] == 1
+    close = ds.run(scene, scene={"t_end": 1.2}, integrator={"rtol": 1e-11}, output={"interval": 1e-5, "fields": ["u_x"]})
+    peaks = peaks_of(close)
+    apart = np.abs(np.diff(peaks[peaks > 0.5 * peaks.max()]))[4:9]
+    assert run.summary["lyapunov_exponent"] == pytest.approx(np.log(apart[1:] / apart[:-1]).mean(), abs=2e-3)
+    assert run.summary["lyapunov_error"] < 1e-4
+    for other in ({"cycle_map": "off"}, {"method": "dopri5", "rtol": 1e-8}, {"method": "radau5"}):
+        summary = ds.run(scene, integrator=other, output={"interval": 10.0}).summary
+        assert summary["lyapunov_exponent"] == pytest.approx(run.summary["lyapunov_exponent"], abs=1e-4), other
+    (cycle,) = ds.cycles(scene).cycles
+    assert cycle.log_multiplier == pytest.approx(run.summary["lyapunov_exponent"], abs=1e-3)
+
+
+@pytest.mark.parametrize(("velocity", "angle", "within"), [(75e-3, 3.5, 1e-5), (1e-3, 1.0, 0.1), (1e-3, 8.0, 0.1)])
+def test_the_exponent_of_the_slow_motion_is_the_multiplier_of_its_cycle(velocity: float, angle: float, within: float) -> None:
+    """The multiplier of Fig. 3 is exp(-92524)."""
+    scene = slow(at(velocity, angle)).replace(scene={"t_end": 40.0})
+    run = ds.run(scene, output={"interval": 40.0})
+    (stable,) = ds.cycles(scene).stable
+    assert run.summary["lyapunov_exponent"] == pytest.approx(stable.log_multiplier, abs=within)
+
+
+def test_smoothed_contact_has_nearly_the_exponent_of_the_exact_one() -> None:
+    smoothed = {"contact": "smoothed", "v_smooth": 1e-7}
+    run = ds.run(FIG3, scene={"t_end": 14.0}, friction=smoothed, output={"interval": 14.0})
+    assert run.summary["lyapunov_exponent"] == pytest.approx(-9.17, abs=0.1)
+
+
+@pytest.mark.parametrize("model", ["full", "low_frequency"])
+@pytest.mark.parametrize(
+    ("velocity", "angle", "t_end", "verdict"),
+    [(1e-3, 1.0, 10.0, 1), (1e-3, 12.0, 10.0, 2), (75e-3, 4.6, 10.0, 3), (75e-3, 20.0, 10.0, 2), (1e-3, 1.0, 0.3, 0)],
+)
+@pytest.mark.parametrize("cycle_map", ["auto", "off"])
+def test_every_run_under_a_steady_drive_says_what_its_motion_is(
+    model: str, velocity: float, angle: float, t_end: float, verdict: int, cycle_map: str
+) -> None:
+    """It repeats, slides steadily, rings down, or has not gone on for long enough."""
+    scene = at(velocity, angle)
+    if model != "full":
+        scene = slow(scene)
+    options = {"cycle_map": cycle_map} if model == "full" else {}
+    run = ds.run(scene, scene={"t_end": t_end}, integrator=options, output={"interval": t_end})
+    assert run.summary["regularity"] == verdict
+    unsteady = ds.run(
+        scene,
+        scene={"t_end": t_end},
+        drive={"time": [0.0, 0.5 * t_end, t_end], "velocity": [velocity, velocity, 2 * velocity]},
+        output={"interval": t_end},
+    )
+    assert "regularity" not in unsteady.summary
