@@ -21,7 +21,7 @@ module dst_growth
     logical :: is_followed = .false.
     !> The logarithm of its growth since that was last asked for.
     real(wp), private :: logarithm = 0.0_wp
-    type(tangent_t), private :: tangent
+    type(tangent_t), private :: tangent = tangent_t()
   contains
     procedure :: begin
     procedure :: follow

@@ -42,8 +42,8 @@ module dst_motion_summary
 
   !> What is known of a motion that does not rest: how small differences grow in its cycles. Plain data.
   type :: restless_t
-    type(growth_t) :: growth
-    type(divergence_t) :: divergence
+    type(growth_t) :: growth = growth_t()
+    type(divergence_t) :: divergence = divergence_t()
     !> Whether there was a rest in the present cycle.
     logical :: has_rested = .true.
   end type restless_t
