@@ -171,7 +171,9 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
             found.velocity,
             tuple(
                 LimitCycle(*row, int(slow_cycles), stable)
-                for (*row, slow_cycles, _), stable in zip(found.values.tolist(), found.are_stable, strict=True)
+                for (*row, slow_cycles, _), stable in zip(
+                    found.values.tolist(), found.are_stable, strict=True
+                )
             ),
             found.values[:, -1],
             found.sliding_load,

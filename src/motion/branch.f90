@@ -21,8 +21,8 @@ module dst_branch
   type :: interval_t
     real(wp) :: first = 0.0_wp, last = 0.0_wp
     integer :: halvings = 0
-    !> Passages that were run in it; its halves, 0 if it was not halved.
-    integer :: visits = 0, half(2) = 0
+    !> Passages that were run in it, and their steps; its halves, 0 if it was not halved.
+    integer :: visits = 0, steps = 0, half(2) = 0
     logical :: is_tried = .false., is_known = .false.
   end type interval_t
 
@@ -116,14 +116,14 @@ contains
     halvings = self%interval_count()/2
   end function halvings
 
-  !> Note that a passage was run in an interval; the number of them.
-  integer function visit(self, place)
+  !> Note that a passage was run in an interval, in so many steps.
+  pure subroutine visit(self, place, steps)
     class(branch_t), intent(inout) :: self
-    integer, intent(in) :: place
+    integer, intent(in) :: place, steps
 
     self%intervals(place)%visits = self%intervals(place)%visits + 1
-    visit = self%intervals(place)%visits
-  end function visit
+    self%intervals(place)%steps = self%intervals(place)%steps + steps
+  end subroutine visit
 
   !> The angle [rad] at a place `x` in [-1, 1] of an interval.
   pure real(wp) function angle(self, place, x)

@@ -30,7 +30,7 @@ module dst_growth
 
 contains
 
-  !> Begin with some difference. `is_polar`: the first unknown of the system is a slip speed, which ends at 0.
+  !> Begin with some difference, which turns with the axes. `is_polar`: the first unknown of the system is a slip speed, which ends at 0.
   pure subroutine begin(self, system, slider, is_polar)
     class(growth_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
@@ -41,7 +41,7 @@ contains
     self%logarithm = 0.0_wp
     self%tangent = tangent_t(rests=.false., is_polar=is_polar)
     associate (first => system%axis, last => system%axis + system%components - 1)
-      self%tangent%u(first:last) = slider%law%static_limit/slider%stiffness(first:last)
+      self%tangent%u(first:last) = slider%law%static_limit/slider%stiffness(first:last)*sign(1.0_wp, slider%along(first:last))
     end associate
   end subroutine begin
 
@@ -89,15 +89,15 @@ contains
 
   contains
 
-    !> In lengths F_s/k, and speeds V; directions in rad.
+    !> In lengths F_s/k, and speeds V; a direction in rad.
     pure type(tangent_t) function scaled(difference) result(numbers)
       type(tangent_t), intent(in) :: difference
 
       associate (first => system%axis, last => system%axis + system%components - 1)
         numbers%u(first:last) = difference%u(first:last)*slider%stiffness(first:last)/slider%law%static_limit
       end associate
-      numbers%y = difference%y
-      numbers%y(1) = difference%y(1)/piece%drive%velocity
+      numbers%y = difference%y/piece%drive%velocity
+      if (self%tangent%is_polar) numbers%y(2) = difference%y(2)
     end function scaled
 
     pure real(wp) function product_of(one, other)

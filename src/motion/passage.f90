@@ -26,8 +26,10 @@ module dst_passage
   type :: passage_t
     real(wp) :: from = 0.0_wp, to = 0.0_wp      !! alpha, rad
     real(wp) :: measure(measures) = 0.0_wp
-    !> Whether it is one slip and one rest; and its table in the map (branch, place), 0 if it was run.
+    !> The steps that it took, if it was run; and whether it is one slip and one rest.
+    integer :: steps = 0
     logical :: is_plain = .false.
+    !> Its table in the map (branch, place), 0 if it was run.
     integer :: table(2) = 0
     real(wp) :: slope = 0.0_wp                  !! P'(alpha)
     real(wp) :: log_slope = 0.0_wp              !! the sum of ln |P'| over the passages of a slow cycle or several
@@ -105,6 +107,7 @@ contains
     integer :: n
 
     n = recording%count
+    passage%steps = n
     associate (value => passage%measure, from => recording%kept(1)%from, to => recording%kept(n)%to)
       value(duration) = recording%duration()
       value(turn) = turn_of(slider, velocity, from%u, to%u, velocity*value(duration) - (to%position - from%position))

@@ -5,7 +5,7 @@ module dst_recording
   use dst_archive, only: archive_t
   use dst_dense_output, only: n_columns, column_position
   use dst_interpolation, only: grid_t, max_degree, last_begun
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_piece, only: piece_t, no_event
   use dst_state, only: state_t
   implicit none
@@ -14,7 +14,7 @@ module dst_recording
   public :: recording_t, most_pieces
 
   !> Largest number of pieces: some 40 MB. Convention: a passage with more is not kept.
-  integer, parameter :: most_pieces = 50000
+  integer(int64), parameter :: most_pieces = 50000
 
   !> A piece without the data that all pieces share.
   type :: kept_piece_t

@@ -34,13 +34,14 @@ module dst_release_map
   !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
   !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
   real(wp), parameter :: steepest = 0.4995_wp*pi, depth = 0.17_wp
-  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run. What is expected
-  !> is known from the laps of a slow cycle, or after this number of passages of an interval. The end of sticks is looked for after
-  !> this number of laps or slips, if as many are expected, or after this multiple of passages. Conventions.
+  !> A table is made as soon as so many passages in it are expected for each of its points, or as many have been run, and may take as
+  !> many steps fewer than these passages. What is expected is known from the laps of a slow cycle, or after this number of passages of
+  !> an interval. The end of sticks is looked for after this number of laps or slips, if as many are expected, or after this multiple
+  !> of passages. Conventions.
   real(wp), parameter :: profit = 2.0_wp
-  !> Passages that are run for the parting of branches, for tables that do not pass their tests and for slopes: at most this share of
-  !> those that are expected in all. So much dearer than without tables is a motion at worst. Convention.
-  real(wp), parameter :: in_vain = 0.2_wp
+  !> Steps for the parting of branches and for tables that do not pass their tests: at most this share of those that are expected in
+  !> all. So much dearer than without tables is a motion at worst. Convention.
+  real(wp), parameter :: in_vain = 0.15_wp
   integer, parameter :: first_passages = 8, many = 3
   !> Halvings of slips without any table after which none is foreseen. Convention.
   integer, parameter :: most_refused = 2
@@ -49,6 +50,8 @@ module dst_release_map
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
   !> table. Convention; twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
+  !> The number of slips if nobody knows how many are expected.
+  real(wp), parameter :: unknown = -1.0_wp
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
 
@@ -59,10 +62,11 @@ module dst_release_map
     integer :: slips = 0, row = 0
     integer(int64) :: passages = 0
     type(passage_t) :: before
-    !> The duration of passages [s], the number that is expected in all, in slow cycles like the first ones or in the first one, and
-    !> that of those that were run in vain, and that were run for tables.
+    !> The duration of passages [s], and the number that is expected in all, in slow cycles like the first ones or in the first one.
     real(wp) :: lasted = 0.0_wp, expected = 0.0_wp
-    integer :: vain = 0, sampled = 0
+    !> The number of passages that were run, their steps, the steps in vain, and the passages that were run for tables.
+    integer(int64) :: run = 0, steps = 0, vain = 0
+    integer :: sampled = 0
     !> The largest error of a table that is in use, over rtol = 1.
     real(wp) :: error = 0.0_wp
   end type learned_t
@@ -172,21 +176,22 @@ contains
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
 
-    call step_to_release(self, self%longest, found, error)
+    call step_to_release(self, self%longest, most_pieces, found, error)
     alpha = alpha_of(self%steps%piece%to%y(2), self%steps%slider, self%velocity)
   end subroutine first
 
-  !> From the present state to the next release, which has to occur before the time `longest` [s].
-  subroutine step_to_release(self, longest, found, error)
+  !> From the present state to the next release, which has to occur before the time `longest` [s], and within so many steps.
+  subroutine step_to_release(self, longest, most, found, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: longest
+    integer(int64), intent(in) :: most
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
 
     found = .false.
     call self%recording%clear()
     associate (piece => self%steps%piece)
-      do while (piece%to%time <= longest .and. self%recording%count < most_pieces .and. .not. found)
+      do while (piece%to%time <= longest .and. self%recording%count < min(most, most_pieces) .and. .not. found)
         call self%steps%advance(error)
         if (allocated(error)) return
         call self%recording%append(piece)
@@ -195,21 +200,25 @@ contains
     end associate
   end subroutine step_to_release
 
-  !> The passage from `alpha` [rad] by steps, if it takes no longer than `longest` [s].
-  subroutine run(self, alpha, longest, passage, found, error)
+  !> The passage from `alpha` [rad] by steps, if it takes no longer than `longest` [s] and no more than so many steps.
+  subroutine run(self, alpha, longest, passage, found, error, most)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: alpha, longest
     type(passage_t), intent(out) :: passage
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
+    integer(int64), intent(in), optional :: most
     type(work_count_t) :: count
+    integer(int64) :: steps
 
+    steps = most_pieces
+    if (present(most)) steps = most
     count = self%steps%stepper%count
     deallocate (self%steps)
     allocate (self%steps, source=self%unused)
     self%steps%stepper%count = count
     call self%steps%place_at_release(self%theta(alpha), state_t())
-    call step_to_release(self, longest, found, error)
+    call step_to_release(self, longest, steps, found, error)
     passage%from = alpha
     if (found) passage = passage_of(alpha, self%recording, self%steps%slider, self%velocity)
   end subroutine run
@@ -227,7 +236,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
-    call self%learn(passage, without_end*passage%measure(duration), 0.0_wp, error)
+    call self%learn(passage, without_end*passage%measure(duration), unknown, error)
   end subroutine next
 
   !> The passage that a table has.
@@ -292,27 +301,32 @@ contains
     real(wp), intent(in) :: rest, slips        !! how long the map will be needed [s], and how many slips are expected
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: before
+    real(wp) :: left, enough
     integer :: i
 
+    enough = 2.0_wp*profit*real(points(self), wp)
     associate (known => self%learned)
       before = known%before
       known%before = passage
       call self%count(passage)
+      call count_steps(self, passage%steps)
       known%row = known%row + 1
       if (passage%turns_back()) then
         known%row = 0
         known%slips = known%slips + 1
       end if
       known%expected = real(known%passages, wp)*(1.0_wp + rest/known%lasted)
-      if (known%slips == 0) known%expected = real(known%passages, wp) + laps_left(before, passage, passage%to, rest)
-      if (.not. known%is_parted .and. affordable(self)) then
+      ! Where the laps of the first slow cycle end is not known: half way.
+      left = laps_left(before, passage, 0.5_wp*passage%to, rest)
+      if (known%slips == 0) known%expected = real(known%passages, wp) + left
+      if (.not. known%is_parted .and. steps_left(self) >= real(points(self), wp)*steps_each(self)) then
         if (passage%turns_back()) then
-          if ((known%passages >= many*points(self) .or. known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
+          if ((known%passages >= many*points(self) .and. known%expected - real(known%passages, wp) >= enough .or. &
+            known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
         else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
-          if (laps_left(before, passage, passage%to, rest) >= 2.0_wp*profit*real(points(self), wp)) &
-            call part(self, 0.0_wp, passage, before, error)
+          if (left >= enough) call part(self, 0.0_wp, passage, before, error)
         end if
       end if
     end associate
@@ -332,12 +346,35 @@ contains
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
 
-  !> Whether a table may be made in vain.
-  pure logical function affordable(self)
+  !> Count a passage that was run in so many steps.
+  pure subroutine count_steps(self, steps)
+    class(release_map_t), intent(inout) :: self
+    integer, intent(in) :: steps
+
+    self%learned%run = self%learned%run + 1
+    self%learned%steps = self%learned%steps + steps
+  end subroutine count_steps
+
+  !> Steps of a passage, in the mean.
+  pure real(wp) function steps_each(self)
     class(release_map_t), intent(in) :: self
 
-    affordable = real(self%learned%vain + points(self), wp) <= in_vain*self%learned%expected
-  end function affordable
+    steps_each = real(self%learned%steps, wp)/real(max(1_int64, self%learned%run), wp)
+  end function steps_each
+
+  !> Steps that may still be made in vain.
+  pure real(wp) function steps_left(self)
+    class(release_map_t), intent(in) :: self
+
+    steps_left = in_vain*self%learned%expected*steps_each(self) - real(self%learned%vain, wp)
+  end function steps_left
+
+  !> A number of steps.
+  pure integer(int64) function as_count(steps)
+    real(wp), intent(in) :: steps
+
+    as_count = int(min(steps, without_end), int64)
+  end function as_count
 
   !> Laps that are expected after two of them, up to a distance from the beginning of the last one [rad], and in a time [s].
   pure real(wp) function laps_left(before, last, way, rest) result(laps)
@@ -383,10 +420,12 @@ contains
       end if
       end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
       ! Laps just above the end are about as long as each other; what takes longer is none.
-      call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error)
+      call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error, &
+        as_count(steps_left(self)))
       self%learned%sampled = self%learned%sampled + 1
-      self%learned%vain = self%learned%vain + 1
-      if (allocated(error)) return
+      self%learned%vain = self%learned%vain + self%recording%count
+      call count_steps(self, self%recording%count)
+      if (allocated(error) .or. steps_left(self) < 0.0_wp) return
       if (found .and. here%is_plain .and. here%to < here%from) then
         former = last
         last = here
@@ -422,43 +461,54 @@ contains
     type(passage_t), intent(in) :: before, passage
     real(wp), intent(in) :: rest, slips
     type(passage_table_t) :: table
-    real(wp) :: expected
+    real(wp) :: expected, each, needed, allowed
+    integer(int64) :: made
     logical :: found
-    integer :: place, visits, before_it
+    integer :: place, visits
 
     associate (branch => self%branch(which), n => points(self))
       place = branch%place_of(passage%from)
       if (place == 0) return
-      visits = branch%visit(place)
+      call branch%visit(place, passage%steps)
       if (branch%intervals(place)%is_tried) return
+      visits = branch%intervals(place)%visits
+      each = real(branch%intervals(place)%steps, wp)/real(visits, wp)
       expected = 0.0_wp
       if (visits >= first_passages) expected = slips*real(visits, wp)/real(max(1, self%learned%slips), wp)
       if (which == 1) expected = max(expected, laps_left(before, passage, branch%depth(place, passage%from), rest))
-      if (expected < profit*real(n, wp) .and. visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1)) return
-      if (.not. affordable(self)) return
+      if (expected < profit*real(n, wp) .and. (slips >= 0.0_wp .or. &
+        visits < (n + size(test_at))/2**min(branch%intervals(place)%halvings, 1))) return
+      allowed = min(max(expected/profit, real(visits, wp))*each, steps_left(self))
+      needed = real(n, wp)*each
+      if (needed > allowed) return
       branch%intervals(place)%is_tried = .true.
-      before_it = self%learned%sampled
-      call fill(self, which, place, table, found)
+      call fill(self, which, place, table, found, made, each)
       if (found) then
         call branch%keep(place, table)
       else
         call branch%halve(place)
-        self%learned%vain = self%learned%vain + self%learned%sampled - before_it
+        self%learned%vain = self%learned%vain + made
       end if
     end associate
   end subroutine tabulate
 
-  !> The table of an interval; `found`: it passes its test.
-  subroutine fill(self, which, place, table, found)
+  !> The table of an interval; `found`: it passes its test. No passage of it may take very many more steps than those so far.
+  subroutine fill(self, which, place, table, found, made, each)
     class(release_map_t), intent(inout), target :: self
     integer, intent(in) :: which, place
     type(passage_table_t), intent(out) :: table
     logical, intent(out) :: found
+    integer(int64), intent(out) :: made         !! steps
+    real(wp), intent(in) :: each                !! steps of a passage before, in the mean
+    !> How many more. Convention.
+    real(wp), parameter :: very_many = 32.0_wp
     type(passage_t) :: passage
     type(observation_t) :: seen
     real(wp) :: error, inside
-    integer :: i, k
+    integer :: i, k, taken
 
+    made = 0
+    taken = 0
     inside = 0.0_wp
     call new_passage_table(points(self), table)
     do k = 1, table%points
@@ -501,7 +551,11 @@ contains
       type(error_t), allocatable :: failure
 
       self%learned%sampled = self%learned%sampled + 1
-      call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure)
+      call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure, &
+        as_count(very_many*max(each, real(made, wp)/real(max(1, taken), wp))))
+      taken = taken + 1
+      made = made + self%recording%count
+      call count_steps(self, self%recording%count)
       ! The motion itself need not come there.
       found = found .and. .not. allocated(failure) .and. (passage%is_plain .or. which == 2)
       if (.not. (found .and. self%keeps_motion)) return
@@ -580,6 +634,7 @@ contains
   subroutine serialise(self, archive)
     class(release_map_t), intent(inout), target :: self
     type(archive_t), intent(inout) :: archive
+    integer(int64) :: made
     logical :: found
     integer :: i, place
 
@@ -587,7 +642,7 @@ contains
       call self%branch(i)%serialise(archive)
       do place = 1, self%branch(i)%interval_count()
         if (archive%is_loading() .and. self%branch(i)%intervals(place)%is_known) &
-          call fill(self, i, place, self%branch(i)%table(place), found)
+          call fill(self, i, place, self%branch(i)%table(place), found, made, without_end)
       end do
     end do
     call archive%serialise(c_loc(self%learned), storage_size(self%learned))

@@ -112,7 +112,7 @@ module dst_cycles
     procedure :: last_creep_share
     procedure :: last_peak_time
     procedure :: next_valley
-    procedure :: is_level
+    procedure :: slides
   end type cycles_t
 
 contains
@@ -408,7 +408,7 @@ contains
     real(wp) :: swing(2*kept)
     integer :: n
 
-    rings_down = self%side /= 0 .and. abs(self%position - self%extremum_position) > patience*longest(self)
+    rings_down = self%slides()
     if (rings_down) return
     n = int(min(int(max(telling, settled(self)), int64), self%recent, self%row))
     swing = 0.0_wp
@@ -495,14 +495,15 @@ contains
     end associate
   end function next_valley
 
-  !> Whether a swing of the load [N] counts for nothing, while an object at rest would have been pulled up to F_0 by this advance of
-  !> the drive [m].
-  pure logical function is_level(self, swing, advance)
+  !> Whether the object slides without an extremum of the load that counts: the last one is long past.
+  pure logical function slides(self)
     class(cycles_t), intent(in) :: self
-    real(wp), intent(in) :: swing, advance
+    real(wp) :: length
 
-    is_level = swing <= threshold*self%kinetic_limit .and. abs(advance) >= self%natural_length
-  end function is_level
+    length = self%natural_length
+    if (self%recent > 0) length = longest(self)
+    slides = self%side /= 0 .and. abs(self%position - self%extremum_position) > patience*length
+  end function slides
 
   !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)

@@ -138,6 +138,8 @@ contains
     logical, intent(in) :: is_polar, ends_cycle
     real(wp) :: grown
 
+    ! Equal springs have no soft axis, and its load has no cycle that would be a property of the motion.
+    if (minval(slider%free) > 0.0_wp .and. .not. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp) return
     associate (known => self%restless)
       if (piece%contact /= slips .or. abs(piece%drive%acceleration) > 0.0_wp .or. piece%to%time >= piece%drive%end) then
         call rest(known)
@@ -181,8 +183,8 @@ contains
     call summary_values(self%summary_t, value, energies_t(self%first_energy, motion%energy(motion%velocity_now()), &
       motion%piece%to%drive_work, motion%piece%to%friction_work, &
       merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
-    if (.not. (motion%slider%free(1) > 0.0_wp .and. motion%drive%is_steady(motion%t_end))) return
-    verdict = self%without_cycles(motion%piece%drive%velocity)
+    if (.not. motion%slider%free(1) > 0.0_wp) return
+    verdict = self%without_cycles()
     ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
     repeats = 0
     if (.not. ieee_is_nan(of('repeats'))) repeats = nint(of('repeats'))
@@ -206,7 +208,10 @@ contains
     else if (verdict == undecided .and. .not. ieee_is_nan(exponent)) then
       verdict = told
     end if
-    call put('regularity', real(verdict, wp))
+    associate (drive => motion%piece%drive)
+      if (repeats > 0 .or. abs(drive%velocity) > 0.0_wp .and. .not. abs(drive%acceleration) > 0.0_wp) &
+        call put('regularity', real(verdict, wp))
+    end associate
     call put('lyapunov_exponent', exponent)
     call put('lyapunov_error', exponent_error)
 

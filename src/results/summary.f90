@@ -444,16 +444,14 @@ contains
     end subroutine put
   end subroutine summary_values
 
-  !> What a motion is under a steady drive [m/s] if it has no cycles that last: steady sliding, if the load has not changed while the
-  !> drive advanced so far that it had to.
-  pure integer function without_cycles(self, velocity) result(verdict)
+  !> What a motion is under a steady drive if it has no cycles that last.
+  pure integer function without_cycles(self) result(verdict)
     class(summary_t), intent(in) :: self
-    real(wp), intent(in) :: velocity
 
     verdict = undecided
     if (self%cycles%lasting(self%settled_at >= 0.0_wp) > 0) return
     if (self%cycles%count > 0) verdict = ringing_down
-    if (self%cycles%is_level(self%late%highest%load - self%late%lowest%load, velocity*self%late%length)) verdict = steady_sliding
+    if (self%cycles%slides()) verdict = steady_sliding
   end function without_cycles
 
   !> Save or load.

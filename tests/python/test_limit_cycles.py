@@ -450,7 +450,11 @@ def test_stick_slip_is_found_from_steady_sliding(angle: float, stiffness_y: floa
     assert (other.regularity.verdict, found.regularity.verdict) == ("steady sliding", "regular")
     assert len(found.stable) == 1
     assert other.stable[0].period == pytest.approx(found.stable[0].period, rel=1e-9)
-    assert ds.run(sliding, output={"interval": 1.0}).summary["swing"] < 1e-6 < ds.run(stick_slip, output={"interval": 1.0}).summary["swing"]
+    assert (
+        ds.run(sliding, output={"interval": 1.0}).summary["swing"]
+        < 1e-6
+        < ds.run(stick_slip, output={"interval": 1.0}).summary["swing"]
+    )
 
 
 @pytest.mark.parametrize("t_end", [14.0, 14.3, 14.6, 14.9])
