@@ -87,6 +87,16 @@ def period_from(scene: ds.Scene, chance: random.Random) -> float | None:
     return summary["repeats"] * summary["period"] if summary.get("repeats") and summary["cycles"] else None
 
 
+def missing(periods: list[float | None], found: ds.Cycles) -> list[float]:
+    """Those that no stable cycle has."""
+    return [
+        period
+        for period in periods
+        if period is not None
+        and not any(abs(period - cycle.period) <= 1e-5 * period for cycle in found.stable)
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -121,14 +131,14 @@ def main() -> None:
                 "right" if abs(summary["repeats"] * summary["period"] - period) <= 1e-5 * period else "wrong"
             )
         runs[said] += 1
-        for start in range(options.starts):
-            other = period_from(scene, random.Random(f"{options.seed} {number} {start}"))
-            if other is None:
-                continue
-            attractors += 1
-            if not any(abs(other - cycle.period) <= 1e-5 * other for cycle in found.stable):
-                missed += 1
-                print(f"scene {number}: a run from elsewhere repeats after {other} s, which is no cycle")
+        others = [
+            period_from(scene, random.Random(f"{options.seed} {number} {start}"))
+            for start in range(options.starts)
+        ]
+        lost = missing(others, found)
+        attractors, missed = attractors + len(others) - others.count(None), missed + len(lost)
+        if lost:
+            print(f"scene {number}: runs from elsewhere repeat after {lost} s, which is no cycle")
         if said == "wrong":
             print(f"scene {number}: the run says {summary['repeats']} x {summary['period']}, steps {period}")
         told = [cycle.period for cycle in found.stable]

@@ -149,7 +149,10 @@ contains
       else
         call describe_deck(command%operands(i)%text, text, error)
       end if
-      if (.not. (allocated(error) .and. text == '')) call print_text(text)
+      ! A search that was stopped has both.
+      if (allocated(text)) then
+        if (text /= '') call print_text(text)
+      end if
       call complain(error)
     end do
   end subroutine print_each

@@ -51,6 +51,8 @@ module dst_full_cycles
   real(wp), parameter :: fine = 1.0e-13_wp
   !> The share of what a search may cost after which an orbit is followed no further. Convention.
   real(wp), parameter :: share_of_orbit = 0.4_wp
+  !> Nobody knows how many slips a search needs.
+  real(wp), parameter :: unknown = -1.0_wp
   !> No range of releases.
   real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
 
@@ -186,6 +188,7 @@ contains
     regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
     regularity%error = regularity%exponent
     call map_of(steady(scene, velocity), map, error)
+    map%slips_expected = unknown
     if (present(watch)) map%watch => watch
     if (.not. allocated(error)) call map%first(start, orbit%goes_on, error)
     if (.not. allocated(error) .and. orbit%goes_on) call follow(map, start, followed, nowhere, cycles, orbit, error)

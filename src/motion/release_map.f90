@@ -50,8 +50,6 @@ module dst_release_map
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
   !> table. Convention; twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
-  !> The number of slips if nobody knows how many are expected.
-  real(wp), parameter :: unknown = -1.0_wp
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
 
@@ -79,8 +77,8 @@ module dst_release_map
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: velocity = 0.0_wp                 !! V, m/s
     real(wp), private :: rtol = 0.0_wp
-    !> No passage takes longer [s].
-    real(wp) :: longest = huge(1.0_wp)
+    !> No passage takes longer [s]; and how many slips `next` is expected to give, negative if nobody knows.
+    real(wp) :: longest = huge(1.0_wp), slips_expected = without_end
     !> An unstable fixed point at the end of sticks [rad], if there is one.
     logical :: has_fixed = .false.
     real(wp) :: fixed = 0.0_wp
@@ -236,7 +234,7 @@ contains
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
-    call self%learn(passage, without_end*passage%measure(duration), unknown, error)
+    call self%learn(passage, without_end*passage%measure(duration), self%slips_expected, error)
   end subroutine next
 
   !> The passage that a table has.
