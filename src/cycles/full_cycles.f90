@@ -72,8 +72,9 @@ module dst_full_cycles
     procedure :: is_stable
   end type full_cycle_t
 
-  !> The releases with which the slow cycles of a motion end, one after the other [rad].
+  !> The slow cycles of a motion, one after the other.
   type :: orbit_t
+    !> The first release, and those with which slow cycles end [rad].
     real(wp), allocatable :: release(:)
     !> The logarithms of the slopes of its slow cycles, NaN if they are not known, and the time that they took [s].
     real(wp), allocatable :: log_slope(:)
@@ -230,6 +231,7 @@ contains
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(scene_t) :: changed
+
     changed = scene
     changed%model = 'full'
     changed%method = 'radau13'
@@ -334,6 +336,7 @@ contains
     !> In slow cycles: as many as are kept count, if so many were followed. Convention.
     integer, parameter :: long_enough = 200
 
+    if (regularity%slow_cycles == 0) return
     shorter = scene
     shorter%t_end = regularity%time*min(1.0_wp, real(long_enough, wp)/real(regularity%slow_cycles, wp))
     call run(shorter, motion, summary, error)

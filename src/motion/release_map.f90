@@ -353,11 +353,11 @@ contains
     self%learned%steps = self%learned%steps + steps
   end subroutine count_steps
 
-  !> Steps of a passage, in the mean.
+  !> Steps of a passage, in the mean of those that were run, of which there must be one.
   pure real(wp) function steps_each(self)
     class(release_map_t), intent(in) :: self
 
-    steps_each = real(self%learned%steps, wp)/real(max(1_int64, self%learned%run), wp)
+    steps_each = real(self%learned%steps, wp)/real(self%learned%run, wp)
   end function steps_each
 
   !> Steps that may still be made in vain.
@@ -503,10 +503,9 @@ contains
     type(passage_t) :: passage
     type(observation_t) :: seen
     real(wp) :: error, inside
-    integer :: i, k, taken
+    integer :: i, k
 
     made = 0
-    taken = 0
     inside = 0.0_wp
     call new_passage_table(points(self), table)
     do k = 1, table%points
@@ -550,8 +549,7 @@ contains
 
       self%learned%sampled = self%learned%sampled + 1
       call self%run(self%branch(which)%angle(place, x), self%longest, passage, found, failure, &
-        as_count(very_many*max(each, real(made, wp)/real(max(1, taken), wp))))
-      taken = taken + 1
+        as_count(very_many*each))
       made = made + self%recording%count
       call count_steps(self, self%recording%count)
       ! The motion itself need not come there.
@@ -586,10 +584,9 @@ contains
   !> Whether slow cycles have cost so much, or a share of it, or somebody says, that no more are found.
   logical function is_spent(self, share)
     class(release_map_t), intent(in) :: self
-    real(wp), intent(in), optional :: share
+    real(wp), intent(in), optional :: share     !! 1 if absent
     !> Passages and Newton iterations: some seconds. Conventions.
     real(wp), parameter :: most = 1.5e6_wp, most_work = 2.0e6_wp
-
     real(wp) :: limit
 
     limit = 1.0_wp

@@ -188,6 +188,7 @@ contains
     ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
     repeats = 0
     if (.not. ieee_is_nan(of('repeats'))) repeats = nint(of('repeats'))
+    told = undecided
     exponent = absent()
     exponent_error = exponent
     if (self%restless%growth%is_followed) then
