@@ -31,17 +31,18 @@ module dst_growth
 contains
 
   !> Begin with some difference, which turns with the axes. `is_polar`: the first unknown of the system is a slip speed, which ends at 0.
-  pure subroutine begin(self, system, slider, is_polar)
+  pure subroutine begin(self, system, slider, velocity, is_polar)
     class(growth_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity            !! V, m/s
     logical, intent(in) :: is_polar
 
     self%is_followed = .true.
     self%logarithm = 0.0_wp
     self%tangent = tangent_t(rests=.false., is_polar=is_polar)
     associate (first => system%axis, last => system%axis + system%components - 1)
-      self%tangent%u(first:last) = slider%law%static_limit/slider%stiffness(first:last)*sign(1.0_wp, slider%along(first:last))
+      self%tangent%u(first:last) = velocity*sqrt(slider%mass/slider%stiffness(first:last))*sign(1.0_wp, slider%along(first:last))
     end associate
   end subroutine begin
 
@@ -75,7 +76,10 @@ contains
         flow%y(i) = dot_product(rate, path%nodal(0:s, column_y + i - 1))
       end do
       measured = scaled(flow)
-      along = product_of(measured, scaled(self%tangent))/product_of(measured, measured)
+      size_of = product_of(measured, measured)
+      self%is_followed = size_of > 0.0_wp
+      if (.not. self%is_followed) return
+      along = product_of(measured, scaled(self%tangent))/size_of
       self%tangent%u(first:last) = self%tangent%u(first:last) - along*flow%u(first:last)
       self%tangent%y = self%tangent%y - along*flow%y
       measured = scaled(self%tangent)
@@ -89,12 +93,12 @@ contains
 
   contains
 
-    !> In lengths F_s/k, and speeds V; a direction in rad.
+    !> In speeds V, and lengths V sqrt(m/k); a direction in rad.
     pure type(tangent_t) function scaled(difference) result(numbers)
       type(tangent_t), intent(in) :: difference
 
       associate (first => system%axis, last => system%axis + system%components - 1)
-        numbers%u(first:last) = difference%u(first:last)*slider%stiffness(first:last)/slider%law%static_limit
+        numbers%u(first:last) = difference%u(first:last)*sqrt(slider%stiffness(first:last)/slider%mass)/piece%drive%velocity
       end associate
       numbers%y = difference%y/piece%drive%velocity
       if (self%tangent%is_polar) numbers%y(2) = difference%y(2)

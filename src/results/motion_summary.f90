@@ -141,7 +141,8 @@ contains
     ! Equal springs have no soft axis, and its load has no cycle that would be a property of the motion.
     if (minval(slider%free) > 0.0_wp .and. .not. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp) return
     associate (known => self%restless)
-      if (piece%contact /= slips .or. abs(piece%drive%acceleration) > 0.0_wp .or. piece%to%time >= piece%drive%end) then
+      if (piece%contact /= slips .or. abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(piece%drive%velocity) > 0.0_wp &
+        .or. piece%to%time >= piece%drive%end) then
         call rest(known)
         return
       end if
@@ -152,7 +153,7 @@ contains
         ! A difference that falls below roundoff within a cycle is not known.
         call known%divergence%come_back(grown, system%unknowns == 1 .or. grown > log(epsilon(grown)))
       else if (.not. known%has_rested) then
-        call known%growth%begin(system, slider, is_polar)
+        call known%growth%begin(system, slider, piece%drive%velocity, is_polar)
       end if
       known%has_rested = .false.
     end associate
