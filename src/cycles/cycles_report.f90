@@ -118,7 +118,7 @@ contains
 
     call page%line('')
     call page%row('cycles were looked for', 'of up to '//integer_text(regularity%searched)//' slow cycle'// &
-      trim(merge('s', ' ', regularity%searched > 1)))
+      trim(merge('s', ' ', regularity%searched /= 1)))
     select case (regularity%verdict)
     case (regular)
       if (regularity%repeats > 0) then

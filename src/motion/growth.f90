@@ -9,7 +9,7 @@ module dst_growth
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
+  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_tangent, only: tangent_t
   implicit none
   private
@@ -19,13 +19,15 @@ module dst_growth
   !> A difference that is followed. Plain data.
   type :: growth_t
     logical :: is_followed = .false.
+    !> In the plane the trace tells all.
+    logical, private :: is_planar = .false.
     !> The logarithm of its growth since that was last asked for.
     real(wp), private :: logarithm = 0.0_wp
     type(tangent_t), private :: tangent = tangent_t()
   contains
     procedure :: begin
     procedure :: follow
-    procedure :: grown
+    procedure :: tell
   end type growth_t
 
 contains
@@ -39,6 +41,7 @@ contains
     logical, intent(in) :: is_polar
 
     self%is_followed = .true.
+    self%is_planar = system%components + system%unknowns == 2
     self%logarithm = 0.0_wp
     self%tangent = tangent_t(rests=.false., is_polar=is_polar)
     associate (first => system%axis, last => system%axis + system%components - 1)
@@ -53,14 +56,14 @@ contains
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
     type(stage_terms_t) :: terms
-    type(tangent_t) :: flow, measured
-    real(wp) :: rate(piece%path%grid%degree + 1), coefficient(0:2), weakening, size_of, along
+    real(wp) :: rate(piece%path%grid%degree + 1), coefficient(0:2), weakening, size_of
+    real(wp), dimension(max_components + max_unknowns) :: difference, flow, measured
     integer :: i
 
-    associate (path => piece%path, s => piece%path%grid%degree, first => system%axis, last => system%axis + system%components - 1)
-      if (last - first + 1 + system%unknowns == 2) then
+    associate (path => piece%path, s => piece%path%grid%degree, velocity => piece%drive%velocity)
+      if (self%is_planar) then
         do i = 1, s
-          call system%decay_polynomial(path%nodal(i, column_y:column_y), piece%drive%velocity, coefficient, weakening)
+          call system%decay_polynomial(path%nodal(i, column_y:column_y), velocity, coefficient, weakening)
           self%logarithm = self%logarithm - path%step*path%grid%integral(s, i)*coefficient(1)/coefficient(2)
         end do
         return
@@ -68,54 +71,40 @@ contains
       terms = new_terms(s, system%components, system%unknowns)
       call self%tangent%follow(piece, system, slider, terms, self%is_followed)
       if (.not. self%is_followed) return
+      ! Speeds are measured in V, lengths in V sqrt(m/k), a direction in rad.
+      measured = 0.0_wp
+      flow = 0.0_wp
       rate = path%grid%derivative(s, 0:s)/path%step
-      do i = first, last
-        flow%u(i) = dot_product(rate, path%nodal(0:s, column_u + i - 1)) + piece%drive%velocity*piece%drive_coupling(i)
+      do i = system%axis, system%axis + system%components - 1
+        measured(i) = sqrt(slider%stiffness(i)/slider%mass)/velocity
+        flow(i) = dot_product(rate, path%nodal(0:s, column_u + i - 1)) + velocity*piece%drive_coupling(i)
       end do
-      do i = 1, system%unknowns
-        flow%y(i) = dot_product(rate, path%nodal(0:s, column_y + i - 1))
-      end do
-      measured = scaled(flow)
-      size_of = product_of(measured, measured)
+      measured(max_components + 1:max_components + system%unknowns) = 1.0_wp/velocity
+      if (self%tangent%is_polar) measured(max_components + 2) = 1.0_wp
+      flow(max_components + 1:max_components + system%unknowns) = &
+        matmul(rate, path%nodal(0:s, column_y:column_y + system%unknowns - 1))
+      difference = [self%tangent%u, self%tangent%y]
+      size_of = sum((measured*flow)**2)
       self%is_followed = size_of > 0.0_wp
       if (.not. self%is_followed) return
-      along = product_of(measured, scaled(self%tangent))/size_of
-      self%tangent%u(first:last) = self%tangent%u(first:last) - along*flow%u(first:last)
-      self%tangent%y = self%tangent%y - along*flow%y
-      measured = scaled(self%tangent)
-      size_of = sqrt(product_of(measured, measured))
+      difference = difference - sum(measured*flow*(measured*difference))/size_of*flow
+      size_of = sqrt(sum((measured*difference)**2))
       self%is_followed = size_of > tiny(size_of)
       if (.not. self%is_followed) return
       self%logarithm = self%logarithm + log(size_of)
-      self%tangent%u = self%tangent%u/size_of
-      self%tangent%y = self%tangent%y/size_of
+      self%tangent%u = difference(:max_components)/size_of
+      self%tangent%y = difference(max_components + 1:)/size_of
     end associate
-
-  contains
-
-    !> In speeds V, and lengths V sqrt(m/k); a direction in rad.
-    pure type(tangent_t) function scaled(difference) result(numbers)
-      type(tangent_t), intent(in) :: difference
-
-      associate (first => system%axis, last => system%axis + system%components - 1)
-        numbers%u(first:last) = difference%u(first:last)*sqrt(slider%stiffness(first:last)/slider%mass)/piece%drive%velocity
-      end associate
-      numbers%y = difference%y/piece%drive%velocity
-      if (self%tangent%is_polar) numbers%y(2) = difference%y(2)
-    end function scaled
-
-    pure real(wp) function product_of(one, other)
-      type(tangent_t), intent(in) :: one, other
-
-      product_of = sum(one%u*other%u) + sum(one%y*other%y)
-    end function product_of
   end subroutine follow
 
-  !> The logarithm of the growth since this was asked last.
-  real(wp) function grown(self)
+  !> The logarithm of the growth since this was asked last, and whether it is known: not if the difference fell below roundoff.
+  pure subroutine tell(self, logarithm, is_known)
     class(growth_t), intent(inout) :: self
+    real(wp), intent(out) :: logarithm
+    logical, intent(out) :: is_known
 
-    grown = self%logarithm
+    logarithm = self%logarithm
+    is_known = self%is_planar .or. logarithm > log(epsilon(logarithm))
     self%logarithm = 0.0_wp
-  end function grown
+  end subroutine tell
 end module dst_growth

@@ -137,6 +137,7 @@ contains
     type(slider_t), intent(in) :: slider
     logical, intent(in) :: is_polar, ends_cycle
     real(wp) :: grown
+    logical :: is_known
 
     ! Equal springs have no soft axis, and its load has no cycle that would be a property of the motion.
     if (minval(slider%free) > 0.0_wp .and. .not. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp) return
@@ -149,9 +150,8 @@ contains
       if (known%growth%is_followed) call known%growth%follow(piece, system, slider)
       if (.not. ends_cycle) return
       if (known%growth%is_followed) then
-        grown = known%growth%grown()
-        ! A difference that falls below roundoff within a cycle is not known.
-        call known%divergence%come_back(grown, system%unknowns == 1 .or. grown > log(epsilon(grown)))
+        call known%growth%tell(grown, is_known)
+        call known%divergence%come_back(grown, is_known)
       else if (.not. known%has_rested) then
         call known%growth%begin(system, slider, piece%drive%velocity, is_polar)
       end if
