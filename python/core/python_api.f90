@@ -16,7 +16,9 @@ module dst_python_api
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_creep_end, only: creep_end_t, creep_end
+  use dst_columns, only: columns
   use dst_deck_values, only: element_count
+  use dst_derivatives, only: derivatives_t, find_derivatives
   use dst_errors, only: error_t, raise, usage_error
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
@@ -46,7 +48,7 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, run_open, sweep_open, cycles_open, sensitivity_open, ends_open, steady_open
+  public :: library_open, deck_open, run_open, sweep_open, cycles_open, sensitivity_open, derivatives_open, ends_open, steady_open
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
@@ -101,6 +103,7 @@ module dst_python_api
   type, extends(session_t) :: cycles_session_t
     type(limit_cycles_t) :: cycles
     type(sensitivity_t) :: sensitivity
+    type(derivatives_t) :: derivatives
     type(stick_slip_ends_t) :: ends
     real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
   contains
@@ -265,6 +268,30 @@ contains
       call find_sensitivity(self%deck, scene, velocity, text_of(keys), self%sensitivity, self%error)
     status = status_of(self)
   end subroutine sensitivity_open
+
+  !> Read a deck and find the derivatives of its run with respect to the keys GROUP.KEY in a list with blanks, at these times [s], or at
+  !> those of its samples if there are none.
+  subroutine derivatives_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, n_times, times, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys, n_times
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
+    real(c_double), intent(in) :: times(n_times)
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(holder_t), pointer :: holder
+    type(scene_t) :: scene
+
+    allocate (holder, self)
+    handle = handle_of(c_loc(holder))
+    holder%session => self
+    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false.)
+    if (.not. allocated(self%error)) then
+      call scene_from_deck(self%deck, scene)
+      call find_derivatives(self%deck, scene, text_of(keys), times, self%derivatives, self%error)
+    end if
+    status = status_of(self)
+  end subroutine derivatives_open
 
   !> Read a deck and find where its stick-slip ends, under the only drive velocity that is kept for some time and is not 0.
   subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
@@ -631,6 +658,28 @@ contains
         call describe(self%table, cycle_quantities, 1 + size(derivative, 2))
         self%table%number(1, :) = self%sensitivity%value
         self%table%number(2:, :) = transpose(derivative)
+      end associate
+    case ('columns')
+      call describe(self%table, columns, 0)
+    case ('samples')
+      associate (derivatives => self%derivatives, n => size(columns)*(1 + size(self%derivatives%key)))
+        call new_table(self%table, size(derivatives%time), 0, 1 + n)
+        self%table%number(1, :) = derivatives%time
+        self%table%number(2:1 + size(columns), :) = derivatives%value
+        self%table%number(2 + size(columns):, :) = reshape(derivatives%change, [n - size(columns), size(derivatives%time)])
+      end associate
+    case ('events')
+      associate (derivatives => self%derivatives)
+        call new_table(self%table, size(derivatives%event), 0, 2 + size(derivatives%key))
+        self%table%number(1, :) = derivatives%event%time
+        self%table%number(2, :) = derivatives%event%kind
+        self%table%number(3:, :) = derivatives%shift
+      end associate
+    case ('varied')
+      associate (derivatives => self%derivatives)
+        call new_table(self%table, size(derivatives%key), 1, 1)
+        self%table%text(1, :) = derivatives%key
+        self%table%number(1, :) = derivatives%parameter
       end associate
     case ('parameters')
       associate (sensitivity => self%sensitivity)

@@ -71,8 +71,10 @@ _MODULE_OF = {
     "compare": "trace_comparison",
     "CreepTest": "trace_creep",
     "creep_test": "trace_creep",
-    "Sensitivity": "cycle_sensitivity",
-    "sensitivity": "cycle_sensitivity",
+    "Derivatives": "tangents",
+    "derivatives": "tangents",
+    "Sensitivity": "tangents",
+    "sensitivity": "tangents",
     "TraceCycles": "trace_cycles",
     "Waveform": "trace_cycles",
     "find_cycles": "trace_cycles",
@@ -86,7 +88,7 @@ _MODULE_OF = {
 if _TYPE_CHECKING:
     from ._plotting import plot as plot
     from ._trade import Trade, open_trade, trade
-    from .cycle_sensitivity import Sensitivity, sensitivity
+    from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
     from .trace_comparison import Statistic, TraceComparison, compare
     from .trace_creep import CreepTest, creep_test
@@ -104,6 +106,7 @@ __all__ = [
     "CriticalMisalignment",
     "Cycles",
     "DeckError",
+    "Derivatives",
     "Described",
     "Drive",
     "Error",
@@ -151,6 +154,7 @@ __all__ = [
     "critical_misalignment",
     "cycles",
     "damping_ratio",
+    "derivatives",
     "find_cycles",
     "fit",
     "jacobian",

@@ -25,6 +25,7 @@ __all__ = [
     "Cycles",
     "DeckSource",
     "DeckValues",
+    "Derivatives",
     "Ends",
     "KeyInfo",
     "Run",
@@ -364,6 +365,37 @@ class Sensitivity(Session):
         """Values (quantity) and derivatives (quantity, key)."""
         cells, (self.parameters,) = _table(handle, "parameters")
         self.keys = [key for (key,) in cells]
+
+
+class Derivatives(Session):
+    """Derivatives of the run of a scene, found in the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    keys : iterable of str
+        Parameters GROUP.KEY.
+    times : NDArray[np.float64]
+        Times of samples [s]; those of the run if there are none.
+    """
+
+    name = "list of derivatives"
+
+    def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
+        handle, status = _core.derivatives_open(*deck.arguments(), _characters(" ".join(keys)), times)
+        super().__init__(handle)
+        self._raise(deck, status)
+        cells, (self.parameters,) = _table(handle, "varied")
+        self.keys = [key for (key,) in cells]
+        self.columns = _infos(handle, "columns")
+        numbers = _table(handle, "samples")[1]
+        rows = numbers[1:].reshape(1 + len(self.keys), len(self.columns), -1)
+        self.time, self.values, self.derivatives = numbers[0], rows[0], rows[1:]
+        """Times (sample), values (column, sample) and derivatives (key, column, sample)."""
+        numbers = _table(handle, "events")[1]
+        self.event_time, self.event_kind, self.shifts = numbers[0], numbers[1].astype(np.int64), numbers[2:]
+        """Times and kinds of events (event), and the derivatives of the times (key, event)."""
 
 
 class Ends(Session):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EVENTS",
+    "EVENT_DTYPE",
     "LOG_DTYPE",
     "SLIP_BEGINS",
     "STICK_BEGINS",
@@ -44,6 +45,7 @@ STICK_BEGINS = 1
 SLIP_BEGINS = 2
 
 LOG_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32), ("occurs", np.int64), ("period", np.float64)])
+EVENT_DTYPE = np.dtype([("time", np.float64), ("kind", np.int32)])
 MOST_EVENTS = 20_000_000
 """The largest number of events that is given as one array: 240 MB."""
 
@@ -312,7 +314,7 @@ def events_between(log: NDArray[np.void], first: float, last: float) -> NDArray[
             f"there are {count} events from {first:g} to {last:g} s, more than {MOST_EVENTS} for one array: ask for those "
             "of a shorter time with result.events_between, or see result.log, where the motion repeats"
         )
-    parts = [np.empty(0, dtype=[("time", np.float64), ("kind", np.int32)])]
+    parts = [np.empty(0, dtype=EVENT_DTYPE)]
     for rows in _blocks(log):
         times = np.zeros(1)
         if rows["occurs"][0] > 1:

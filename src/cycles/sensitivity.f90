@@ -10,30 +10,23 @@
 module dst_sensitivity
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, slip_time, slip_length
   use dst_dense_output, only: column_u
-  use dst_deck_sweep, only: varied_key, variation_problem
   use dst_deck_values, only: deck_t
   use dst_errors, only: error_t, raise, deck_error, usage_error
-  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, map_of, steady, extremes_of, measures_of, share_out
+  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, steady, extremes_of, measures_of, share_out
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
   use dst_piece, only: piece_t, slips
   use dst_release_map, only: release_map_t
-  use dst_scene, only: scene_t, set_number
-  use dst_schema, only: schema, longest_text
+  use dst_scene, only: scene_t
+  use dst_schema, only: longest_text
   use dst_state, only: state_t
-  use dst_tangent, only: tangent_t, rig_t, variation_t, carry
-  use dst_text, only: has_word, lower_case, word, word_count
+  use dst_tangent, only: tangent_t, trail_t, variation_t, directions_t, carry
+  use dst_variation, only: vary
   implicit none
   private
 
   public :: sensitivity_t, find_sensitivity
-
-  !> How far from a value the rigs are of which differences are taken, over the value. Twice: elasticities of up to 6
-  !> change by 5e-9; ten times: by 8e-8.
-  real(wp), parameter :: near = 1.0e-6_wp
-  !> Groups of the parameters on which a cycle hangs.
-  character(*), parameter :: groups = 'system friction drive'
 
   !> The measures of the cycle, as in dst_cycles, and their derivatives (measure, parameter); the names and values of the parameters.
   type :: sensitivity_t
@@ -57,19 +50,16 @@ contains
     type(release_map_t) :: map
     type(variation_t), allocatable :: variation(:)
     type(orbit_t) :: orbit
-    integer :: i
+    real(wp) :: pull
 
+    ! The mirror image has the same cycles, but the key has the sign of the scene.
+    pull = sign(velocity, scene%drive_velocity(1))
     if (scene%model /= 'full' .or. scene%contact /= 'exact') call raise(error, deck_error, &
       "scene.model: sensitivities are those of model 'full' with contact 'exact': give these", 'scene.model')
-    associate (n => word_count(keys))
-      allocate (variation(n), sensitivity%parameter(n), sensitivity%key(n))
-    end associate
-    do i = 1, size(variation)
-      sensitivity%key(i) = lower_case(word(keys, i))
-      if (.not. allocated(error)) call vary(deck, scene, velocity, word(keys, i), sensitivity%parameter(i), variation(i), error)
-    end do
+    if (.not. allocated(error)) &
+      call vary(deck, steady(scene, pull), keys, sensitivity%key, sensitivity%parameter, variation, error)
     if (allocated(error)) return
-    call settle(scene, velocity, map, orbit, cycles, regularity, error)
+    call settle(scene, pull, map, orbit, cycles, regularity, error)
     if (allocated(error)) return
     if (orbit%goes_on .and. regularity%repeats == 0) then
       call raise(error, usage_error, 'the motion does not repeat, so that its cycles have no sensitivity: long means of '// &
@@ -85,82 +75,33 @@ contains
     call raise(error, usage_error, 'the motion comes to no cycle with rest: its sensitivity is not known')
   end subroutine find_sensitivity
 
-  !> The value of a key, and rigs with a little more and a little less.
-  subroutine vary(deck, scene, velocity, name, value, variation, error)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
-    real(wp), intent(in) :: velocity
-    character(*), intent(in) :: name
-    real(wp), intent(out) :: value
-    type(variation_t), intent(out) :: variation
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
-
-    value = 0.0_wp
-    problem = variation_problem(deck, name)
-    if (problem == '') then
-      associate (key => schema(varied_key(name)))
-        if (.not. has_word(groups, trim(key%group))) then
-          problem = "a cycle does not hang on '"//name//"': name numbers of &system, &friction or &drive"
-        else
-          value = deck%real_of(trim(key%group), trim(key%name))
-          if (.not. abs(value) > 0.0_wp) problem = "'"//name//"' is 0, so that it has no small share: give a small value"
-        end if
-      end associate
-    end if
-    if (problem /= '') then
-      call raise(error, usage_error, problem)
-      return
-    end if
-    call take_rig(value*(1.0_wp + near), variation%more)
-    if (.not. allocated(error)) call take_rig(value*(1.0_wp - near), variation%less)
-    variation%apart = 2.0_wp*near*value
-
-  contains
-
-    !> The rig with another value of the key.
-    subroutine take_rig(other, rig)
-      real(wp), intent(in) :: other
-      type(rig_t), intent(out) :: rig
-      type(scene_t) :: changed
-      type(release_map_t) :: map
-
-      changed = scene
-      associate (key => schema(varied_key(name)))
-        call set_number(changed, trim(key%name), other)
-        call map_of(steady(changed, merge(sign(other, velocity), velocity, key%name == 'velocity')), map, error)
-      end associate
-      if (allocated(error)) return
-      rig%slider = map%steps%slider
-      allocate (rig%system, source=map%steps%system)
-      rig%velocity = map%velocity
-    end subroutine take_rig
-  end subroutine vary
-
-  !> Around the cycle that begins with a release. The derivatives of direction 0 are those with respect to this release.
+  !> Around the cycle that begins with a release. Direction 1 is that of this release, the others are those of the parameters.
   subroutine differentiate(map, alpha, slow_cycles, variation, sensitivity, error)
-    type(release_map_t), intent(inout), target :: map
+    type(release_map_t), intent(inout) :: map
     real(wp), intent(in) :: alpha
     integer, intent(in) :: slow_cycles
-    type(variation_t), intent(in), target :: variation(:)
+    type(variation_t), intent(in) :: variation(:)
     type(sensitivity_t), intent(inout) :: sensitivity
     type(error_t), allocatable, intent(out) :: error
+    type(directions_t) :: directions
     type(passage_t) :: passage
-    type(tangent_t) :: tangent
-    type(tangent_t), allocatable :: trail(:)
+    type(tangent_t) :: tangents(1 + size(variation))
+    type(trail_t), allocatable :: trail(:, :)
     type(extremum_t) :: high, low
-    real(wp), dimension(0:size(variation)) :: turned, turn, delay, lasting
-    real(wp), dimension(measures, 0:size(variation)) :: slip, one, total, direct
+    real(wp), dimension(1 + size(variation)) :: turned, lasting, direct
+    real(wp), dimension(measures, 1 + size(variation)) :: slip, one, total
     real(wp), dimension(measures) :: value, old, new
     real(wp) :: release, lasted
     logical :: found
     integer :: i, k
 
+    allocate (directions%variation(1 + size(variation)))
+    directions%variation(2:) = variation
     release = alpha
     direct = 1.0_wp
-    direct(:, 0) = 0.0_wp
+    direct(1) = 0.0_wp
     turned = 0.0_wp
-    turned(0) = 1.0_wp
+    turned(1) = 1.0_wp
     total = 0.0_wp
     do i = 1, slow_cycles
       lasted = 0.0_wp
@@ -168,17 +109,22 @@ contains
       do
         call map%run(release, map%longest, passage, found, error)
         if (allocated(error)) return
-        do k = 0, size(variation)
-          if (found) call look_along(k)
-        end do
+        if (found) call carry(map%recording, map%steps%system, map%steps%slider, directions, tangents, found, trail)
+        if (found .and. passage%turns_back()) then
+          call extremes_of(map, high, low)
+          do k = 1, size(tangents)
+            if (found) call differentiate_slip(map, high%time, low%time, trail(k, :), directions%variation(k), slip(:, k), found)
+          end do
+        end if
         if (.not. found) then
           call raise(error, usage_error, 'the cycle hangs on a release that just happens, and has no derivative')
           return
         end if
         ! What the parameter does here, and what the beginning does, which it has turned.
-        if (passage%turns_back()) one = spread(turned, 1, measures)*spread(slip(:, 0), 2, size(turned)) + direct*slip
-        lasting = lasting + turned*delay(0) + direct(1, :)*delay
-        turned = turned*turn(0) + direct(1, :)*turn
+        if (passage%turns_back()) one = spread(turned, 1, measures)*spread(slip(:, 1), 2, size(turned)) &
+          + spread(direct, 1, measures)*slip
+        lasting = lasting + turned*tangents(1)%clock + direct*tangents%clock
+        turned = turned*tangents(1)%y(2) + direct*tangents%y(2)
         lasted = lasted + passage%measure(duration)
         release = passage%to
         if (passage%turns_back()) exit
@@ -193,38 +139,19 @@ contains
     end do
     allocate (sensitivity%derivative(measures, size(variation)))
     do k = 1, size(variation)
-      sensitivity%derivative(:, k) = total(:, k) + total(:, 0)*turned(k)/(1.0_wp - turned(0))
+      sensitivity%derivative(:, k) = total(:, k + 1) + total(:, 1)*turned(k + 1)/(1.0_wp - turned(1))
     end do
-
-  contains
-
-    !> The derivatives of the passage: with respect to its beginning (0), or to a parameter.
-    subroutine look_along(number)
-      integer, intent(in) :: number
-      type(variation_t), pointer :: towards
-
-      ! A pointer to nothing is an absent argument.
-      towards => null()
-      if (number > 0) towards => variation(number)
-      call carry(map%recording, map%steps%system, map%steps%slider, tangent, found, towards, trail)
-      if (found .and. passage%turns_back()) then
-        if (number == 0) call extremes_of(map, high, low)
-        call differentiate_slip(map, high%time, low%time, trail, slip(:, number), found, towards)
-      end if
-      turn(number) = tangent%y(2)
-      delay(number) = tangent%clock
-    end subroutine look_along
   end subroutine differentiate
 
   !> The derivatives of the measures of a slip: of the loads at its extremes, which are there at the times `high` and `low` [s], of
   !> the time between them, and of the advance.
-  subroutine differentiate_slip(map, high, low, trail, derivative, found, variation)
+  subroutine differentiate_slip(map, high, low, trail, variation, derivative, found)
     type(release_map_t), intent(in) :: map
     real(wp), intent(in) :: high, low
-    type(tangent_t), intent(in) :: trail(:)
+    type(trail_t), intent(in) :: trail(:)
+    type(variation_t), intent(in) :: variation
     real(wp), intent(out) :: derivative(measures)
     logical, intent(out) :: found
-    type(variation_t), intent(in), optional :: variation
     real(wp), dimension(2) :: u_high, u_low, of_high, of_low, of_direction
     real(wp) :: delay(2), side, of_velocity, of_stiffness
 
@@ -232,10 +159,10 @@ contains
     of_direction = 0.0_wp
     of_velocity = 0.0_wp
     of_stiffness = 0.0_wp
-    if (present(variation)) then
+    if (variation%is_there()) then
       associate (more => variation%more, less => variation%less)
         of_direction = (more%slider%along - less%slider%along)/variation%apart
-        of_velocity = (more%velocity - less%velocity)/variation%apart
+        of_velocity = (more%piece%drive%velocity - less%piece%drive%velocity)/variation%apart
         of_stiffness = (more%slider%stiffness(1) - less%slider%stiffness(1))/variation%apart
       end associate
     end if

@@ -5,12 +5,12 @@
 !> lengths by which its components are measured do not matter in the long run. In the plane an area grows by the integral of the
 !> trace (Liouville), and so does the difference: friction at slow speeds shrinks it by more than any step can show.
 module dst_growth
-  use dst_dense_output, only: column_u, column_y
+  use dst_dense_output, only: column_y
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
   use dst_slider, only: slider_t
-  use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
-  use dst_tangent, only: tangent_t
+  use dst_slip_system, only: slip_system_t, max_components
+  use dst_tangent, only: tangent_t, directions_t, rate_in, n_changes
   implicit none
   private
 
@@ -23,7 +23,7 @@ module dst_growth
     logical, private :: is_planar = .false.
     !> The logarithm of its growth since that was last asked for.
     real(wp), private :: logarithm = 0.0_wp
-    type(tangent_t), private :: tangent = tangent_t()
+    type(tangent_t), private :: tangent(1) = tangent_t()
   contains
     procedure :: begin
     procedure :: follow
@@ -45,7 +45,8 @@ contains
     self%logarithm = 0.0_wp
     self%tangent = tangent_t(rests=.false., is_polar=is_polar)
     associate (first => system%axis, last => system%axis + system%components - 1)
-      self%tangent%u(first:last) = velocity*sqrt(slider%mass/slider%stiffness(first:last))*sign(1.0_wp, slider%along(first:last))
+      self%tangent(1)%u(first:last) = velocity*sqrt(slider%mass/slider%stiffness(first:last)) &
+        *sign(1.0_wp, slider%along(first:last))
     end associate
   end subroutine begin
 
@@ -55,35 +56,33 @@ contains
     type(piece_t), intent(in) :: piece
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
-    type(stage_terms_t) :: terms
-    real(wp) :: rate(piece%path%grid%degree + 1), coefficient(0:2), weakening, size_of
-    real(wp), dimension(max_components + max_unknowns) :: difference, flow, measured
+    type(directions_t) :: beginning
+    real(wp) :: coefficient(0:2), weakening, size_of
+    real(wp), dimension(n_changes) :: difference, flow, measured
     integer :: i
 
-    associate (path => piece%path, s => piece%path%grid%degree, velocity => piece%drive%velocity)
+    associate (velocity => piece%drive%velocity, tangent => self%tangent(1))
       if (self%is_planar) then
-        do i = 1, s
-          call system%decay_polynomial(path%nodal(i, column_y:column_y), velocity, coefficient, weakening)
-          self%logarithm = self%logarithm - path%step*path%grid%integral(s, i)*coefficient(1)/coefficient(2)
-        end do
+        associate (path => piece%path, s => piece%path%grid%degree)
+          do i = 1, s
+            call system%decay_polynomial(path%nodal(i, column_y:column_y), velocity, coefficient, weakening)
+            self%logarithm = self%logarithm - path%step*path%grid%integral(s, i)*coefficient(1)/coefficient(2)
+          end do
+        end associate
         return
       end if
-      terms = new_terms(s, system%components, system%unknowns)
-      call self%tangent%follow(piece, system, slider, terms, self%is_followed)
+      allocate (beginning%variation(1))
+      call beginning%follow(self%tangent, piece, system, slider, self%is_followed)
       if (.not. self%is_followed) return
       ! Speeds are measured in V, lengths in V sqrt(m/k), a direction in rad.
       measured = 0.0_wp
-      flow = 0.0_wp
-      rate = path%grid%derivative(s, 0:s)/path%step
       do i = system%axis, system%axis + system%components - 1
         measured(i) = sqrt(slider%stiffness(i)/slider%mass)/velocity
-        flow(i) = dot_product(rate, path%nodal(0:s, column_u + i - 1)) + velocity*piece%drive_coupling(i)
       end do
       measured(max_components + 1:max_components + system%unknowns) = 1.0_wp/velocity
-      if (self%tangent%is_polar) measured(max_components + 2) = 1.0_wp
-      flow(max_components + 1:max_components + system%unknowns) = &
-        matmul(rate, path%nodal(0:s, column_y:column_y + system%unknowns - 1))
-      difference = [self%tangent%u, self%tangent%y]
+      if (tangent%is_polar) measured(max_components + 2) = 1.0_wp
+      flow = rate_in(piece, 1.0_wp)
+      difference = [tangent%u, tangent%y]
       size_of = sum((measured*flow)**2)
       self%is_followed = size_of > 0.0_wp
       if (.not. self%is_followed) return
@@ -92,8 +91,8 @@ contains
       self%is_followed = size_of > tiny(size_of)
       if (.not. self%is_followed) return
       self%logarithm = self%logarithm + log(size_of)
-      self%tangent%u = difference(:max_components)/size_of
-      self%tangent%y = difference(max_components + 1:)/size_of
+      tangent%u = difference(:max_components)/size_of
+      tangent%y = difference(max_components + 1:)/size_of
     end associate
   end subroutine follow
 

@@ -28,7 +28,7 @@ contains
 
   pure subroutine eliminate(order, a, b, zero_pivot)
     integer, intent(in) :: order
-    real(wp), intent(inout) :: a(order, order), b(order)
+    real(wp), intent(inout) :: a(order, order), b(order, 1)
     logical, intent(out) :: zero_pivot
     include 'gauss_jordan.inc'
   end subroutine eliminate

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure, SubFigure
 
 from .._plotting import make_callable
 from .._trade import Trade
-from ..cycle_sensitivity import Sensitivity
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
+from ..tangents import Sensitivity
 from .bifurcation import draw_bifurcation
 from .creep import draw_creep
 from .cycle_map import draw_cycle_map

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import FigureBase
 
-from ..cycle_sensitivity import Sensitivity
+from ..tangents import Sensitivity
 from .style import BLUE, MM, VERMILION, sized
 
 __all__ = ["draw_sensitivity"]

@@ -1,0 +1,184 @@
+"""What a cycle, or a run, hangs on: derivatives with respect to the parameters, without further runs (docs/cycles.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _native
+from ._sweep import full_key
+from .errors import UsageError
+from .record import EVENT_DTYPE
+from .scene import DeckLike, Scene
+
+__all__ = ["Derivatives", "Sensitivity", "derivatives", "sensitivity"]
+
+GROUPS = ("system", "friction", "drive")
+"""Groups of the parameters on which a cycle hangs."""
+OF_RUNS = (*GROUPS, "initial")
+"""Groups of the parameters on which a run hangs."""
+
+
+class Sensitivity(NamedTuple):
+    """The cycle to which a motion settles, and its derivatives."""
+
+    parameters: dict[str, float]
+    """Parameters by ``group.key``, in the units of the deck."""
+    cycle: dict[str, float]
+    """Period, peak and valley of the load, durations and slip length, as in `dynstiction.LimitCycle` [SI]."""
+    derivatives: NDArray[np.float64]
+    """Change of each measure of the cycle per change of each parameter; shape (measure, parameter)."""
+
+    @property
+    def elasticities(self) -> NDArray[np.float64]:
+        """Percent of each measure per percent of each parameter; shape (measure, parameter)."""
+        measures = np.array([*self.cycle.values()])[:, np.newaxis]
+        result: NDArray[np.float64] = self.derivatives * np.array([*self.parameters.values()]) / measures
+        return result
+
+    def __str__(self) -> str:
+        head = [f"{'percent per percent':32s}", *(f"{name:>15s}" for name in self.cycle)]
+        rows = [
+            "".join([f"{f'{key} = {value:.6g}':32s}", *(f"{change:15.4f}" for change in changes)])
+            for (key, value), changes in zip(self.parameters.items(), self.elasticities.T, strict=True)
+        ]
+        return "\n".join(["".join(head), *rows])
+
+
+def sensitivity(scene: DeckLike, keys: Iterable[str] | str | None = None) -> Sensitivity:
+    """How the cycle to which a scene settles changes with its parameters.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        A deck or a scene of model 'full' with exact contact. Its drive must keep one velocity other than 0 and no second one.
+    keys : str or iterable of str, optional
+        Parameters of &system, &friction or &drive, as for `dynstiction.sweep`; by default all that the deck gives and that are
+        not 0.
+
+    Returns
+    -------
+    Sensitivity
+        Derivatives and elasticities. ``print`` shows the elasticities, `dynstiction.plot` draws them.
+
+    Raises
+    ------
+    DeckError, FileError, SolverError
+        As for `dynstiction.cycles`.
+    UsageError
+        If a key has no small share, or the motion does not repeat, or repeats without rest.
+
+    Notes
+    -----
+    They are exact derivatives of the cycle that is computed, by the tangent of the motion, and hold as long as the cycle has the
+    same number of laps: one lap more or less in a slow cycle of N changes them by some 1/N. See docs/cycles.md.
+    """
+    whole = Scene(scene)
+    with _native.Sensitivity(whole.source, _names(whole, keys, GROUPS)) as found:
+        return Sensitivity(
+            dict(zip(found.keys, found.parameters.tolist(), strict=True)),
+            dict(zip([info.name for info in found.quantities], found.values.tolist(), strict=True)),
+            found.derivatives,
+        )
+
+
+class Derivatives(NamedTuple):
+    """Samples and events of a run, and their derivatives."""
+
+    parameters: dict[str, float]
+    """Parameters by ``group.key``, in the units of the deck."""
+    time: NDArray[np.float64]
+    """Times of the samples [s]; shape (sample,)."""
+    columns: dict[str, NDArray[np.float64]]
+    """Columns by name, in their units; each of shape (sample,)."""
+    derivatives: dict[str, NDArray[np.float64]]
+    """Change of each column, at its time, per change of each parameter; each of shape (sample, parameter)."""
+    events: NDArray[np.void]
+    """Times [s] and kinds of events, as in `dynstiction.Result`; shape (event,)."""
+    event_derivatives: NDArray[np.float64]
+    """Change of the time of each event per change of each parameter; shape (event, parameter)."""
+
+    @property
+    def conditioning(self) -> float:
+        """The factor by which a small relative change of a parameter is larger at the end of the run.
+
+        Of the last sample: the largest change of a column, relative to its largest value, over the relative change of the parameter
+        that matters most.
+        """
+        values = np.array([*self.parameters.values()])
+        changes = [
+            np.abs(self.derivatives[name][-1] * values).max(initial=0.0) / scale
+            for name, column in self.columns.items()
+            if (scale := np.abs(column).max()) > 0.0
+        ]
+        return float(max(changes))
+
+
+def derivatives(
+    scene: DeckLike, keys: Iterable[str] | str | None = None, times: ArrayLike | None = None
+) -> Derivatives:
+    """How a run changes with its parameters: its samples and the times of its events.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        A deck or a scene of model 'full' with an adaptive method.
+    keys : str or iterable of str, optional
+        Parameters of &system, &friction, &drive or &initial, as for `dynstiction.sweep`; by default all that the deck gives and
+        that are not 0.
+    times : array_like, optional
+        Times of the samples [s], rising; shape (sample,). By default those of the run. The run ends with the last one.
+
+    Returns
+    -------
+    Derivatives
+        Samples, events and their derivatives.
+
+    Raises
+    ------
+    DeckError, FileError, SolverError
+        As for `dynstiction.run`; also for another model, and if the motion hangs on a release that just happens.
+    UsageError
+        If a key has no small share, or the times do not rise.
+
+    Notes
+    -----
+    They are the exact derivatives of the numbers that the run has step by step, whatever `integrator.cycle_map` says. Those of an
+    irregular motion grow without limit, as the motion itself loses what it began with: see
+    `dynstiction.Derivatives.conditioning`. See docs/cycles.md.
+    """
+    whole = Scene(scene)
+    at = np.asarray([] if times is None else times, float)
+    if at.ndim != 1 or not (np.isfinite(at).all() and (np.diff(at) > 0.0).all() and (at >= 0.0).all()):
+        raise UsageError(
+            "times do not rise from 0 on: give one row of times [s], each later than the one before"
+        )
+    with _native.Derivatives(whole.source, _names(whole, keys, OF_RUNS), at) as found:
+        events = np.zeros(len(found.event_time), EVENT_DTYPE)
+        events["time"], events["kind"] = found.event_time, found.event_kind
+        columns = dict(zip([info.name for info in found.columns], found.values, strict=True))
+        exist = {name: bool(np.isfinite(column).all()) for name, column in columns.items()}
+        return Derivatives(
+            dict(zip(found.keys, found.parameters.tolist(), strict=True)),
+            found.time,
+            {name: column for name, column in columns.items() if exist[name]},
+            {name: found.derivatives[:, place].T for place, name in enumerate(columns) if exist[name]},
+            events,
+            found.shifts.T,
+        )
+
+
+def _names(scene: Scene, keys: Iterable[str] | str | None, groups: Iterable[str]) -> list[str]:
+    """Keys as ``group.key``; if none are given, all numbers of these groups that the scene gives and that are not 0."""
+    if keys is None:
+        given = scene.groups()
+        return [
+            f"{group}.{key}"
+            for group in groups
+            for key, value in given.get(group, {}).items()
+            if isinstance(value, float) and value
+        ]
+    return [full_key(name) for name in ([keys] if isinstance(keys, str) else keys)]

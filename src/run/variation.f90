@@ -1,0 +1,120 @@
+!> A scene with a little more and a little less of a parameter, for derivatives.
+module dst_variation
+  use dst_assembly, only: new_motion
+  use dst_cycle_map, only: cycle_map_t
+  use dst_deck_sweep, only: varied_key, variation_problem
+  use dst_deck_values, only: deck_t
+  use dst_errors, only: error_t, raise, deck_error, usage_error
+  use dst_kinds, only: wp
+  use dst_motion, only: motion_t
+  use dst_scene, only: scene_t, set_number
+  use dst_schema, only: schema, longest_text
+  use dst_slip_stick, only: slip_stick_t
+  use dst_stepping, only: stepping_t
+  use dst_tangent, only: variation_t
+  use dst_text, only: has_word, lower_case, word, word_count
+  use dst_time_stepping, only: time_stepping_t
+  implicit none
+  private
+
+  public :: steps_of, vary
+
+  !> How far from a value the rigs are of which differences are taken, over the value. Twice: elasticities of up to 6
+  !> change by 5e-9; ten times: by 8e-8.
+  real(wp), parameter :: near = 1.0e-6_wp
+  !> Groups of the parameters on which a motion hangs.
+  character(*), parameter :: groups = 'system friction drive initial'
+
+contains
+
+  !> The motion of a scene step by step, which has been started: of one that has derivatives.
+  subroutine steps_of(scene, steps, error)
+    type(scene_t), intent(in) :: scene
+    class(stepping_t), allocatable, intent(out) :: steps
+    type(error_t), allocatable, intent(out) :: error
+    class(motion_t), allocatable :: motion, other
+    class(slip_stick_t), allocatable :: with_rest
+    type(scene_t) :: plain
+
+    plain = scene
+    plain%cycle_map = 'off'
+    call new_motion(plain, motion, other, error)
+    if (allocated(error)) return
+    select type (motion)
+    class is (cycle_map_t)
+      call move_alloc(motion%steps, with_rest)
+      call move_alloc(with_rest, steps)
+    class is (time_stepping_t)
+    class is (stepping_t)
+      allocate (steps, source=motion)
+    end select
+    if (scene%model /= 'full' .or. .not. allocated(steps)) call raise(error, deck_error, &
+      "scene.model: derivatives are those of model 'full' with an adaptive method: give these", 'scene.model')
+  end subroutine steps_of
+
+  !> The values of the keys GROUP.KEY in a list, and the motions of a scene with a little more and a little less of them.
+  subroutine vary(deck, scene, names, key, value, variation, error)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    character(*), intent(in) :: names               !! separated by blanks
+    character(longest_text), allocatable, intent(out) :: key(:)
+    real(wp), allocatable, intent(out) :: value(:)
+    type(variation_t), allocatable, intent(out) :: variation(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+
+    associate (n => word_count(names))
+      allocate (key(n), value(n), variation(n))
+    end associate
+    do i = 1, size(key)
+      key(i) = lower_case(word(names, i))
+      call vary_one(deck, scene, word(names, i), value(i), variation(i), error)
+      if (allocated(error)) return
+    end do
+  end subroutine vary
+
+  subroutine vary_one(deck, scene, name, value, variation, error)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    character(*), intent(in) :: name
+    real(wp), intent(out) :: value
+    type(variation_t), intent(out) :: variation
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: problem
+
+    value = 0.0_wp
+    problem = variation_problem(deck, name)
+    if (problem == '') then
+      associate (key => schema(varied_key(name)))
+        if (.not. has_word(groups, trim(key%group))) then
+          problem = "no motion hangs on '"//name//"': name numbers of &system, &friction, &drive or &initial"
+        else
+          value = deck%real_of(trim(key%group), trim(key%name))
+          if (.not. abs(value) > 0.0_wp) problem = "'"//name//"' is 0, so that it has no small share: give a small value"
+        end if
+      end associate
+    end if
+    if (problem /= '') then
+      call raise(error, usage_error, problem)
+      return
+    end if
+    call take_rig(value*(1.0_wp + near), variation%more)
+    if (.not. allocated(error)) call take_rig(value*(1.0_wp - near), variation%less)
+    variation%apart = 2.0_wp*near*value
+
+  contains
+
+    !> The motion with another value of the key.
+    subroutine take_rig(other, rig)
+      real(wp), intent(in) :: other
+      class(stepping_t), allocatable, intent(out) :: rig
+      type(scene_t) :: changed
+
+      changed = scene
+      associate (key => schema(varied_key(name)))
+        call set_number(changed, trim(key%name), other)
+      end associate
+      call steps_of(changed, rig, error)
+    end subroutine take_rig
+  end subroutine vary_one
+end module dst_variation
