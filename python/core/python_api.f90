@@ -669,11 +669,11 @@ contains
         self%table%number(2 + size(columns):, :) = reshape(derivatives%change, [n - size(columns), size(derivatives%time)])
       end associate
     case ('events')
-      associate (derivatives => self%derivatives)
-        call new_table(self%table, size(derivatives%event), 0, 2 + size(derivatives%key))
-        self%table%number(1, :) = derivatives%event%time
-        self%table%number(2, :) = derivatives%event%kind
-        self%table%number(3:, :) = derivatives%shift
+      associate (derivatives => self%derivatives, n => self%derivatives%events)
+        call new_table(self%table, n, 0, 2 + size(derivatives%key))
+        self%table%number(1, :) = derivatives%event(:n)%time
+        self%table%number(2, :) = derivatives%event(:n)%kind
+        self%table%number(3:, :) = derivatives%shift(:, :n)
       end associate
     case ('varied')
       associate (derivatives => self%derivatives)

@@ -103,14 +103,14 @@ class Derivatives(NamedTuple):
 
     @property
     def conditioning(self) -> float:
-        """The factor by which a small relative change of a parameter is larger at the end of the run.
+        """The factor by which a small relative change of a parameter is larger in the samples.
 
-        Of the last sample: the largest change of a column, relative to its largest value, over the relative change of the parameter
-        that matters most.
+        The largest change of a column at any sample, relative to its largest value, over the relative change of the parameter that
+        matters most.
         """
         values = np.array([*self.parameters.values()])
         changes = [
-            np.abs(self.derivatives[name][-1] * values).max(initial=0.0) / scale
+            np.abs(self.derivatives[name] * values).max(initial=0.0) / scale
             for name, column in self.columns.items()
             if (scale := np.abs(column).max()) > 0.0
         ]

@@ -30,6 +30,8 @@ module dst_derivatives
   !> Columns are differences over changes of the state of this size, relative to what is large for it: linear but for zeta and for
   !> friction. Ten times, a tenth: no change to 1e-9.
   real(wp), parameter :: small = 1.0e-5_wp
+  !> Slip slower than this share of a slow speed has no size of its own.
+  real(wp), parameter :: slow = 1.0e-9_wp
 
   !> Columns at instants, times of events, and their derivatives.
   type :: derivatives_t
@@ -38,7 +40,8 @@ module dst_derivatives
     real(wp), allocatable :: time(:)                         !! of the samples, s
     real(wp), allocatable :: value(:, :)                     !! (column, sample)
     real(wp), allocatable :: change(:, :, :)                 !! per change of a parameter: (column, parameter, sample)
-    type(event_t), allocatable :: event(:)
+    type(event_t), allocatable :: event(:)                   !! valid up to `events`
+    integer :: events = 0
     real(wp), allocatable :: shift(:, :)                     !! of the time of an event per change of a parameter: (parameter, event)
   end type derivatives_t
 
@@ -96,7 +99,11 @@ contains
         tangents%rests = .false.
         tangents%delay = 0.0_wp
       end if
-      call directions%follow(tangents, steps%piece, steps%system, steps%slider, found, trail)
+      if (derivatives%time(sampled + 1) <= steps%piece%to%time) then
+        call directions%follow(tangents, steps%piece, steps%system, steps%slider, found, trail)
+      else
+        call directions%follow(tangents, steps%piece, steps%system, steps%slider, found)
+      end if
       if (found) call note_event(steps, directions, tangents, derivatives, found)
       if (.not. found) then
         call raise(error, deck_error, 'the motion hangs on a release that just happens, and has no derivative after it')
@@ -121,7 +128,10 @@ contains
     integer :: i
 
     derivatives%time = times
-    if (size(times) == 0) then
+    if (any(times > scene%t_end)) then
+      call raise(error, deck_error, 'scene.t_end: the run ends before the last of the times: raise it', 'scene.t_end')
+      return
+    else if (size(times) == 0) then
       settled = scene
       call settle_interval(settled)
       if (.not. settled%interval > 0.0_wp) then
@@ -134,7 +144,7 @@ contains
     end if
     associate (n => size(derivatives%time))
       allocate (derivatives%value(size(columns), n), derivatives%change(size(columns), size(derivatives%key), n))
-      allocate (derivatives%event(0), derivatives%shift(size(derivatives%key), 0))
+      allocate (derivatives%event(64), derivatives%shift(size(derivatives%key), 64))
     end associate
   end subroutine place_samples
 
@@ -170,8 +180,15 @@ contains
     type(event_t), intent(in) :: event
     real(wp), intent(in) :: shift(:)
 
-    derivatives%event = [derivatives%event, event]
-    derivatives%shift = reshape([derivatives%shift, shift], [size(shift), size(derivatives%event)])
+    associate (n => derivatives%events)
+      n = n + 1
+      if (n > size(derivatives%event)) then
+        derivatives%event = [derivatives%event, derivatives%event]
+        derivatives%shift = reshape([derivatives%shift, derivatives%shift], [size(shift), size(derivatives%event)])
+      end if
+      derivatives%event(n) = event
+      derivatives%shift(:, n) = shift
+    end associate
   end subroutine add_event
 
   !> All columns at a time [s] of the last piece, and their derivatives.
@@ -206,8 +223,8 @@ contains
               direction = matmul(basis(0:s), one%inside(0:s, :))
             end associate
           else
-            direction = one%inside(0, :)
-            direction(:max_components) = direction(:max_components) + variation%drift(piece%from%time, elapsed, one%clock)
+            direction = 0.0_wp
+            direction(:max_components) = one%inside(0, :max_components) + variation%drift(piece%from%time, elapsed, one%clock)
           end if
           direction = direction - one%clock*rate
           change(:, k) = difference(row_by(variation%more, state, piece%contact), &
@@ -228,8 +245,11 @@ contains
       real(wp) :: ends(n_changes), scale(n_changes), by
       type(state_t) :: more, less
 
-      scale = [steps%slider%law%static_limit/steps%slider%stiffness, abs(state%y)]
-      if (steps%system%is_polar) scale(max_components + 2) = 1.0_wp
+      associate (slider => steps%slider)
+        scale(:max_components) = max(abs(state%u), slider%law%static_limit/slider%stiffness)
+        scale(max_components + 1:) = max(abs(state%y), slow*minval(scale(:max_components)*sqrt(slider%stiffness/slider%mass)))
+        if (steps%system%is_polar) scale(max_components + 2) = 1.0_wp
+      end associate
       ends = 0.0_wp
       ends(first:last) = direction(first:last)
       if (.not. any(abs(ends) > 0.0_wp)) return

@@ -1,4 +1,4 @@
-"""The derivatives of a settled cycle obey units, and agree with cycles of changed scenes."""
+"""Derivatives of cycles and of runs obey units, and agree with those of changed scenes."""
 
 from __future__ import annotations
 
@@ -130,3 +130,116 @@ def test_figure() -> None:
         assert [bar.get_width() for bar in axis.patches] == list(changes)
     with pytest.raises(ds.UsageError):
         ds.plot(found, "map")
+
+
+RUNS = {
+    "Fig. 3": {"scene": {"t_end": 0.2}},
+    "slip from a start, by a table, reversed": {
+        "scene": {"t_end": 0.4},
+        "friction": {
+            "law": "table",
+            "mu_0": None,
+            "mu_inf": None,
+            "v_f": None,
+            "table_speed": (0.0, 0.01, 0.1),
+            "table_mu": (0.2, 0.17, 0.15),
+        },
+        "drive": {"time": (0.0, 0.1, 0.3), "velocity": (0.01, 0.01, -0.02)},
+        "initial": {"velocity_ratio": 0.5, "elongation_x": 5e-4, "elongation_y": -1e-7},
+    },
+    "dampers, a ramp and a jump": {
+        "scene": {"t_end": 0.35},
+        "system": {"damping_x": 0.3, "damping_y": 20.0},
+        "friction": {"mu_static": 0.21},
+        "drive": {"time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3)},
+    },
+    "smoothed": {"scene": {"t_end": 0.3}, "friction": {"contact": "smoothed", "v_smooth": 1e-5}, "drive": {"velocity": 1e-2}},
+}
+KEYS_OF_RUNS = ("mass", "stiffness_y", "misalignment_deg", "normal_load")
+
+
+def run_of(name: str) -> ds.Scene:
+    settings = {"rtol": 1e-12} if name == "smoothed" else {"rtol": 1e-12, "cycle_map": "off"}
+    output = {"interval": 3.3e-3, "fields": "default"}
+    return FIG3.replace(**RUNS[name]).replace(integrator=settings, output=output)
+
+
+@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
+def test_derivatives_are_those_of_the_run(name: str) -> None:
+    """Samples and events by differences of fourth order: of runs that are near where they magnify changes."""
+    scene = run_of(name)
+    found = ds.derivatives(scene, KEYS_OF_RUNS)
+    run = ds.run(scene)
+    np.testing.assert_array_equal(found.time, run.time)
+    np.testing.assert_array_equal(found.events, run.events)
+    for place, (key, value) in enumerate(found.parameters.items()):
+        group, short = key.split(".")
+        changes = {column: found.derivatives[column][:, place] * value for column in run}
+        size = {column: np.abs(run[column]).max() for column in run}
+        magnified = max(np.abs(changes[c]).max() / size[c] for c in ("u_x", "u_y", "w_x", "w_y"))
+        step = min(1e-4, 1e-3 / magnified)
+        near = [ds.run(scene.replace(**{group: {short: value * (1.0 + i * step)}})) for i in (-2, -1, 1, 2)]
+        assert all(len(one.events) == len(run.events) for one in near)
+        weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * step)
+        shift = found.event_derivatives[:, place] * value
+        by_runs = weights @ np.array([one.events["time"] for one in near])
+        np.testing.assert_allclose(shift, by_runs, rtol=0.0, atol=1e-6 * run.time[-1])
+        # Where slip begins or ends between the runs, their columns have kinks.
+        ends = np.abs(found.time[:, np.newaxis] - run.events["time"]) < 3.0 * step * np.abs(shift)
+        smooth = ~ends.any(axis=1)
+        assert smooth.mean() > 0.9
+        for column in ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force"):
+            if column not in run:
+                continue
+            by_runs = weights @ np.array([one[column] for one in near])
+            scale = max(np.abs(changes[column]).max(), size[column])
+            np.testing.assert_allclose(
+                changes[column][smooth], by_runs[smooth], rtol=0.0, atol=1e-6 * scale, err_msg=f"{key}, {column}"
+            )
+
+
+@pytest.mark.parametrize("name", ["Fig. 3", "few sticks", "Stribeck"])
+def test_slow_cycles_of_a_run_change_as_the_cycle_does(name: str) -> None:
+    """After some slow cycles the times between their slips change as the period does."""
+    cycle = ds.sensitivity(FIG3.replace(**SCENES[name]))
+    period = cycle.cycle["period"]
+    scene = FIG3.replace(**SCENES[name]).replace(scene={"t_end": 9.0 * period}, integrator={"rtol": 1e-10})
+    found = ds.derivatives(scene, [*cycle.parameters], times=[9.0 * period])
+    releases = found.events["kind"] == 2
+    times, shifts = found.events["time"][releases], found.event_derivatives[releases]
+    last = np.flatnonzero(times > times[-1] - 2.5 * period)
+    before = np.abs(times - (times[last][:, np.newaxis] - period)).argmin(axis=1)
+    change = (shifts[last] - shifts[before]) * [*cycle.parameters.values()]
+    same = np.abs(times[last] - times[before] - period) < 1e-7 * period
+    assert same.sum() >= 3
+    expected = np.broadcast_to(cycle.elasticities[0] * period, change.shape)
+    np.testing.assert_allclose(change[same], expected[same], rtol=0.0, atol=1e-4 * np.abs(expected).max())
+
+
+def test_conditioning() -> None:
+    """What an irregular motion had at its beginning is lost, at the rate of its exponent; a regular one only loses its phase."""
+    ends = [np.linspace(0.0, end, 400) for end in (2.0, 8.0)]
+    regular = [ds.derivatives(FIG3, times=times).conditioning for times in ends]
+    irregular = FIG3.replace(system={"stiffness_y": 1e6})
+    lost = [ds.derivatives(irregular, times=times).conditioning for times in ends]
+    assert regular[1] < 1e3 * regular[0]
+    assert lost[1] > 1e6 * lost[0]
+
+
+@pytest.mark.parametrize(
+    ("groups", "arguments", "kind"),
+    [
+        ({"scene": {"model": "low_frequency"}}, {}, ds.DeckError),
+        ({"integrator": {"method": "moreau_jean", "step": 1e-6, "rtol": None}}, {}, ds.DeckError),
+        ({}, {"times": [0.1, 0.1]}, ds.UsageError),
+        ({}, {"times": [1.0, 20.0]}, ds.DeckError),
+        ({}, {"times": [[0.1]]}, ds.UsageError),
+        ({"output": {"interval": 0.0}}, {}, ds.DeckError),
+        ({}, {"keys": "rtol"}, ds.UsageError),
+        ({"integrator": {"max_steps": 100}}, {"times": [5.0]}, ds.SolverError),
+    ],
+)
+def test_runs_without_derivatives_are_refused(groups: dict, arguments: dict, kind: type[ds.Error]) -> None:
+    with pytest.raises(kind):
+        ds.derivatives(FIG3.replace(**groups), **arguments)
