@@ -36,7 +36,7 @@ module dst_run
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
   !> The first number of a state: the version of what follows.
-  integer, parameter :: state_format = 18
+  integer, parameter :: state_format = 19
 
   !> A run in progress.
   type :: run_t
@@ -187,6 +187,8 @@ contains
     if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
       'Lyapunov exponent '//number_text(outcome%summary_of('lyapunov_exponent'))//' +- '// &
       number_text(outcome%summary_of('lyapunov_error'))//' per slow cycle')
+    if (is_undetermined(run%simulation%scene%rtol, outcome)) call run%progress%remark( &
+      'conditioning '//number_text(outcome%summary_of('conditioning'))//': no rtol like this determines when the last events occur')
     call make_whole(run, outcome, has_code(error, stopped_early), end_error)
     ! A lost file matters more than a stopped run; it does not change the error of a solver that gave up.
     ! allow(C161)
@@ -271,6 +273,15 @@ contains
     is_irregular = .false.
     if (any(outcome%summary%name == 'regularity')) is_irregular = outcome%summary_of('regularity') < 0.0_wp
   end function is_irregular
+
+  !> Whether errors of this size may have grown to the size of the motion.
+  logical function is_undetermined(rtol, outcome)
+    real(wp), intent(in) :: rtol
+    type(outcome_t), intent(in) :: outcome
+
+    is_undetermined = .false.
+    if (any(outcome%summary%name == 'conditioning')) is_undetermined = rtol*outcome%summary_of('conditioning') > 1.0_wp
+  end function is_undetermined
 
   !> Why the run was stopped, and how to continue it.
   function stop_text(run) result(text)

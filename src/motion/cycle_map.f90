@@ -227,9 +227,14 @@ contains
       if (.not. passage%turns_back()) return
       if (self%orbit%like > 0) then
         call self%orbit%divergence%come_back_like(self%orbit%like)
+        associate (before => self%slow(place_of(self%orbit%slow_cycles - self%orbit%like))%sum%whole)
+          now%sum%whole%loss = before%loss
+          now%sum%whole%has_slope = before%has_slope
+        end associate
       else
         call self%orbit%divergence%come_back(now%sum%whole%log_slope, now%sum%whole%has_slope)
       end if
+      call self%orbit%divergence%lose(now%sum%whole, 1_int64)
     end associate
     self%orbit%slow_cycles = self%orbit%slow_cycles + 1
     associate (n => self%orbit%slow_cycles)
@@ -405,6 +410,7 @@ contains
         slips = slips + count(slow%passage(:slow%sum%count)%table(1) == 0)
       end associate
     end do
+    call self%orbit%divergence%lose(whole, times)
     self%repetitions = times
     self%orbit%own%cycles_leapt = self%orbit%own%cycles_leapt + times*self%passages()
     self%orbit%own%events = self%orbit%own%events + 2*times*self%passages()

@@ -6,7 +6,8 @@
 !> If it is positive the motion is chaotic: no tolerance determines when its hundredth slip occurs.
 module dst_divergence
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
+  use dst_passage, only: passage_t, loss_t
   implicit none
   private
 
@@ -27,7 +28,12 @@ module dst_divergence
     !> Number of slow cycles so far, and the logarithms of the last ones, at places modulo `kept`, NaN if they are not known.
     integer :: count = 0
     real(wp), private :: logarithm(0:kept - 1) = 0.0_wp
+    !> What was lost since the beginning, and whether it is known.
+    type(loss_t), private :: lost = loss_t()
+    logical, private :: knows_loss = .true.
   contains
+    procedure :: lose
+    procedure :: conditioning
     procedure :: come_back
     procedure :: come_back_like
     procedure :: mean_of
@@ -55,6 +61,25 @@ contains
     self%count = self%count + 1
     self%logarithm(modulo(self%count, kept)) = self%logarithm(modulo(self%count - ago, kept))
   end subroutine come_back_like
+
+  !> So many times these passages are complete.
+  pure subroutine lose(self, whole, times)
+    class(divergence_t), intent(inout) :: self
+    type(passage_t), intent(in) :: whole
+    integer(int64), intent(in) :: times
+
+    call self%lost%go_on(whole%loss%repeated(times))
+    self%knows_loss = self%knows_loss .and. whole%has_slope
+  end subroutine lose
+
+  !> The conditioning of the motion: if every passage has a small relative error, that of the time at the end is so many times as
+  !> large at most. NaN if it is not known.
+  pure real(wp) function conditioning(self)
+    class(divergence_t), intent(in) :: self
+
+    conditioning = ieee_value(conditioning, ieee_quiet_nan)
+    if (self%knows_loss .and. self%lost%lasted > 0.0_wp) conditioning = self%lost%time/self%lost%lasted
+  end function conditioning
 
   !> The last logarithms, in their order.
   pure function latest(self, many) result(logarithm)

@@ -4,14 +4,14 @@
 !> soft to the stiff axis, each in the direction in which the drive pulls. A passage is a lap if it consists of one slip and one rest
 !> and turns the force towards the soft axis; the others, which turn it back, end a slow cycle.
 module dst_passage
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_piece, only: stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t
   use dst_slider, only: slider_t
   implicit none
   private
 
-  public :: passage_t, passage_of, alpha_of, theta_of, still
+  public :: passage_t, loss_t, passage_of, alpha_of, theta_of, still
   public :: duration, turn, slip_duration, drive_work, friction_work, damper_work, exchanged, measures
 
   !> The measures of a passage: its duration [s], the change of alpha [rad], the time until the object comes to its last rest [s],
@@ -21,6 +21,19 @@ module dst_passage
   !> A passage that turns the force by less [rad] comes back to where it began: near a fixed point that the motion reaches from both
   !> sides in turn. Convention; twice: the same cycles of 12 random scenes.
   real(wp), parameter :: still = 1.0e-8_wp
+
+  !> No loss is larger. Convention.
+  real(wp), parameter :: most_lost = 1.0e100_wp
+
+  !> What is lost in some passages: if each of them has a small relative error in its turn and its duration, these are the largest
+  !> errors of the angle [rad] and of the time [s] at their end, over that error; they take so long [s]. A difference of the angle
+  !> at their beginning is multiplied by `slope` at their end, and shifts the time by at most `shift` [s/rad].
+  type :: loss_t
+    real(wp) :: slope = 1.0_wp, shift = 0.0_wp, angle = 0.0_wp, time = 0.0_wp, lasted = 0.0_wp
+  contains
+    procedure :: go_on => lose_more
+    procedure :: repeated
+  end type loss_t
 
   !> From one release to the next, or over several passages.
   type :: passage_t
@@ -33,6 +46,7 @@ module dst_passage
     integer :: table(2) = 0
     real(wp) :: slope = 0.0_wp                  !! P'(alpha)
     real(wp) :: log_slope = 0.0_wp              !! the sum of ln |P'| over the passages of a slow cycle or several
+    type(loss_t) :: loss
     logical :: has_slope = .false.
   contains
     procedure :: turns_back
@@ -57,12 +71,13 @@ contains
     share_of_rest = 1.0_wp - self%measure(slip_duration)/max(tiny(1.0_wp), self%measure(duration))
   end function share_of_rest
 
-  !> P' is known.
-  pure subroutine take_slope(self, slope)
+  !> P' is known, and how the duration changes with alpha [s/rad].
+  pure subroutine take_slope(self, slope, shift)
     class(passage_t), intent(inout) :: self
-    real(wp), intent(in) :: slope
+    real(wp), intent(in) :: slope, shift
 
     self%slope = slope
+    self%loss = loss_t(abs(slope), abs(shift), abs(self%measure(turn)), self%measure(duration), self%measure(duration))
     self%log_slope = log(max(tiny(1.0_wp), abs(slope)))
     self%has_slope = .true.
   end subroutine take_slope
@@ -76,8 +91,38 @@ contains
     self%measure = self%measure + next%measure
     self%slope = self%slope*next%slope
     self%log_slope = self%log_slope + next%log_slope
+    call self%loss%go_on(next%loss)
     self%has_slope = self%has_slope .and. next%has_slope
   end subroutine go_on
+
+  !> What is lost if other passages follow.
+  pure subroutine lose_more(self, next)
+    class(loss_t), intent(inout) :: self
+    type(loss_t), intent(in) :: next
+
+    self%time = min(most_lost, self%time + next%shift*self%angle + next%time)
+    self%angle = min(most_lost, next%slope*self%angle + next%angle)
+    self%shift = min(most_lost, self%shift + self%slope*next%shift)
+    self%slope = min(most_lost, self%slope*next%slope)
+    self%lasted = self%lasted + next%lasted
+  end subroutine lose_more
+
+  !> What is lost in so many repetitions: each bit of the number stands for twice as many as the one before.
+  pure function repeated(self, times) result(all)
+    class(loss_t), intent(in) :: self
+    integer(int64), intent(in) :: times
+    type(loss_t) :: all, twice
+    integer(int64) :: left
+
+    all = loss_t()
+    twice = self
+    left = times
+    do while (left > 0)
+      if (modulo(left, 2_int64) == 1) call all%go_on(twice)
+      call twice%go_on((twice))
+      left = left/2
+    end do
+  end function repeated
 
   !> alpha [rad] of a direction `theta` of friction [rad], under this drive velocity [m/s].
   pure real(wp) function alpha_of(theta, slider, velocity) result(alpha)

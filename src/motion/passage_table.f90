@@ -15,7 +15,10 @@ module dst_passage_table
   implicit none
   private
 
-  public :: passage_table_t, new_passage_table
+  public :: passage_table_t, new_passage_table, values
+
+  !> The number of values that a table has: the measures and two derivatives.
+  integer, parameter :: values = measures + 2
 
   !> The motion inside slip: change of u since the release [m], v [m/s], change of theta [rad].
   integer, parameter :: slip_columns = 4
@@ -29,7 +32,7 @@ module dst_passage_table
   type :: passage_table_t
     integer :: points = 0
     real(wp), allocatable :: point(:)
-    !> Coefficients of the measures (point, measure) in Chebyshev polynomials, and of the derivative of the turn.
+    !> Coefficients of the measures (point, measure) in Chebyshev polynomials, and of the derivatives of the turn and the duration.
     real(wp), allocatable :: coefficient(:, :)
     !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
     !> no panels if the motion inside is not kept.
@@ -58,7 +61,7 @@ contains
     table%points = points
     table%point = chebyshev_points(points)
     table%grid = chebyshev_grid()
-    allocate (table%coefficient(points, measures + 1))
+    allocate (table%coefficient(points, values))
     call new_observations(points, table%seen)
   end subroutine new_passage_table
 
@@ -145,6 +148,7 @@ contains
 
     self%coefficient(:, :measures) = chebyshev_coefficients(self%coefficient(:, :measures))
     self%coefficient(:, measures + 1) = chebyshev_derivative(self%coefficient(:, turn))
+    self%coefficient(:, values) = chebyshev_derivative(self%coefficient(:, duration))
   end subroutine settle
 
   !> Errors of duration and turn at `x`, relative to the former and to the largest turn, for the passage there.
@@ -152,7 +156,7 @@ contains
     class(passage_table_t), intent(in) :: self
     real(wp), intent(in) :: x
     type(passage_t), intent(in) :: passage
-    real(wp) :: value(measures + 1)
+    real(wp) :: value(values)
 
     call self%evaluate(x, value)
     error = maxval(abs(value([duration, slip_duration]) - passage%measure([duration, slip_duration]))) &
@@ -187,11 +191,11 @@ contains
     error = error/allowed_inside
   end function error_inside
 
-  !> The measures at `x`, and the derivative of the turn.
+  !> The measures at `x`, and the derivatives of the turn and the duration.
   pure subroutine evaluate(self, x, value)
     class(passage_table_t), intent(in) :: self
     real(wp), intent(in) :: x
-    real(wp), intent(out) :: value(measures + 1)
+    real(wp), intent(out) :: value(values)
     real(wp) :: polynomial(self%points)
 
     call chebyshev_polynomials(self%points, x, polynomial)

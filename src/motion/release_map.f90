@@ -14,7 +14,7 @@ module dst_release_map
   use dst_kinds, only: wp, int64, pi
   use dst_observation, only: observation_t, observe
   use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, still, duration, turn, slip_duration, measures
-  use dst_passage_table, only: passage_table_t, new_passage_table
+  use dst_passage_table, only: passage_table_t, new_passage_table, values
   use dst_piece, only: slip_begins, sticks
   use dst_recording, only: recording_t, most_pieces
   use dst_slip_stick, only: slip_stick_t
@@ -243,7 +243,7 @@ contains
     real(wp), intent(in) :: alpha
     type(passage_t), intent(out) :: passage
     logical, intent(out) :: found
-    real(wp) :: value(measures + 1)
+    real(wp) :: value(values), rate
     integer :: i, place
 
     found = .false.
@@ -254,7 +254,8 @@ contains
       call self%branch(i)%table(place)%evaluate(self%branch(i)%x_of(place, alpha), value)
       found = value(slip_duration) > 0.0_wp .and. value(duration) > value(slip_duration)
       passage = passage_t(alpha, alpha + value(turn), value(:measures), is_plain=i == 1, table=[i, place])
-      call passage%take_slope(1.0_wp + self%branch(i)%x_rate(place, alpha)*value(measures + 1))
+      rate = self%branch(i)%x_rate(place, alpha)
+      call passage%take_slope(1.0_wp + rate*value(measures + 1), rate*value(values))
       return
     end do
   end subroutine look_up

@@ -90,7 +90,7 @@ contains
 
     allocate (beginning%variation(1))
     call carry(recording, system, slider, beginning, tangent, found)
-    if (found) call passage%take_slope(tangent(1)%y(2))
+    if (found) call passage%take_slope(tangent(1)%y(2), tangent(1)%clock)
   end subroutine set_slope
 
   !> Through a passage that was recorded from one release to the next: how the direction y(2) and the time `clock` of its end change

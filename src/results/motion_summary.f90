@@ -197,6 +197,7 @@ contains
     else
       select type (motion)
       class is (cycle_map_t)
+        call put('conditioning', motion%orbit%divergence%conditioning())
         if (motion%orbit%repeats > 0) repeats = motion%orbit%repeats
         if (repeats > 0) then
           exponent = motion%orbit%divergence%mean_of(repeats)

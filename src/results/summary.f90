@@ -58,6 +58,7 @@ module dst_summary
     quantity_t('repeats', '1', 'slow cycles after which the last ones repeat, to 1e-5; 0 if they do not after 1 to 8'), &
     quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
     quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
+    quantity_t('conditioning', '1', 'what a small relative error of each passage makes of the time at the end, over it'), &
     quantity_t('regularity', '1', '1 repeats, or differences shrink; -1 irregular, 2 steady sliding, 3 rings down, 0 undecided')]
 
   !> A part of a run: the extremes of k_x u_x, its length so far, and the length at rest or in creep.

@@ -51,7 +51,7 @@ PERTURBED = {
 JUMPING = ("friction", "theta", "psi", "zeta")
 """Columns that jump where rest begins."""
 COUNTS = ("cycles", "sticks")
-OF_LEAPS = ("lyapunov_exponent", "lyapunov_error", "regularity", "repeats")
+OF_LEAPS = ("lyapunov_exponent", "lyapunov_error", "conditioning", "regularity", "repeats")
 """What only runs with leaps have."""
 MEANS = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 

@@ -363,3 +363,41 @@ def test_series_of_settled_cases_are_refused(program, tmp_path) -> None:
     assert done.returncode == 2
     assert "scene.settle" in done.stderr and "series" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+CONDITIONED = {
+    "Fig. 3": {"scene": {"t_end": 20.0}},
+    "few sticks": {"system": {"stiffness_y": 1e6, "misalignment_deg": 6.0}, "drive": {"velocity": 1e-2}},
+    "irregular": {"system": {"stiffness_y": 1e6}, "scene": {"t_end": 8.0}},
+    "dampers": {"system": {"damping_x": 0.3, "damping_y": 20.0}},
+}
+
+
+@pytest.mark.parametrize("name", CONDITIONED)
+@pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
+def test_conditioning_bounds_the_error_of_the_last_events(name: str) -> None:
+    """A relative error of rtol in each passage would make that of the time at the end no larger than rtol times the conditioning."""
+    scene = ds.Scene(INPUTS / "fig3.nml").replace(output={"interval": 10.0}).replace(**CONDITIONED[name])
+    truth = ds.run(scene, integrator={"rtol": 1e-12, "cycle_map": "off"})
+    found = []
+    for settings in ({"rtol": 1e-8}, {"rtol": 1e-8, "cycle_map": "off"}, {"rtol": 1e-6}, {"rtol": 1e-6, "method": "radau5"}):
+        run = ds.run(scene, integrator=settings)
+        found.append(run.summary["conditioning"])
+        last = min(len(run.events), len(truth.events)) - 1
+        error = abs(run.events["time"][last] - truth.events["time"][last])
+        assert error <= settings["rtol"] * found[-1] * truth.events["time"][last], settings
+    spread = 10.0 if name == "irregular" else 1.001
+    assert max(found) <= spread * min(found)
+    assert min(found) >= 1.0
+
+
+@pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
+def test_conditioning_grows_as_differences_do() -> None:
+    """By the exponent in each slow cycle of an irregular motion, and not at all in one that repeats, however long."""
+    scene = ds.Scene(INPUTS / "fig3.nml").replace(output={"interval": 1e5})
+    long = [ds.run(scene, scene={"t_end": t_end}).summary["conditioning"] for t_end in (100.0, 1e3, 1e5)]
+    assert long[1] == pytest.approx(long[2], rel=0.02)
+    assert long[0] == pytest.approx(long[2], rel=0.1)
+    irregular = ds.run(scene, system={"stiffness_y": 1e6}, scene={"t_end": 60.0}).summary
+    grown = np.log(irregular["conditioning"]) / irregular["cycles"]
+    assert grown == pytest.approx(irregular["lyapunov_exponent"], rel=0.15)

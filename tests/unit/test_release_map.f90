@@ -4,10 +4,10 @@ program test_release_map
   use dst_branch, only: branch_t, new_branch
   use dst_errors, only: error_t
   use dst_full_cycles, only: map_of
-  use dst_kinds, only: wp, pi
+  use dst_kinds, only: wp, pi, int64
   use dst_observation, only: observation_t, observe
-  use dst_passage, only: passage_t, duration, turn, measures
-  use dst_passage_table, only: passage_table_t, new_passage_table
+  use dst_passage, only: passage_t, loss_t, duration, turn, measures
+  use dst_passage_table, only: passage_table_t, new_passage_table, values
   use dst_release_map, only: release_map_t
   use dst_scene, only: scene_t
   use random_numbers, only: start_random, log_uniform
@@ -20,6 +20,7 @@ program test_release_map
   call check_slips()
   call check_slopes()
   call check_dampers()
+  call check_loss()
   call finish()
 
 contains
@@ -32,7 +33,7 @@ contains
     type(branch_t) :: branch
     type(passage_table_t) :: table
     type(passage_t) :: passage
-    real(wp) :: value(measures + 1), distance
+    real(wp) :: value(values), distance
     integer :: variable, i, k, side, place
 
     do variable = 1, size(name)
@@ -258,4 +259,29 @@ contains
     call check('the motion goes on from its releases', all(found) .and. abs(passage%to - third) <= 1.0e-8_wp)
     call check('which are apart', abs(third - second) > 1.0e-4_wp .and. abs(second - first) > 1.0e-4_wp)
   end subroutine check_dampers
+
+  !> What is lost in repetitions is what is lost in one after the other; in very many it grows with their number if differences
+  !> shrink, and has an end if they grow.
+  subroutine check_loss()
+    type(loss_t) :: one, each, most
+    integer :: i
+
+    one = loss_t(0.5_wp, 0.25_wp, 2.0_wp, 1.0_wp, 1.0_wp)
+    each = loss_t()
+    do i = 1, 13
+      call each%go_on(one)
+    end do
+    most = one%repeated(13_int64)
+    associate (found => [most%slope, most%shift, most%angle, most%time, most%lasted], &
+        right => [each%slope, each%shift, each%angle, each%time, each%lasted])
+      call check('loss of repetitions', all(abs(found - right) <= 1.0e-14_wp*right))
+    end associate
+    ! The angle is off by 4, which shifts the time by 1 each time.
+    most = one%repeated(1000000000000_int64)
+    call check_close('angle after very many', most%angle, 4.0_wp, 1.0e-10_wp)
+    call check_close('time after very many', most%time/most%lasted, 2.0_wp, 1.0e-10_wp)
+    one%slope = 3.0_wp
+    most = one%repeated(1000000000000_int64)
+    call check('loss without limit', most%time > 1.0e99_wp .and. most%time < huge(most%time))
+  end subroutine check_loss
 end program test_release_map
