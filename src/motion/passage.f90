@@ -46,7 +46,7 @@ module dst_passage
     integer :: table(2) = 0
     real(wp) :: slope = 0.0_wp                  !! P'(alpha)
     real(wp) :: log_slope = 0.0_wp              !! the sum of ln |P'| over the passages of a slow cycle or several
-    type(loss_t) :: loss
+    type(loss_t) :: loss = loss_t()
     logical :: has_slope = .false.
   contains
     procedure :: turns_back
