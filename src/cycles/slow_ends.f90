@@ -41,6 +41,9 @@ module dst_slow_ends
   real(wp), parameter :: aside = 0.7_wp, least_step = 1.0e-7_wp
   !> Relative to the step along the curve: the difference of p for the gradient of the gain, and the first step aside. Conventions.
   real(wp), parameter :: gradient_share = 0.004_wp, first_share = 0.01_wp
+  !> How far beyond the zero that the steepness of the gain promises its sign is looked at, and the smallest share of the first step
+  !> aside. Conventions.
+  real(wp), parameter :: beyond = 1.3_wp, least_share = 1.0e-3_wp
   integer, parameter :: max_points = 60, max_iterations = 80, max_turns = 8000
   !> Width to which p and x are found: a few roundoffs of p, which is of order one; and while the curve is followed. Twice: the same
   !> ends.
@@ -237,15 +240,16 @@ contains
     type(point_t), intent(inout) :: curve(max_points)
     integer, intent(out) :: n
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: ahead(2), step
+    real(wp) :: ahead(2), step, steepness
     logical :: found
 
     n = 1
     step = curve_step
     ahead = [0.0_wp, family%outwards]
-    call turn_ahead(family, curve(1), gradient_share*step, ahead, error)
+    call turn_ahead(family, curve(1), gradient_share*step, ahead, steepness, error)
     do while (.not. allocated(error) .and. n < max_points)
-      call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, coarse, curve(n + 1), found, error)
+      call find_point(family, curve(n)%place + step*ahead, across(ahead), aside*step, coarse, steepness, &
+        curve(n + 1), found, error)
       if (allocated(error)) return
       if (.not. found) then
         step = 0.5_wp*step
@@ -257,24 +261,28 @@ contains
       n = n + 1
       if (curve(n)%swing <= least_swing) return
       if (family%outwards*curve(n)%place(2) < maxval(family%outwards*curve(:n)%place(2)) - far_behind) return
-      call turn_ahead(family, curve(n), gradient_share*step, ahead, error)
+      call turn_ahead(family, curve(n), gradient_share*step, ahead, steepness, error)
     end do
   end subroutine trace
 
-  !> Turn a direction along the curve into the direction at a point of it, normal to the gradient of the gain.
-  subroutine turn_ahead(family, point, difference, ahead, error)
+  !> Turn a direction along the curve into the direction at a point of it, normal to the gradient of the gain; and how fast the gain
+  !> grows across it.
+  subroutine turn_ahead(family, point, difference, ahead, steepness, error)
     type(family_t), intent(inout) :: family
     type(point_t), intent(in) :: point
     real(wp), intent(in) :: difference      !! difference of p, for the gradient
     real(wp), intent(inout) :: ahead(2)
+    real(wp), intent(out) :: steepness
     type(error_t), allocatable, intent(out) :: error
     type(slow_gain_t) :: beside
     real(wp) :: along(2)
 
+    steepness = 0.0_wp
     call gain_at(family, point%place + [0.0_wp, difference], beside, error)
     if (allocated(error)) return
     along = [(beside%gain - point%gain%gain)/difference, -point%gain%slope]
-    ahead = sign(1.0_wp, dot_product(along, ahead))*along/hypot(along(1), along(2))
+    steepness = sign(hypot(along(1), along(2)), dot_product(along, ahead))
+    ahead = along/steepness
   end subroutine turn_ahead
 
   !> The vector normal to a direction.
@@ -294,7 +302,7 @@ contains
     type(point_t), intent(inout) :: point
     type(error_t), allocatable, intent(out) :: error
     type(bracket_t) :: bracket
-    real(wp) :: share, chord(2), length
+    real(wp) :: share, chord(2), length, steepness
     logical :: found
     integer :: iteration
 
@@ -302,15 +310,18 @@ contains
     if (bracket%f(1)*bracket%f(2) > 0.0_wp) return
     chord = second%place - first%place
     length = hypot(chord(1), chord(2))
+    steepness = 0.0_wp
     do iteration = 1, max_iterations
       share = bracket%false_position()
       if (modulo(iteration, 4) == 0) share = bracket%middle()
-      call find_point(family, first%place + share*chord, across(chord/length), length, fine, point, &
+      call find_point(family, first%place + share*chord, across(chord/length), length, fine, steepness, point, &
         found, error)
       if (allocated(error) .or. .not. found) return
       if (.not. abs(value_of(point)) > 0.0_wp) return
       call bracket%narrow(share, value_of(point))
-      if (bracket%width() <= fine) return
+      ! At a fold p is an extremum.
+      ! At a fold p is an extremum.
+      if (bracket%width() <= merge(sqrt(fine), fine, at_fold)) return
     end do
 
   contains
@@ -324,17 +335,18 @@ contains
   end subroutine refine
 
   !> The point of the curve that is nearest to a place, on the line through it in a direction, within some reach.
-  subroutine find_point(family, place, direction, reach, width, point, found, error)
+  subroutine find_point(family, place, direction, reach, width, steepness, point, found, error)
     type(family_t), intent(inout) :: family
     real(wp), intent(in) :: place(2), direction(2), reach
     real(wp), intent(in) :: width            !! width to which it is found
+    real(wp), intent(inout) :: steepness     !! how fast the gain grows in this direction, 0 if that is not known
     type(point_t), intent(out) :: point
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     type(bracket_t) :: bracket
     type(slow_gain_t) :: here
     real(wp) :: step, far(2), gain(2), t, middle
-    integer :: iteration, side
+    integer :: iteration, side, first
 
     found = .false.
     call gain_at(family, place, here, error)
@@ -343,8 +355,14 @@ contains
     far = 0.0_wp
     gain = middle
     step = first_share*reach
+    first = 1
+    if (abs(steepness) > 0.0_wp) then
+      step = min(reach, max(least_share*step, beyond*abs(middle/steepness)))
+      if (middle*steepness > 0.0_wp) first = 2
+    end if
     search: do
-      do side = 1, 2
+      do iteration = 1, 2
+        side = merge(first, 3 - first, iteration == 1)
         t = step*real(3 - 2*side, wp)
         call gain_at(family, place + t*direction, here, error)
         if (allocated(error)) return
@@ -368,6 +386,7 @@ contains
       call bracket%narrow(t, limited(here%gain))
       if (abs(bracket%width()) <= width*max(1.0_wp, maxval(abs(place)))) exit
     end do
+    if (abs(t) > 0.0_wp) steepness = (here%gain - middle)/t
     point = point_t(place + t*direction, (here%turn%peak - here%turn%from)/family%limit, here)
   end subroutine find_point
 

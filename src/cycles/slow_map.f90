@@ -200,7 +200,8 @@ contains
     sum = 0.0_wp
     associate (method => self%method)
       do i = 1, method%stages
-        columns = piece%path%values_at(share*method%grid%node(i))
+        columns = piece%path%nodal(i, :)
+        if (share < 1.0_wp) columns = piece%path%values_at(share*method%grid%node(i))
         sum = sum + method%weight(i)*self%resistance(columns(column_y))
       end do
     end associate
