@@ -82,8 +82,9 @@ module dst_cycles
     !> Extrema of the present cycle.
     logical, private :: has_peak = .false., has_valley = .false.
     type(extremum_t), private :: last_peak = extremum_t(), last_valley = extremum_t()
-    !> Position of the object at the last extremum, and now [m].
-    real(wp), private :: extremum_position = 0.0_wp, position = 0.0_wp
+    !> Position of the object [m] and time [s] at the last extremum, and now.
+    real(wp), private :: extremum_position = 0.0_wp, extremum_time = 0.0_wp, position = 0.0_wp
+    real(wp) :: time = 0.0_wp
     !> Number of cycles since the last steady slide, and of those without a break between; whether the next one follows a break.
     integer(int64), private :: recent = 0, row = 0
     logical, private :: follows_break = .true.
@@ -113,6 +114,7 @@ module dst_cycles
     procedure :: last_peak_time
     procedure :: next_valley
     procedure :: slides
+    procedure :: is_long_ago
   end type cycles_t
 
 contains
@@ -145,7 +147,9 @@ contains
     self%has_peak = .false.
     self%has_valley = .false.
     self%extremum_position = here%position
+    self%extremum_time = here%time
     self%position = here%position
+    self%time = here%time
     self%follows_break = .true.
   end subroutine pull
 
@@ -175,6 +179,7 @@ contains
     if (self%keeps_turns) call keep_turn(self, here)
     if (self%side == 0) return
     self%position = here%position
+    self%time = here%time
     if (self%heading == 0) then
       call find_heading(self, pulled(self, here))
       return
@@ -188,6 +193,7 @@ contains
         call take_valley(self, self%candidate)
       end if
       self%extremum_position = self%candidate%position
+      self%extremum_time = self%candidate%time
       self%heading = -self%heading
     end if
     self%candidate = pulled(self, here)
@@ -207,7 +213,9 @@ contains
     self%last_peak = self%last_peak%plus(by)
     self%last_valley = self%last_valley%plus(by)
     self%extremum_position = self%extremum_position + advance
+    self%extremum_time = self%extremum_time + duration
     self%position = self%position + advance
+    self%time = self%time + duration
     self%count = self%count + cycles
     self%recent = self%recent + cycles
     self%row = self%row + cycles
@@ -503,7 +511,17 @@ contains
     length = self%natural_length
     if (self%recent > 0) length = longest(self)
     slides = self%side /= 0 .and. abs(self%position - self%extremum_position) > patience*length
+    ! A fast object oscillates over a longer way.
+    if (self%recent == 0) slides = slides .and. self%is_long_ago(self%extremum_time)
   end function slides
+
+  !> Whether more than some periods of the free oscillation have passed since a time [s].
+  pure logical function is_long_ago(self, time)
+    class(cycles_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    is_long_ago = self%time - time > patience*self%natural_time
+  end function is_long_ago
 
   !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
   pure real(wp) function mean_swing(self)

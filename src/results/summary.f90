@@ -74,6 +74,8 @@ module dst_summary
     real(wp) :: largest_rate = 0.0_wp
     integer(int64) :: sticks = 0
     real(wp) :: sticking_time = 0.0_wp
+    !> The end of the last rest [s].
+    real(wp), private :: rested = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
     !> First energy and absolute works of all advances [J]. The net works may cancel.
     real(wp) :: exchanged = 0.0_wp
@@ -157,6 +159,7 @@ contains
     call stretch%load(degree, load)
     if (stretch%sticking) then
       self%sticking_time = self%sticking_time + stretch%duration()
+      self%rested = stretch%last%time
     else
       self%largest_rate = stretch%largest_rate(self%grid, self%largest_rate)
       if (.not. self%has_slipped) call self%follow_slip(stretch, load(:degree))
@@ -212,6 +215,7 @@ contains
     associate (n => real(times, wp))
       self%sticks = self%sticks + times*contribution%sticks
       self%sticking_time = self%sticking_time + n*contribution%sticking_time
+      if (contribution%sticks > 0) self%rested = time + n*contribution%duration
       self%exchanged = self%exchanged + n*contribution%exchanged
       self%largest_rate = max(self%largest_rate, contribution%largest_rate)
       if (time >= self%half) call lengthen(self%late, n*contribution%duration, n*contribution%creep_time)
@@ -452,7 +456,9 @@ contains
     verdict = undecided
     if (self%cycles%lasting(self%settled_at >= 0.0_wp) > 0) return
     if (self%cycles%count > 0) verdict = ringing_down
-    if (self%cycles%slides()) verdict = steady_sliding
+    if (.not. self%cycles%slides()) return
+    ! The fast oscillation alone, which stops in each period, is on its way.
+    verdict = merge(steady_sliding, undecided, self%cycles%is_long_ago(self%rested))
   end function without_cycles
 
   !> Save or load.

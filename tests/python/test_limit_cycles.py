@@ -594,3 +594,35 @@ def test_every_run_under_a_steady_drive_says_what_its_motion_is(
         output={"interval": t_end},
     )
     assert "regularity" not in unsteady.summary
+
+
+def test_a_fast_cycle_that_laps_come_to_too_slowly() -> None:
+    """Differences shrink by a thousandth in each of 300,000 laps: Newton's method finds where these end."""
+    slow_laps = FIG3.replace(
+        system={"mass": 3.4868651e-3, "stiffness_y": 59628585.2, "misalignment_deg": 11.53632},
+        friction={"mu_inf": 0.0610707833, "v_f": 0.043051494},
+        drive={"velocity": 2.4422e-4},
+    )
+    found = ds.cycles(slow_laps)
+    (cycle,) = found.stable
+    assert found.regularity.verdict == "regular"
+    assert (cycle.slow_cycles, cycle.log_multiplier) == (0, pytest.approx(-8.59e-4, rel=0.01))
+    # A run from its release stays on it.
+    limit, stiffness = 2.0, (1000.0, 59628585.2)
+    start = limit * np.cos(found.release_angle[0]) / stiffness[0], limit * np.sin(found.release_angle[0]) / stiffness[1]
+    run = ds.run(
+        slow_laps,
+        initial={"velocity_ratio": 0.0, "elongation_x": start[0], "elongation_y": start[1]},
+        scene={"t_end": 20.0 * cycle.period},
+        integrator={"rtol": 1e-11, "cycle_map": "off"},
+        output={"interval": cycle.period},
+    )
+    releases = run.events["time"][run.events["kind"] == 2]
+    np.testing.assert_allclose(np.diff(releases), cycle.period, rtol=1e-7)
+
+
+def test_a_fast_object_oscillates_before_it_is_said_to_slide() -> None:
+    """After half a period of its free oscillation it has come many lengths F_0/k_x far."""
+    inert = FIG3.replace(system={"mass": 1.0}, drive={"velocity": 0.5})
+    for t_end in (0.08, 0.3, 1.0):
+        assert ds.run(inert, scene={"t_end": t_end}, output={"interval": t_end}).summary["regularity"] == 0
