@@ -18,7 +18,7 @@ module dst_python_api
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_columns, only: columns
   use dst_deck_values, only: element_count
-  use dst_derivatives, only: derivatives_t, find_derivatives
+  use dst_derivatives, only: derivatives_t
   use dst_errors, only: error_t, raise, usage_error
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
@@ -49,6 +49,7 @@ module dst_python_api
   private
 
   public :: library_open, deck_open, run_open, sweep_open, cycles_open, sensitivity_open, derivatives_open, ends_open, steady_open
+  public :: derivatives_advance
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
@@ -116,6 +117,7 @@ module dst_python_api
     class(session_t), pointer :: session => null()
     type(run_t), pointer :: run => null()
     type(sweep_session_t), pointer :: sweep => null()
+    type(cycles_session_t), pointer :: cycles => null()
   end type holder_t
 
   type, extends(watch_t) :: stop_watch_t
@@ -269,8 +271,8 @@ contains
     status = status_of(self)
   end subroutine sensitivity_open
 
-  !> Read a deck and find the derivatives of its run with respect to the keys GROUP.KEY in a list with blanks, at these times [s], or at
-  !> those of its samples if there are none.
+  !> Read a deck and begin with the derivatives of its run with respect to the keys GROUP.KEY in a list with blanks, at these times
+  !> [s], or at those of its samples if there are none.
   subroutine derivatives_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, n_times, times, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys, n_times
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
@@ -285,13 +287,28 @@ contains
     allocate (holder, self)
     handle = handle_of(c_loc(holder))
     holder%session => self
+    holder%cycles => self
     call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false.)
     if (.not. allocated(self%error)) then
       call scene_from_deck(self%deck, scene)
-      call find_derivatives(self%deck, scene, text_of(keys), times, self%derivatives, self%error)
+      call self%derivatives%start(self%deck, scene, text_of(keys), times, self%error)
     end if
     status = status_of(self)
   end subroutine derivatives_open
+
+  !> Continue with derivatives for at most `seconds` of wall time [s].
+  subroutine derivatives_advance(handle, seconds, finished, status)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(in) :: seconds
+    integer(c_int), intent(out) :: finished, status
+    !f2py threadsafe
+    type(holder_t), pointer :: held
+
+    held => holder_of(handle)
+    call held%cycles%derivatives%proceed(real(seconds, wp), held%cycles%error)
+    finished = merge(1_c_int, 0_c_int, held%cycles%derivatives%is_finished)
+    status = status_of(held%cycles)
+  end subroutine derivatives_advance
 
   !> Read a deck and find where its stick-slip ends, under the only drive velocity that is kept for some time and is not 0.
   subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
@@ -660,13 +677,12 @@ contains
         self%table%number(2:, :) = transpose(derivative)
       end associate
     case ('columns')
-      call describe(self%table, columns, 0)
+      call describe(self%table, columns(self%derivatives%selected), 0)
     case ('samples')
-      associate (derivatives => self%derivatives, n => size(columns)*(1 + size(self%derivatives%key)))
-        call new_table(self%table, size(derivatives%time), 0, 1 + n)
-        self%table%number(1, :) = derivatives%time
-        self%table%number(2:1 + size(columns), :) = derivatives%value
-        self%table%number(2 + size(columns):, :) = reshape(derivatives%change, [n - size(columns), size(derivatives%time)])
+      associate (value => self%derivatives%value, change => self%derivatives%change)
+        call new_table(self%table, size(value, 2), 0, size(value, 1)*(1 + size(change, 2)))
+        self%table%number(:size(value, 1), :) = value
+        self%table%number(size(value, 1) + 1:, :) = reshape(change, [size(value, 1)*size(change, 2), size(value, 2)])
       end associate
     case ('events')
       associate (derivatives => self%derivatives, n => self%derivatives%events)

@@ -385,14 +385,16 @@ class Derivatives(Session):
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
         handle, status = _core.derivatives_open(*deck.arguments(), _characters(" ".join(keys)), times)
         super().__init__(handle)
-        self._raise(deck, status)
+        finished = False
+        while not finished:
+            self._raise(deck, status)
+            finished, status = _core.derivatives_advance(handle, CHUNK_SECONDS)
         cells, (self.parameters,) = _table(handle, "varied")
         self.keys = [key for (key,) in cells]
         self.columns = _infos(handle, "columns")
-        numbers = _table(handle, "samples")[1]
-        rows = numbers[1:].reshape(1 + len(self.keys), len(self.columns), -1)
-        self.time, self.values, self.derivatives = numbers[0], rows[0], rows[1:]
-        """Times (sample), values (column, sample) and derivatives (key, column, sample)."""
+        rows = _table(handle, "samples")[1].reshape(1 + len(self.keys), len(self.columns), -1)
+        self.values, self.derivatives = rows[0], rows[1:]
+        """Values (column, sample), the time first, and derivatives (key, column, sample)."""
         numbers = _table(handle, "events")[1]
         self.event_time, self.event_kind, self.shifts = numbers[0], numbers[1].astype(np.int64), numbers[2:]
         """Times and kinds of events (event), and the derivatives of the times (key, event)."""

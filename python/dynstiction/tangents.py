@@ -93,7 +93,7 @@ class Derivatives(NamedTuple):
     time: NDArray[np.float64]
     """Times of the samples [s]; shape (sample,)."""
     columns: dict[str, NDArray[np.float64]]
-    """Columns by name, in their units; each of shape (sample,)."""
+    """Columns of `output.fields` by name, in their units; each of shape (sample,)."""
     derivatives: dict[str, NDArray[np.float64]]
     """Change of each column, at its time, per change of each parameter; each of shape (sample, parameter)."""
     events: NDArray[np.void]
@@ -159,13 +159,12 @@ def derivatives(
     with _native.Derivatives(whole.source, _names(whole, keys, OF_RUNS), at) as found:
         events = np.zeros(len(found.event_time), EVENT_DTYPE)
         events["time"], events["kind"] = found.event_time, found.event_kind
-        columns = dict(zip([info.name for info in found.columns], found.values, strict=True))
-        exist = {name: bool(np.isfinite(column).all()) for name, column in columns.items()}
+        names = [info.name for info in found.columns]
         return Derivatives(
             dict(zip(found.keys, found.parameters.tolist(), strict=True)),
-            found.time,
-            {name: column for name, column in columns.items() if exist[name]},
-            {name: found.derivatives[:, place].T for place, name in enumerate(columns) if exist[name]},
+            found.values[0],
+            dict(zip(names[1:], found.values[1:], strict=True)),
+            {name: found.derivatives[:, place].T for place, name in enumerate(names) if place > 0},
             events,
             found.shifts.T,
         )

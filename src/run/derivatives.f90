@@ -6,18 +6,20 @@
 module dst_derivatives
   use dst_columns, only: columns, row_of
   use dst_deck_values, only: deck_t
-  use dst_errors, only: error_t, raise, deck_error, too_many_steps
-  use dst_kinds, only: wp, pi
+  use dst_errors, only: error_t, raise, deck_error, usage_error, out_of_memory, too_many_steps
   use dst_interpolation, only: max_degree
+  use dst_kinds, only: wp, int64, pi
   use dst_output_size, only: sample_count
   use dst_piece, only: no_event, slip_begins, slips
   use dst_sampling, only: settle_interval
   use dst_scene, only: scene_t
   use dst_schema, only: longest_text
+  use dst_simulation, only: select_columns
   use dst_slip_system, only: max_components
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
   use dst_stepping, only: stepping_t
+  use dst_stopwatch, only: wall_clock
   use dst_tangent, only: tangent_t, trail_t, directions_t, rate_in, n_changes
   use dst_text, only: integer_text
   use dst_variation, only: steps_of, vary
@@ -25,184 +27,234 @@ module dst_derivatives
   implicit none
   private
 
-  public :: derivatives_t, find_derivatives
+  public :: derivatives_t
 
   !> Columns are differences over changes of the state of this size, relative to what is large for it: linear but for zeta and for
   !> friction. Ten times, a tenth: no change to 1e-9.
   real(wp), parameter :: small = 1.0e-5_wp
   !> Slip slower than this share of a slow speed has no size of its own.
   real(wp), parameter :: slow = 1.0e-9_wp
+  !> The clock is read once after this many pieces. Convention; no number depends on it.
+  integer, parameter :: pieces_between_looks = 16
 
-  !> Columns at instants, times of events, and their derivatives.
+  !> Columns at instants, times of events, and their derivatives; and the run, as far as it is.
   type :: derivatives_t
     character(longest_text), allocatable :: key(:)
     real(wp), allocatable :: parameter(:)                    !! values of the keys
-    real(wp), allocatable :: time(:)                         !! of the samples, s
+    integer, allocatable :: selected(:)                      !! numbers of the columns
     real(wp), allocatable :: value(:, :)                     !! (column, sample)
     real(wp), allocatable :: change(:, :, :)                 !! per change of a parameter: (column, parameter, sample)
-    type(event_t), allocatable :: event(:)                   !! valid up to `events`
     integer :: events = 0
+    type(event_t), allocatable :: event(:)                   !! valid up to `events`
     real(wp), allocatable :: shift(:, :)                     !! of the time of an event per change of a parameter: (parameter, event)
+    logical :: is_finished = .false.
+    real(wp), allocatable, private :: time(:)                !! of the samples, s
+    integer, private :: sampled = 0, segment = 1
+    integer(int64), private :: max_steps = 0
+    class(stepping_t), allocatable, private :: steps
+    type(directions_t), private :: directions
+    type(tangent_t), allocatable, private :: tangents(:)
+    type(trail_t), allocatable, private :: trail(:)
+  contains
+    procedure :: start
+    procedure :: proceed
   end type derivatives_t
 
 contains
 
-  !> The derivatives of the run of a deck's scene with respect to the keys GROUP.KEY in a list, at these times [s], or at those of its
-  !> samples if none are given.
-  subroutine find_derivatives(deck, scene, keys, times, derivatives, error)
+  !> Begin with the run of a deck's scene and the keys GROUP.KEY in a list: at these times [s], or at those of its samples if none are
+  !> given.
+  subroutine start(self, deck, scene, keys, times, error)
+    class(derivatives_t), intent(inout) :: self
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
     character(*), intent(in) :: keys         !! separated by blanks
     real(wp), intent(in) :: times(:)         !! rising
-    type(derivatives_t), intent(out) :: derivatives
     type(error_t), allocatable, intent(out) :: error
-    class(stepping_t), allocatable :: steps
-    type(directions_t) :: directions
-    type(tangent_t), allocatable :: tangents(:)
-    type(trail_t), allocatable :: trail(:)
-    type(work_count_t) :: work
-    logical :: found
-    integer :: segment, sampled, k
+    integer :: k
 
-    call steps_of(scene, steps, error)
-    if (.not. allocated(error)) call vary(deck, scene, keys, derivatives%key, derivatives%parameter, directions%variation, error)
-    if (.not. allocated(error)) call place_samples(scene, times, derivatives, error)
+    call steps_of(scene, self%steps, error)
+    if (.not. allocated(error)) call vary(deck, scene, keys, self%key, self%parameter, self%directions%variation, error)
+    if (.not. allocated(error)) call place_samples(scene, times, self%time, error)
+    if (.not. allocated(error)) call select_columns(scene, self%steps%slider, self%steps%drive, self%selected, error)
+    if (.not. allocated(error)) call make_room(self, error)
     if (allocated(error)) return
-    allocate (tangents(size(derivatives%key)), trail(size(derivatives%key)))
-    do k = 1, size(tangents)
-      associate (more => directions%variation(k)%more%piece%to, less => directions%variation(k)%less%piece%to)
-        tangents(k)%u = (more%u - less%u)/directions%variation(k)%apart
-        tangents(k)%y = (more%y - less%y)/directions%variation(k)%apart
-        tangents(k)%is_polar = steps%system%is_polar
+    self%max_steps = scene%max_steps
+    allocate (self%tangents(size(self%key)), self%trail(size(self%key)))
+    do k = 1, size(self%key)
+      associate (variation => self%directions%variation(k), one => self%tangents(k))
+        one%u = (variation%more%piece%to%u - variation%less%piece%to%u)/variation%apart
+        one%y = (variation%more%piece%to%y - variation%less%piece%to%y)/variation%apart
+        one%is_polar = self%steps%system%is_polar
       end associate
     end do
-    if (steps%piece%event /= no_event) call add_event(derivatives, event_t(0.0_wp, steps%piece%event), tangents%clock)
-    segment = steps%segment
-    sampled = 0
-    do while (.not. steps%finished() .and. sampled < size(derivatives%time))
-      call steps%advance(error)
-      work = steps%work()
-      if (.not. allocated(error) .and. scene%max_steps > 0 .and. work%steps >= scene%max_steps) call raise(error, too_many_steps, &
-        'integrator.max_steps = '//integer_text(scene%max_steps)//' reached: raise it, or use a larger rtol')
-      if (allocated(error)) return
-      if (steps%segment /= segment) then
-        segment = steps%segment
-        do k = 1, size(tangents)
-          associate (more => directions%variation(k)%more, less => directions%variation(k)%less)
-            more%piece%drive = more%drive%segment(segment)
-            less%piece%drive = less%drive%segment(segment)
-          end associate
-        end do
-      end if
-      ! What is not held by then does not wait for a limit.
-      if (steps%piece%contact == slips .and. steps%piece%from%time <= steps%piece%drive%start) then
-        tangents%rests = .false.
-        tangents%delay = 0.0_wp
-      end if
-      if (derivatives%time(sampled + 1) <= steps%piece%to%time) then
-        call directions%follow(tangents, steps%piece, steps%system, steps%slider, found, trail)
-      else
-        call directions%follow(tangents, steps%piece, steps%system, steps%slider, found)
-      end if
-      if (found) call note_event(steps, directions, tangents, derivatives, found)
-      if (.not. found) then
-        call raise(error, deck_error, 'the motion hangs on a release that just happens, and has no derivative after it')
-        return
-      end if
-      do while (sampled < size(derivatives%time))
-        if (derivatives%time(sampled + 1) > steps%piece%to%time) exit
-        sampled = sampled + 1
-        call look(steps, directions, trail, derivatives%time(sampled), derivatives%value(:, sampled), &
-          derivatives%change(:, :, sampled))
-      end do
-    end do
-  end subroutine find_derivatives
+    if (self%steps%piece%event /= no_event) call add_event(self, event_t(0.0_wp, self%steps%piece%event), self%tangents%clock)
+    self%segment = self%steps%segment
+  end subroutine start
 
-  !> When to sample: at these times [s], or as a run does.
-  subroutine place_samples(scene, times, derivatives, error)
+  !> When to sample [s]: at these times, or as a run does.
+  subroutine place_samples(scene, times, time, error)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: times(:)
-    type(derivatives_t), intent(inout) :: derivatives
+    real(wp), allocatable, intent(out) :: time(:)
     type(error_t), allocatable, intent(inout) :: error
     type(scene_t) :: settled
     integer :: i
 
-    derivatives%time = times
+    time = times
     if (any(times > scene%t_end)) then
       call raise(error, deck_error, 'scene.t_end: the run ends before the last of the times: raise it', 'scene.t_end')
-      return
     else if (size(times) == 0) then
       settled = scene
       call settle_interval(settled)
-      if (.not. settled%interval > 0.0_wp) then
+      if (settled%interval > 0.0_wp) then
+        associate (n => int(sample_count(scene%t_end, settled%interval)))
+          time = [(min(scene%t_end, real(i, wp)*settled%interval), i=0, n - 1)]
+        end associate
+      else
         call raise(error, deck_error, 'output.interval: derivatives are at given times: give an interval > 0', 'output.interval')
-        return
       end if
-      associate (n => int(sample_count(scene%t_end, settled%interval)))
-        derivatives%time = [(min(scene%t_end, real(i, wp)*settled%interval), i=0, n - 1)]
-      end associate
     end if
-    associate (n => size(derivatives%time))
-      allocate (derivatives%value(size(columns), n), derivatives%change(size(columns), size(derivatives%key), n))
-      allocate (derivatives%event(64), derivatives%shift(size(derivatives%key), 64))
-    end associate
   end subroutine place_samples
 
+  subroutine make_room(self, error)
+    class(derivatives_t), intent(inout) :: self
+    type(error_t), allocatable, intent(inout) :: error
+    integer :: status
+
+    if (size(self%key) == 0) then
+      call raise(error, usage_error, 'no parameter is named: name one as GROUP.KEY, like system.mass')
+      return
+    end if
+    associate (columns => size(self%selected), keys => size(self%key), n => size(self%time))
+      allocate (self%value(columns, n), self%change(columns, keys, n), stat=status)
+      if (status == 0) allocate (self%event(64), self%shift(keys, 64), stat=status)
+      if (status /= 0) call raise(error, out_of_memory, 'no memory for '//integer_text(n)//' samples of '//integer_text(columns)// &
+        ' columns and '//integer_text(keys)//' parameters: give fewer times, or name the columns in output.fields')
+    end associate
+  end subroutine make_room
+
+  !> Continue for at most `seconds` of wall time [s].
+  subroutine proceed(self, seconds, error)
+    class(derivatives_t), intent(inout) :: self
+    real(wp), intent(in) :: seconds
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: begun
+    integer :: i
+
+    begun = wall_clock()
+    do
+      do i = 1, pieces_between_looks
+        self%is_finished = self%steps%finished() .or. self%sampled == size(self%time)
+        if (self%is_finished) return
+        call go_on(self, error)
+        if (allocated(error)) return
+      end do
+      if (wall_clock() - begun >= seconds) return
+    end do
+  end subroutine proceed
+
+  !> The next piece, with its event and its samples.
+  subroutine go_on(self, error)
+    class(derivatives_t), intent(inout) :: self
+    type(error_t), allocatable, intent(out) :: error
+    type(work_count_t) :: work
+    logical :: found
+
+    associate (steps => self%steps)
+      call steps%advance(error)
+      work = steps%work()
+      if (.not. allocated(error) .and. self%max_steps > 0 .and. work%steps >= self%max_steps) call raise(error, too_many_steps, &
+        'integrator.max_steps = '//integer_text(self%max_steps)//' reached: raise it, or use a larger rtol')
+      if (allocated(error)) return
+      if (steps%segment /= self%segment) call enter_segment(self)
+      ! What is not held by then does not wait for a limit.
+      if (steps%piece%contact == slips .and. steps%piece%from%time <= steps%piece%drive%start) then
+        self%tangents%rests = .false.
+        self%tangents%delay = 0.0_wp
+      end if
+      if (self%time(self%sampled + 1) <= steps%piece%to%time) then
+        call self%directions%follow(self%tangents, steps%piece, steps%system, steps%slider, found, self%trail)
+      else
+        call self%directions%follow(self%tangents, steps%piece, steps%system, steps%slider, found)
+      end if
+      if (found) call note_event(self, found)
+      if (.not. found) then
+        call raise(error, usage_error, 'the motion hangs on a release that just happens, and has no derivative after it')
+        return
+      end if
+      do while (self%sampled < size(self%time))
+        if (self%time(self%sampled + 1) > steps%piece%to%time) exit
+        self%sampled = self%sampled + 1
+        call look(self, self%time(self%sampled), self%value(:, self%sampled), self%change(:, :, self%sampled))
+      end do
+    end associate
+  end subroutine go_on
+
+  !> The rigs on either side are driven on.
+  subroutine enter_segment(self)
+    class(derivatives_t), intent(inout) :: self
+    integer :: k
+
+    self%segment = self%steps%segment
+    do k = 1, size(self%key)
+      associate (more => self%directions%variation(k)%more, less => self%directions%variation(k)%less)
+        more%piece%drive = more%drive%segment(self%segment)
+        less%piece%drive = less%drive%segment(self%segment)
+      end associate
+    end do
+  end subroutine enter_segment
+
   !> The event at the end of the last piece.
-  subroutine note_event(steps, directions, tangents, derivatives, found)
-    class(stepping_t), intent(in) :: steps
-    type(directions_t), intent(in) :: directions
-    type(tangent_t), intent(in) :: tangents(:)
-    type(derivatives_t), intent(inout) :: derivatives
+  subroutine note_event(self, found)
+    class(derivatives_t), intent(inout) :: self
     logical, intent(out) :: found
     type(tangent_t) :: there
-    real(wp) :: shift(size(tangents))
+    real(wp) :: shift(size(self%tangents))
     integer :: k
 
     found = .true.
-    associate (piece => steps%piece)
+    associate (piece => self%steps%piece)
       if (piece%event == no_event) return
       ! A rest that lasts longer than a touch is known at a given time.
       shift = 0.0_wp
-      if (piece%contact == slips) shift = tangents%clock + tangents%delay
-      do k = 1, size(tangents)
+      if (piece%contact == slips) shift = self%tangents%clock + self%tangents%delay
+      do k = 1, size(self%tangents)
         if (piece%event /= slip_begins .or. .not. found) cycle
-        there = tangents(k)
-        call there%set_off(piece%to, piece%drive, steps%slider, directions%variation(k), found)
+        there = self%tangents(k)
+        call there%set_off(piece%to, piece%drive, self%steps%slider, self%directions%variation(k), found)
         shift(k) = there%clock
       end do
-      call add_event(derivatives, event_t(piece%to%time, piece%event), shift)
+      call add_event(self, event_t(piece%to%time, piece%event), shift)
     end associate
   end subroutine note_event
 
-  subroutine add_event(derivatives, event, shift)
-    type(derivatives_t), intent(inout) :: derivatives
+  subroutine add_event(self, event, shift)
+    class(derivatives_t), intent(inout) :: self
     type(event_t), intent(in) :: event
     real(wp), intent(in) :: shift(:)
 
-    associate (n => derivatives%events)
+    associate (n => self%events)
       n = n + 1
-      if (n > size(derivatives%event)) then
-        derivatives%event = [derivatives%event, derivatives%event]
-        derivatives%shift = reshape([derivatives%shift, derivatives%shift], [size(shift), size(derivatives%event)])
+      if (n > size(self%event)) then
+        self%event = [self%event, self%event]
+        self%shift = reshape([self%shift, self%shift], [size(shift), size(self%event)])
       end if
-      derivatives%event(n) = event
-      derivatives%shift(:, n) = shift
+      self%event(n) = event
+      self%shift(:, n) = shift
     end associate
   end subroutine add_event
 
-  !> All columns at a time [s] of the last piece, and their derivatives.
-  subroutine look(steps, directions, trail, time, value, change)
-    class(stepping_t), intent(in) :: steps
-    type(directions_t), intent(in) :: directions
-    type(trail_t), intent(in) :: trail(:)
+  !> The columns at a time [s] of the last piece, and their derivatives.
+  subroutine look(self, time, value, change)
+    class(derivatives_t), intent(in) :: self
     real(wp), intent(in) :: time
     real(wp), intent(out) :: value(:), change(:, :)
     type(state_t) :: state
     real(wp) :: rate(n_changes), direction(n_changes), basis(0:max_degree), tau, elapsed
     integer :: i, k
 
-    associate (piece => steps%piece)
+    associate (steps => self%steps, piece => self%steps%piece)
       state = piece%at(time)
       elapsed = piece%from%until(time)
       tau = 1.0_wp
@@ -215,9 +267,9 @@ contains
         end associate
       end if
       rate = rate_in(piece, tau)
-      value = row_by(steps, state, piece%contact)
-      do k = 1, size(trail)
-        associate (variation => directions%variation(k), one => trail(k))
+      value = row_by(steps, self%selected, state, piece%contact)
+      do k = 1, size(self%trail)
+        associate (variation => self%directions%variation(k), one => self%trail(k))
           if (piece%contact == slips) then
             associate (s => piece%path%grid%degree)
               direction = matmul(basis(0:s), one%inside(0:s, :))
@@ -227,8 +279,8 @@ contains
             direction(:max_components) = one%inside(0, :max_components) + variation%drift(piece%from%time, elapsed, one%clock)
           end if
           direction = direction - one%clock*rate
-          change(:, k) = difference(row_by(variation%more, state, piece%contact), &
-            row_by(variation%less, state, piece%contact), variation%apart)
+          change(:, k) = difference(self%selected, row_by(variation%more, self%selected, state, piece%contact), &
+            row_by(variation%less, self%selected, state, piece%contact), variation%apart)
           do i = 1, n_changes, max_components
             call add_direction(i, min(n_changes, i + max_components - 1), change(:, k))
           end do
@@ -245,10 +297,10 @@ contains
       real(wp) :: ends(n_changes), scale(n_changes), by
       type(state_t) :: more, less
 
-      associate (slider => steps%slider)
+      associate (slider => self%steps%slider)
         scale(:max_components) = max(abs(state%u), slider%law%static_limit/slider%stiffness)
         scale(max_components + 1:) = max(abs(state%y), slow*minval(scale(:max_components)*sqrt(slider%stiffness/slider%mass)))
-        if (steps%system%is_polar) scale(max_components + 2) = 1.0_wp
+        if (self%steps%system%is_polar) scale(max_components + 2) = 1.0_wp
       end associate
       ends = 0.0_wp
       ends(first:last) = direction(first:last)
@@ -256,8 +308,8 @@ contains
       by = small/maxval(abs(ends)/max(scale, tiny(1.0_wp)))
       more = moved(by*ends)
       less = moved(-by*ends)
-      changes = changes + difference(row_by(steps, more, steps%piece%contact), &
-        row_by(steps, less, steps%piece%contact), 2.0_wp*by)
+      changes = changes + difference(self%selected, row_by(self%steps, self%selected, more, self%steps%piece%contact), &
+        row_by(self%steps, self%selected, less, self%steps%piece%contact), 2.0_wp*by)
     end subroutine add_direction
 
     pure type(state_t) function moved(by)
@@ -269,28 +321,29 @@ contains
     end function moved
   end subroutine look
 
-  !> All columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.
-  function row_by(rig, state, contact) result(row)
+  !> Columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.
+  function row_by(rig, selected, state, contact) result(row)
     class(stepping_t), intent(in) :: rig
+    integer, intent(in) :: selected(:)
     type(state_t), intent(in) :: state
     integer, intent(in) :: contact
-    real(wp) :: row(size(columns))
+    real(wp) :: row(size(selected))
     type(state_t) :: there
-    integer :: i
 
     there = state
     there%position = rig%drive%distance(state%time) - dot_product(state%u, rig%slider%along)
-    call row_of(rig%slider, rig%instant_of(there, contact), [(i, i=1, size(columns))], row)
+    call row_of(rig%slider, rig%instant_of(there, contact), selected, row)
   end function row_by
 
   !> The difference quotient of two rows; angles have no whole turns.
-  pure function difference(more, less, apart) result(slope)
+  pure function difference(selected, more, less, apart) result(slope)
+    integer, intent(in) :: selected(:)
     real(wp), intent(in) :: more(:), less(:), apart
     real(wp) :: slope(size(more)), whole(size(more))
 
     whole = 0.0_wp
-    where (columns%units == 'rad') whole = 2.0_wp*pi
-    where (columns%units == 'deg') whole = 360.0_wp
+    where (columns(selected)%units == 'rad') whole = 2.0_wp*pi
+    where (columns(selected)%units == 'deg') whole = 360.0_wp
     slope = more - less
     where (whole > 0.0_wp) slope = slope - whole*anint(slope/whole)
     slope = slope/apart

@@ -7,6 +7,7 @@ module dst_simulation
   use dst_assembly, only: new_motion
   use dst_stopwatch, only: wall_clock
   use dst_columns, only: columns, find_column, default_columns, damping_ratio_exists, row_of
+  use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, result_done, deck_error, too_many_steps, not_finite, stopped_early
   use dst_kinds, only: wp, int64
   use dst_model_columns, only: gives_column
@@ -15,6 +16,7 @@ module dst_simulation
   use dst_piece, only: no_event
   use dst_sampling, only: settle_interval
   use dst_scene, only: scene_t
+  use dst_slider, only: slider_t
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
   use dst_text, only: short_text
@@ -22,7 +24,7 @@ module dst_simulation
   implicit none
   private
 
-  public :: simulation_t
+  public :: simulation_t, select_columns
 
   !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
   integer, parameter :: buffer_rows = 512
@@ -77,39 +79,41 @@ contains
     self%scene = scene
     call settle_interval(self%scene)
     call new_motion(self%scene, self%motion, self%other, error)
-    if (.not. allocated(error)) call select_columns(self, error)
+    if (.not. allocated(error)) call select_columns(self%scene, self%motion%slider, self%motion%drive, self%selected, error)
     if (allocated(error)) return
     call self%summary%start(self%motion, scene%settle)
     allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
 
-  !> Select the columns that are written.
-  subroutine select_columns(self, error)
-    class(simulation_t), intent(inout) :: self
+  !> The numbers of the columns that a scene asks for, the time first.
+  subroutine select_columns(scene, slider, drive, selected, error)
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    type(drive_t), intent(in) :: drive
+    integer, allocatable, intent(out) :: selected(:)
     type(error_t), allocatable, intent(out) :: error
     integer :: i, column
 
-    if (self%scene%fields(1) == 'default') then
-      self%selected = default_columns(self%motion%slider, self%motion%drive)
-      self%selected = pack(self%selected, gives_column(self%scene%model, columns(self%selected)%name))
+    if (scene%fields(1) == 'default') then
+      selected = default_columns(slider, drive)
+      selected = pack(selected, gives_column(scene%model, columns(selected)%name))
       return
     end if
-    self%selected = [1]
-    do i = 1, size(self%scene%fields)
-      column = find_column(self%scene%fields(i))
+    selected = [1]
+    do i = 1, size(scene%fields)
+      column = find_column(scene%fields(i))
       if (column == 0) then
-        call raise(error, deck_error, 'output.fields: there is no column '//trim(self%scene%fields(i)), 'output.fields')
+        call raise(error, deck_error, 'output.fields: there is no column '//trim(scene%fields(i)), 'output.fields')
         return
-      else if (columns(column)%name == 'zeta' .and. &
-          .not. damping_ratio_exists(self%motion%slider, self%motion%drive)) then
+      else if (columns(column)%name == 'zeta' .and. .not. damping_ratio_exists(slider, drive)) then
         call raise(error, deck_error, 'output.fields: zeta has no value where V sin(phi) = 0: leave zeta out', 'output.fields')
         return
-      else if (.not. gives_column(self%scene%model, columns(column)%name)) then
-        call raise(error, deck_error, "output.fields: model = '"//self%scene%model//"' does not give "// &
+      else if (.not. gives_column(scene%model, columns(column)%name)) then
+        call raise(error, deck_error, "output.fields: model = '"//scene%model//"' does not give "// &
           trim(columns(column)%name)//': leave it out', 'output.fields')
         return
       end if
-      if (all(self%selected /= column)) self%selected = [self%selected, column]
+      if (all(selected /= column)) selected = [selected, column]
     end do
   end subroutine select_columns
 

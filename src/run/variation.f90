@@ -36,19 +36,21 @@ contains
     class(slip_stick_t), allocatable :: with_rest
     type(scene_t) :: plain
 
-    plain = scene
-    plain%cycle_map = 'off'
-    call new_motion(plain, motion, other, error)
-    if (allocated(error)) return
-    select type (motion)
-    class is (cycle_map_t)
-      call move_alloc(motion%steps, with_rest)
-      call move_alloc(with_rest, steps)
-    class is (time_stepping_t)
-    class is (stepping_t)
-      allocate (steps, source=motion)
-    end select
-    if (scene%model /= 'full' .or. .not. allocated(steps)) call raise(error, deck_error, &
+    if (scene%model == 'full') then
+      plain = scene
+      plain%cycle_map = 'off'
+      call new_motion(plain, motion, other, error)
+      if (allocated(error)) return
+      select type (motion)
+      class is (cycle_map_t)
+        call move_alloc(motion%steps, with_rest)
+        call move_alloc(with_rest, steps)
+      class is (time_stepping_t)
+      class is (stepping_t)
+        allocate (steps, source=motion)
+      end select
+    end if
+    if (.not. allocated(steps)) call raise(error, deck_error, &
       "scene.model: derivatives are those of model 'full' with an adaptive method: give these", 'scene.model')
   end subroutine steps_of
 

@@ -416,6 +416,7 @@ def test_every_numerical_function_is_tried() -> None:
         "trade",
         "stick_slip_statistics",
         "cycles",
+        "derivatives",
         "sensitivity",
         "stick_slip_ends",
         "slip_problem",

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+import time
+
 import dynstiction as ds
 import numpy as np
 import pytest
@@ -155,12 +160,13 @@ RUNS = {
     },
     "smoothed": {"scene": {"t_end": 0.3}, "friction": {"contact": "smoothed", "v_smooth": 1e-5}, "drive": {"velocity": 1e-2}},
 }
+COLUMNS = ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force")
 KEYS_OF_RUNS = ("mass", "stiffness_y", "misalignment_deg", "normal_load")
 
 
 def run_of(name: str) -> ds.Scene:
     settings = {"rtol": 1e-12} if name == "smoothed" else {"rtol": 1e-12, "cycle_map": "off"}
-    output = {"interval": 3.3e-3, "fields": "default"}
+    output = {"interval": 3.3e-3, "fields": COLUMNS}
     return FIG3.replace(**RUNS[name]).replace(integrator=settings, output=output)
 
 
@@ -175,8 +181,8 @@ def test_derivatives_are_those_of_the_run(name: str) -> None:
     np.testing.assert_array_equal(found.events, run.events)
     for place, (key, value) in enumerate(found.parameters.items()):
         group, short = key.split(".")
-        changes = {column: found.derivatives[column][:, place] * value for column in run}
-        size = {column: np.abs(run[column]).max() for column in run}
+        changes = {column: found.derivatives[column][:, place] * value for column in COLUMNS}
+        size = {column: np.abs(run[column]).max() for column in COLUMNS}
         magnified = max(np.abs(changes[c]).max() / size[c] for c in ("u_x", "u_y", "w_x", "w_y"))
         step = min(1e-4, 1e-3 / magnified)
         near = [ds.run(scene.replace(**{group: {short: value * (1.0 + i * step)}})) for i in (-2, -1, 1, 2)]
@@ -189,9 +195,7 @@ def test_derivatives_are_those_of_the_run(name: str) -> None:
         ends = np.abs(found.time[:, np.newaxis] - run.events["time"]) < 3.0 * step * np.abs(shift)
         smooth = ~ends.any(axis=1)
         assert smooth.mean() > 0.9
-        for column in ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force"):
-            if column not in run:
-                continue
+        for column in COLUMNS:
             by_runs = weights @ np.array([one[column] for one in near])
             scale = max(np.abs(changes[column]).max(), size[column])
             np.testing.assert_allclose(
@@ -217,6 +221,29 @@ def test_slow_cycles_of_a_run_change_as_the_cycle_does(name: str) -> None:
     np.testing.assert_allclose(change[same], expected[same], rtol=0.0, atol=1e-4 * np.abs(expected).max())
 
 
+def test_columns_are_those_that_the_deck_names() -> None:
+    found = ds.derivatives(FIG3, ["mass"], times=[0.0, 0.01])
+    few = ds.derivatives(FIG3.replace(output={"fields": ["pull_force", "u_x"]}), ["mass"], times=[0.0, 0.01])
+    assert list(few.columns) == list(few.derivatives) == ["pull_force", "u_x"]
+    np.testing.assert_array_equal(few.derivatives["u_x"], found.derivatives["u_x"])
+
+
+@pytest.mark.deck
+def test_derivatives_can_be_interrupted() -> None:
+    """A long run ends at Ctrl-C."""
+    code = (
+        "import dynstiction as ds, sys; print('on', flush=True)\n"
+        "try: ds.derivatives(ds.Scene(sys.argv[1]).replace(scene={'t_end': 1e5}, integrator={'max_steps': 0}), times=[1e5])\n"
+        "except KeyboardInterrupt: print('interrupted')"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, str(INPUTS / "fig3.nml")], stdout=subprocess.PIPE, text=True) as work:
+        assert work.stdout is not None
+        assert work.stdout.readline() == "on\n"
+        time.sleep(1.0)
+        work.send_signal(signal.SIGINT)
+        assert work.communicate(timeout=30.0)[0] == "interrupted\n"
+
+
 def test_conditioning() -> None:
     """What an irregular motion had at its beginning is lost, at the rate of its exponent; a regular one only loses its phase."""
     ends = [np.linspace(0.0, end, 400) for end in (2.0, 8.0)]
@@ -237,6 +264,9 @@ def test_conditioning() -> None:
         ({}, {"times": [[0.1]]}, ds.UsageError),
         ({"output": {"interval": 0.0}}, {}, ds.DeckError),
         ({}, {"keys": "rtol"}, ds.UsageError),
+        ({}, {"keys": []}, ds.UsageError),
+        ({"scene": {"model": "auto"}}, {}, ds.DeckError),
+        ({"output": {"fields": "nothing"}}, {}, ds.DeckError),
         ({"integrator": {"max_steps": 100}}, {"times": [5.0]}, ds.SolverError),
     ],
 )
