@@ -21,7 +21,7 @@ module dst_sensitivity
   use dst_scene, only: scene_t
   use dst_schema, only: longest_text
   use dst_state, only: state_t
-  use dst_tangent, only: tangent_t, trail_t, variation_t, directions_t, carry
+  use dst_tangent, only: tangent_t, trail_t, variation_t, directions_t, carry, rate_in, n_changes
   use dst_variation, only: vary
   implicit none
   private
@@ -188,8 +188,8 @@ contains
       logical, intent(out) :: is_inside
       type(piece_t) :: piece
       type(state_t) :: state
-      real(wp) :: tau, basis(0:max_degree), rate(2), of_rate, bend
-      integer :: place, axis
+      real(wp) :: tau, basis(0:max_degree), rate(n_changes), of_rate, bend
+      integer :: place
 
       place = map%recording%place_of(time)
       call map%recording%get(place, state_t(), piece)
@@ -200,16 +200,13 @@ contains
       u = state%u
       associate (grid => piece%path%grid, s => piece%path%grid%degree, h => piece%path%step, change => trail(place))
         call grid%lagrange(tau, basis)
-        do axis = 1, 2
-          of_u(axis) = dot_product(basis(0:s), change%inside(0:s, axis))
-          rate(axis) = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), piece%path%nodal(0:s, column_u + axis - 1)))/h &
-            + map%velocity*piece%drive_coupling(axis)
-        end do
+        of_u = matmul(basis(0:s), change%inside(0:s, :2))
+        rate = rate_in(piece, tau)
         of_rate = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), change%inside(0:s, 1)))/h
         bend = dot_product(basis(0:s), matmul(grid%derivative(0:s, 0:s), &
           matmul(grid%derivative(0:s, 0:s), piece%path%nodal(0:s, column_u))))/h**2
         of_time = -of_rate/bend
-        of_u = of_u + rate*of_time
+        of_u = of_u + rate(:2)*of_time
         of_time = of_time + change%clock
       end associate
     end subroutine look

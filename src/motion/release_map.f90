@@ -50,9 +50,9 @@ module dst_release_map
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
   !> table. Convention; twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
-  !> After so many laps it is looked where they cease to turn the force: by so many of Newton's steps, to so much [rad], with so many
-  !> parts of the way there. Conventions.
-  integer, parameter :: between_jumps = 128, most_steps = 20, looks = 4
+  !> After so many laps, and after twice as many each time, it is looked where they cease to turn the force: by so many of Newton's
+  !> steps at most, to so much [rad], with so many parts of the way there. Conventions.
+  integer, parameter :: first_look = 128, most_steps = 20, looks = 4
   real(wp), parameter :: at_rest = 1.0e-12_wp
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
@@ -573,10 +573,11 @@ contains
     type(passage_t), intent(out) :: whole, slip
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
-    integer :: laps
+    integer :: laps, next_look
 
     whole = beginning(alpha)
     laps = 0
+    next_look = first_look
     do
       found = .not. self%is_spent()
       if (.not. found) return
@@ -586,7 +587,8 @@ contains
       call whole%go_on(slip)
       if (slip%turns_back()) return
       laps = laps + 1
-      if (modulo(laps, between_jumps) /= 0) cycle
+      if (laps < next_look) cycle
+      next_look = 2*next_look
       call jump_ahead(self, slip, found)
       if (found) whole%to = slip%from
     end do

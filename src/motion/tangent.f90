@@ -149,7 +149,7 @@ contains
   end subroutine carry
 
   !> Whether it is one of a parameter.
-  pure logical function is_there(self)
+  elemental logical function is_there(self)
     class(variation_t), intent(in) :: self
 
     is_there = allocated(self%more)
@@ -296,7 +296,7 @@ contains
     if (self%nodes == nodes) return
     self%nodes = nodes
     self%terms = new_terms(nodes, system%components, system%unknowns)
-    self%others = self%terms
+    if (any(self%variation%is_there())) self%others = self%terms
   end subroutine prepare
 
   !> Through a step in slip with s nodes, n components and m unknowns. Compiled for the full model with each number of stages, and for
