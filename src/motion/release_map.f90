@@ -50,9 +50,8 @@ module dst_release_map
   !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
   !> table. Convention; twice: no change.
   real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
-  !> After so many laps, and after twice as many each time, it is looked where they cease to turn the force: by so many of Newton's
-  !> steps at most, to so much [rad], with so many parts of the way there. Conventions.
-  integer, parameter :: first_look = 128, most_steps = 20, looks = 4
+  !> Newton's steps to a fixed point, which turns the force by no more than this [rad]. Conventions.
+  integer, parameter :: most_steps = 20
   real(wp), parameter :: at_rest = 1.0e-12_wp
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
@@ -573,11 +572,8 @@ contains
     type(passage_t), intent(out) :: whole, slip
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
-    integer :: laps, next_look
 
     whole = beginning(alpha)
-    laps = 0
-    next_look = first_look
     do
       found = .not. self%is_spent()
       if (.not. found) return
@@ -585,48 +581,36 @@ contains
       if (allocated(error) .or. .not. found) return
       if (slip%table(1) > 0) call self%count(slip)
       call whole%go_on(slip)
-      if (slip%turns_back()) return
-      laps = laps + 1
-      if (laps < next_look) cycle
-      next_look = 2*next_look
-      call jump_ahead(self, slip, found)
-      if (found) whole%to = slip%from
+      if (slip%turns_back()) exit
     end do
+    ! A lap that hardly turns the force, near a fixed point that the motion comes to slowly, is as good as one there.
+    if (slip%measure(turn) < 0.0_wp) call settle_at(self, slip)
+    whole%to = slip%to
   end subroutine come_back
 
-  !> To where laps cease to turn the force, if they do so before anything else happens: Newton's method finds a fixed point of the map,
-  !> with the slopes that laps have. All laps on the way there turn the force to it.
-  subroutine jump_ahead(self, lap, found)
+  !> From a lap that hardly turns the force to the one that does not, if Newton's method finds it ahead, with the slopes that laps have.
+  subroutine settle_at(self, lap)
     class(release_map_t), intent(inout) :: self
-    type(passage_t), intent(inout) :: lap     !! the last one; then one at the fixed point
-    logical, intent(out) :: found
+    type(passage_t), intent(inout) :: lap
     ! A failure where the motion does not come to is none.
     type(error_t), allocatable :: error
-    type(passage_t) :: one, between
+    type(passage_t) :: one
     real(wp) :: to
-    integer :: iteration, i
+    logical :: found
+    integer :: iteration
 
-    found = .false.
     one = lap
     do iteration = 1, most_steps
       if (.not. (one%has_slope .and. one%slope > 0.0_wp .and. one%slope < 1.0_wp)) return
       to = one%from + one%measure(turn)/(1.0_wp - one%slope)
       if (.not. (to > 0.0_wp .and. to < lap%from)) return
       call self%next(to, one, found, error)
-      if (allocated(error)) found = .false.
-      if (.not. found) return
-      found = abs(one%measure(turn)) <= at_rest .and. one%slope < 1.0_wp
-      if (found) exit
+      if (allocated(error) .or. .not. found) return
+      if (abs(one%measure(turn)) > at_rest) cycle
+      lap = one
+      return
     end do
-    do i = 1, merge(looks - 1, 0, found)
-      call self%next(to + real(i, wp)/real(looks, wp)*(lap%from - to), between, found, error)
-      if (allocated(error)) found = .false.
-      if (.not. found) return
-      found = between%measure(turn) < 0.0_wp
-      if (.not. found) return
-    end do
-    if (found) lap = one
-  end subroutine jump_ahead
+  end subroutine settle_at
 
   !> Whether slow cycles have cost so much, or a share of it, or somebody says, that no more are found.
   logical function is_spent(self, share)
