@@ -584,7 +584,7 @@ contains
       if (slip%turns_back()) exit
     end do
     ! A lap that hardly turns the force, near a fixed point that the motion comes to slowly, is as good as one there.
-    if (slip%measure(turn) < 0.0_wp) call settle_at(self, slip)
+    if (slip%measure(turn) < -at_rest) call settle_at(self, slip)
     whole%to = slip%to
   end subroutine come_back
 
@@ -595,20 +595,21 @@ contains
     ! A failure where the motion does not come to is none.
     type(error_t), allocatable :: error
     type(passage_t) :: one
-    real(wp) :: to
+    real(wp) :: to, last
     logical :: found
     integer :: iteration
 
     one = lap
+    last = abs(lap%measure(turn))
     do iteration = 1, most_steps
       if (.not. (one%has_slope .and. one%slope > 0.0_wp .and. one%slope < 1.0_wp)) return
       to = one%from + one%measure(turn)/(1.0_wp - one%slope)
       if (.not. (to > 0.0_wp .and. to < lap%from)) return
       call self%next(to, one, found, error)
       if (allocated(error) .or. .not. found) return
-      if (abs(one%measure(turn)) > at_rest) cycle
-      lap = one
-      return
+      if (abs(one%measure(turn)) <= at_rest) lap = one
+      if (abs(one%measure(turn)) <= at_rest .or. abs(one%measure(turn)) > 0.5_wp*last) return
+      last = abs(one%measure(turn))
     end do
   end subroutine settle_at
 
