@@ -81,21 +81,21 @@ contains
 
   subroutine solve_6(a, b, zero_pivot)
     integer, parameter :: order = 6
-    real(wp), intent(inout) :: a(order, order), b(order)
+    real(wp), intent(inout) :: a(order, order), b(order, 1)
     logical, intent(out) :: zero_pivot
     include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_6
 
   subroutine solve_10(a, b, zero_pivot)
     integer, parameter :: order = 10
-    real(wp), intent(inout) :: a(order, order), b(order)
+    real(wp), intent(inout) :: a(order, order), b(order, 1)
     logical, intent(out) :: zero_pivot
     include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_10
 
   subroutine solve_14(a, b, zero_pivot)
     integer, parameter :: order = 14
-    real(wp), intent(inout) :: a(order, order), b(order)
+    real(wp), intent(inout) :: a(order, order), b(order, 1)
     logical, intent(out) :: zero_pivot
     include '../src/numerics/gauss_jordan.inc'
   end subroutine solve_14
