@@ -29,8 +29,9 @@ module dst_derivatives
 
   public :: derivatives_t
 
-  !> Columns are differences over changes of the state of this size, relative to what is large for it: linear but for zeta and for
-  !> friction. Ten times, a tenth: no change to 1e-9.
+  !> Columns are differences over changes of the state of this size, relative to what is large for it: linear but for zeta, friction
+  !> and the direction of smoothed slip. Ten times: u and w change by 3e-9 of what is large for them, friction by 5e-6; a tenth: by 2e-8,
+  !> friction by 1e-7.
   real(wp), parameter :: small = 1.0e-5_wp
   !> Slip slower than this share of a slow speed has no size of its own.
   real(wp), parameter :: slow = 1.0e-9_wp
