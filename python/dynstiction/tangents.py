@@ -140,9 +140,9 @@ def derivatives(
     Raises
     ------
     DeckError, FileError, SolverError
-        As for `dynstiction.run`; also for another model, and if the motion hangs on a release that just happens.
+        As for `dynstiction.run`; also for another model.
     UsageError
-        If a key has no small share, or the times do not rise.
+        If a key has no small share, the times do not rise, or the motion hangs on a release that just happens.
 
     Notes
     -----
