@@ -682,7 +682,9 @@ contains
       associate (value => self%derivatives%value, change => self%derivatives%change)
         call new_table(self%table, size(value, 2), 0, size(value, 1)*(1 + size(change, 2)))
         self%table%number(:size(value, 1), :) = value
-        self%table%number(size(value, 1) + 1:, :) = reshape(change, [size(value, 1)*size(change, 2), size(value, 2)])
+        do i = 1, size(value, 2)
+          self%table%number(size(value, 1) + 1:, i) = reshape(change(:, :, i), [size(value, 1)*size(change, 2)])
+        end do
       end associate
     case ('events')
       associate (derivatives => self%derivatives, n => self%derivatives%events)

@@ -109,9 +109,11 @@ contains
       settled = scene
       call settle_interval(settled)
       if (settled%interval > 0.0_wp) then
-        associate (n => int(sample_count(scene%t_end, settled%interval)))
-          time = [(min(scene%t_end, real(i, wp)*settled%interval), i=0, n - 1)]
-        end associate
+        deallocate (time)
+        allocate (time(int(sample_count(scene%t_end, settled%interval))))
+        do i = 1, size(time)
+          time(i) = min(scene%t_end, real(i - 1, wp)*settled%interval)
+        end do
       else
         call raise(error, deck_error, 'output.interval: derivatives are at given times: give an interval > 0', 'output.interval')
       end if
@@ -234,12 +236,18 @@ contains
     class(derivatives_t), intent(inout) :: self
     type(event_t), intent(in) :: event
     real(wp), intent(in) :: shift(:)
+    type(event_t), allocatable :: events(:)
+    real(wp), allocatable :: shifts(:, :)
 
     associate (n => self%events)
       n = n + 1
       if (n > size(self%event)) then
-        self%event = [self%event, self%event]
-        self%shift = reshape([self%shift, self%shift], [size(shift), size(self%event)])
+        ! Without temporary arrays, which would be on the stack.
+        allocate (events(2*n), shifts(size(shift), 2*n))
+        events(:n - 1) = self%event
+        shifts(:, :n - 1) = self%shift
+        call move_alloc(events, self%event)
+        call move_alloc(shifts, self%shift)
       end if
       self%event(n) = event
       self%shift(:, n) = shift

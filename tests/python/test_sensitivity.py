@@ -228,6 +228,16 @@ def test_columns_are_those_that_the_deck_names() -> None:
     np.testing.assert_array_equal(few.derivatives["u_x"], found.derivatives["u_x"])
 
 
+def test_many_events_and_samples() -> None:
+    """More than a stack has room for."""
+    times = np.linspace(0.0, 130.0, 50001)
+    found = ds.derivatives(FIG3.replace(scene={"t_end": 130.0}, integrator={"rtol": 1e-6}), times=times)
+    assert len(found.events) > 65536
+    assert found.event_derivatives.shape == (len(found.events), len(found.parameters))
+    assert np.isfinite(found.event_derivatives).all()
+    assert found.derivatives["u_x"].shape == (50001, len(found.parameters))
+
+
 @pytest.mark.deck
 def test_derivatives_can_be_interrupted() -> None:
     """A long run ends at Ctrl-C."""
