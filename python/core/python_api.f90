@@ -281,18 +281,11 @@ contains
     integer(c_int), intent(out) :: status
     ! Not f2py threadsafe, as run_open.
     type(cycles_session_t), pointer :: self
-    type(holder_t), pointer :: holder
     type(scene_t) :: scene
 
-    allocate (holder, self)
-    handle = handle_of(c_loc(holder))
-    holder%session => self
-    holder%cycles => self
-    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false.)
-    if (.not. allocated(self%error)) then
-      call scene_from_deck(self%deck, scene)
+    call open_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene)
+    if (.not. allocated(self%error)) &
       call self%derivatives%start(self%deck, scene, text_of(keys), times, self%error)
-    end if
     status = status_of(self)
   end subroutine derivatives_open
 
@@ -362,6 +355,22 @@ contains
       merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
   end subroutine steady_open
 
+  !> A session with the scene of a deck.
+  subroutine open_scene(deck, name, settings, handle, self, scene)
+    character(*), intent(in) :: deck, name, settings
+    integer(c_long_long), intent(out) :: handle
+    type(cycles_session_t), pointer, intent(out) :: self
+    type(scene_t), intent(out) :: scene
+    type(holder_t), pointer :: holder
+
+    allocate (holder, self)
+    handle = handle_of(c_loc(holder))
+    holder%session => self
+    holder%cycles => self
+    call read_deck(self, deck, name, settings, .false.)
+    if (.not. allocated(self%error)) call scene_from_deck(self%deck, scene)
+  end subroutine open_scene
+
   !> A session with the scene of a deck, and the only drive velocity [m/s] that is kept for some time and is not 0.
   subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
     character(*), intent(in) :: deck, name, settings
@@ -369,16 +378,11 @@ contains
     type(cycles_session_t), pointer, intent(out) :: self
     type(scene_t), intent(out) :: scene
     real(wp), intent(out) :: velocity
-    type(holder_t), pointer :: holder
     real(wp), allocatable :: velocities(:)
 
-    allocate (holder, self)
-    handle = handle_of(c_loc(holder))
-    holder%session => self
     velocity = 0.0_wp
-    call read_deck(self, deck, name, settings, .false.)
+    call open_scene(deck, name, settings, handle, self, scene)
     if (allocated(self%error)) return
-    call scene_from_deck(self%deck, scene)
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     if (size(velocities) == 0) then
       call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')
@@ -634,7 +638,7 @@ contains
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
   !> (with exponent, error, slow cycles, cycles, repeats, searched), 'sensitivity', of each measure of the cycle the value and the
-  !> derivatives with respect to the 'parameters', and 'ends', one number with a name each: values that do not exist are omitted.
+  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'ends', one number with a name each: values that do not exist are omitted.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -693,18 +697,12 @@ contains
         self%table%number(2, :) = derivatives%event(:n)%kind
         self%table%number(3:, :) = derivatives%shift(:, :n)
       end associate
-    case ('varied')
-      associate (derivatives => self%derivatives)
-        call new_table(self%table, size(derivatives%key), 1, 1)
-        self%table%text(1, :) = derivatives%key
-        self%table%number(1, :) = derivatives%parameter
-      end associate
     case ('parameters')
-      associate (sensitivity => self%sensitivity)
-        call new_table(self%table, size(sensitivity%key), 1, 1)
-        self%table%text(1, :) = sensitivity%key
-        self%table%number(1, :) = sensitivity%parameter
-      end associate
+      if (allocated(self%derivatives%key)) then
+        call list_parameters(self%derivatives%key, self%derivatives%parameter)
+      else
+        call list_parameters(self%sensitivity%key, self%sensitivity%parameter)
+      end if
     case ('ends')
       call make_table_of_ends(self%ends, self%table)
     case ('steady')
@@ -713,6 +711,17 @@ contains
     case default
       call self%session_t%make_table(which)
     end select
+
+  contains
+
+    subroutine list_parameters(key, value)
+      character(*), intent(in) :: key(:)
+      real(wp), intent(in) :: value(:)
+
+      call new_table(self%table, size(key), 1, 1)
+      self%table%text(1, :) = key
+      self%table%number(1, :) = value
+    end subroutine list_parameters
   end subroutine make_cycles_table
 
   subroutine make_table_of_ends(ends, table)

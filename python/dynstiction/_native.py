@@ -342,6 +342,12 @@ class Cycles(Session):
         self.eigenvalues = real + 1j * imaginary
 
 
+def _parameters(handle: int) -> tuple[list[str], NDArray[np.float64]]:
+    """Names and values of the parameters of derivatives."""
+    cells, (values,) = _table(handle, "parameters")
+    return [key for (key,) in cells], values
+
+
 class Sensitivity(Session):
     """Derivatives of the cycle to which a scene settles, found in the core.
 
@@ -363,8 +369,7 @@ class Sensitivity(Session):
         self.quantities = [info for (info,) in cells]
         self.values, self.derivatives = numbers[0], numbers[1:].T
         """Values (quantity) and derivatives (quantity, key)."""
-        cells, (self.parameters,) = _table(handle, "parameters")
-        self.keys = [key for (key,) in cells]
+        self.keys, self.parameters = _parameters(handle)
 
 
 class Derivatives(Session):
@@ -389,8 +394,7 @@ class Derivatives(Session):
         while not finished:
             self._raise(deck, status)
             finished, status = _core.derivatives_advance(handle, CHUNK_SECONDS)
-        cells, (self.parameters,) = _table(handle, "varied")
-        self.keys = [key for (key,) in cells]
+        self.keys, self.parameters = _parameters(handle)
         self.columns = _infos(handle, "columns")
         rows = _table(handle, "samples")[1].reshape(1 + len(self.keys), len(self.columns), -1)
         self.values, self.derivatives = rows[0], rows[1:]

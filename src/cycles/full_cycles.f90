@@ -8,7 +8,6 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
-  use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
   use dst_divergence, only: judge, regular, irregular, undecided, steady_sliding
   use dst_errors, only: error_t
@@ -21,8 +20,11 @@ module dst_full_cycles
   use dst_release_map, only: release_map_t, watch_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
+  use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
+  use dst_stepping, only: stepping_t
   use dst_summary, only: summary_t, contribution_t, summary_quantities
+  use dst_variation, only: steps_of
   use dst_writer, only: find_quantity
   implicit none
   private
@@ -212,16 +214,13 @@ contains
     type(scene_t), intent(in) :: scene
     type(release_map_t), intent(out) :: map
     type(error_t), allocatable, intent(out) :: error
-    type(scene_t) :: plain
-    class(motion_t), allocatable :: motion, other
+    class(stepping_t), allocatable :: steps
 
-    plain = scene
-    plain%cycle_map = 'off'
-    call new_motion(plain, motion, other, error)
+    call steps_of(scene, steps, error)
     if (allocated(error)) return
-    select type (motion)
-    class is (cycle_map_t)
-      call new_release_map(motion%steps, scene%drive_velocity(1), scene%rtol, .false., map)
+    select type (steps)
+    class is (slip_stick_t)
+      call new_release_map(steps, scene%drive_velocity(1), scene%rtol, .false., map)
     end select
     map%longest = scene%t_end
   end subroutine map_of

@@ -6,7 +6,7 @@
 module dst_derivatives
   use dst_columns, only: columns, row_of
   use dst_deck_values, only: deck_t
-  use dst_errors, only: error_t, raise, deck_error, usage_error, out_of_memory, too_many_steps
+  use dst_errors, only: error_t, raise, deck_error, usage_error, out_of_memory
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp, int64, pi
   use dst_output_size, only: sample_count
@@ -14,10 +14,9 @@ module dst_derivatives
   use dst_sampling, only: settle_interval
   use dst_scene, only: scene_t
   use dst_schema, only: longest_text
-  use dst_simulation, only: select_columns
+  use dst_simulation, only: select_columns, check_piece, pieces_between_looks
   use dst_slip_system, only: max_components
   use dst_state, only: state_t
-  use dst_stepper, only: work_count_t
   use dst_stepping, only: stepping_t
   use dst_stopwatch, only: wall_clock
   use dst_tangent, only: tangent_t, trail_t, directions_t, rate_in, n_changes
@@ -35,8 +34,6 @@ module dst_derivatives
   real(wp), parameter :: small = 1.0e-5_wp
   !> Slip slower than this share of a slow speed has no size of its own.
   real(wp), parameter :: slow = 1.0e-9_wp
-  !> The clock is read once after this many pieces. Convention; no number depends on it.
-  integer, parameter :: pieces_between_looks = 16
 
   !> Columns at instants, times of events, and their derivatives; and the run, as far as it is.
   type :: derivatives_t
@@ -161,14 +158,11 @@ contains
   subroutine go_on(self, error)
     class(derivatives_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error
-    type(work_count_t) :: work
     logical :: found
 
     associate (steps => self%steps)
       call steps%advance(error)
-      work = steps%work()
-      if (.not. allocated(error) .and. self%max_steps > 0 .and. work%steps >= self%max_steps) call raise(error, too_many_steps, &
-        'integrator.max_steps = '//integer_text(self%max_steps)//' reached: raise it, or use a larger rtol')
+      if (.not. allocated(error)) call check_piece(steps, merge(0_int64, self%max_steps, steps%finished()), error)
       if (allocated(error)) return
       if (steps%segment /= self%segment) call enter_segment(self)
       ! What is not held by then does not wait for a limit.

@@ -24,7 +24,7 @@ module dst_simulation
   implicit none
   private
 
-  public :: simulation_t, select_columns
+  public :: simulation_t, select_columns, check_piece, pieces_between_looks
 
   !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
   integer, parameter :: buffer_rows = 512
@@ -225,20 +225,21 @@ contains
     if (allocated(self%other)) self%other%t_end = end_time(self)
     call next_piece(self%motion, self%other, error)
     if (allocated(error)) return
-    call check(self, error)
+    call check_piece(self%motion, merge(0_int64, self%scene%max_steps, is_over(self)), error)
     if (allocated(error)) return
     call self%summary%follow(self%motion)
     self%recorded = .false.
   end subroutine advance
 
-  !> Limits and sanity of the last piece.
-  subroutine check(self, error)
-    class(simulation_t), intent(in) :: self
+  !> Sanity of the last piece of a motion, and its limit of steps, 0 if there is none.
+  subroutine check_piece(motion, max_steps, error)
+    class(motion_t), intent(in) :: motion
+    integer(int64), intent(in) :: max_steps
     type(error_t), allocatable, intent(out) :: error
     type(work_count_t) :: work
     character(60) :: limit
 
-    associate (piece => self%motion%piece)
+    associate (piece => motion%piece)
       associate (to => piece%to)
         if (.not. abs(to%time) + sum(abs(to%u)) + sum(abs(to%y)) + abs(to%position) + abs(to%drive_work) &
           + abs(to%friction_work) + abs(to%damper_work) <= huge(1.0_wp)) then
@@ -247,13 +248,13 @@ contains
           return
         end if
       end associate
-      if (self%scene%max_steps == 0 .or. is_over(self)) return
-      work = self%motion%work()
-      if (work%steps < self%scene%max_steps) return
-      write (limit, '(a,i0)') 'integrator.max_steps = ', self%scene%max_steps
+      if (max_steps == 0) return
+      work = motion%work()
+      if (work%steps < max_steps) return
+      write (limit, '(a,i0)') 'integrator.max_steps = ', max_steps
       call raise(error, too_many_steps, trim(limit)//' reached at '//trim(at_time(piece%to))//': raise it, or use a larger rtol')
     end associate
-  end subroutine check
+  end subroutine check_piece
 
   !> Record the samples in the last piece, and its event. If there are many samples, some are left for the next call.
   subroutine record(self, writer, error)
