@@ -74,7 +74,7 @@ varied parameter, `/sweep/<key>`. With `keep = 'series'` the group `/sweep/serie
 ELSEWHERE = """\
 ## Other files
 
-The file of `dynstiction trade` has the group `/trade` in place of the time series: [trade.md](trade.md). For every column, the file of `dynstiction-quad` also has
+For every column, the file of `dynstiction-quad` also has
 `/remainder/time_series/<name>`, the difference of the quadruple number from the double. `FILE.part` belongs to a process that writes `FILE`: [checkpoints.md](checkpoints.md).
 """
 

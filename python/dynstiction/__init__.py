@@ -63,7 +63,6 @@ from .stick_slip import StickSlip, stick_slip_statistics
 _MODULE_OF = {
     "plot": "plot",
     "Trade": "_trade",
-    "open_trade": "_trade",
     "trade": "_trade",
     "Trace": "trace",
     "Statistic": "trace_comparison",
@@ -87,7 +86,7 @@ _MODULE_OF = {
 }
 if _TYPE_CHECKING:
     from ._plotting import plot as plot
-    from ._trade import Trade, open_trade, trade
+    from ._trade import Trade, trade
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
     from .trace_comparison import Statistic, TraceComparison, compare
@@ -162,7 +161,6 @@ __all__ = [
     "mean_waveform",
     "open",
     "open_sweep",
-    "open_trade",
     "oscillation_frequency",
     "read_trace",
     "rhs",

@@ -16,7 +16,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from difflib import get_close_matches
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -25,7 +24,6 @@ from ._native import catalogue
 from ._open import groups_in
 from ._output import check_outputs, make_folder, put
 from ._sweep import open_sweep
-from ._trade import open_trade
 from .errors import (
     DeckError,
     Error,
@@ -216,7 +214,6 @@ def _parser(program: str) -> _Parser:
             run, defaults = COMMANDS[entry["name"]]
             command.set_defaults(command=run, name=entry["name"], **defaults)
             _add_arguments(command, entry)
-    _add_trade(commands)
     return parser
 
 
@@ -389,31 +386,24 @@ def _export(options: argparse.Namespace) -> None:
     if "sweep" in groups:
         files = export_sweep_csv(options.file, folder, name, overwrite=options.overwrite)
     else:
-        result = open_trade(options.file) if "trade" in groups else _open(options.file, groups)
-        files = export_csv(result, folder, name, overwrite=options.overwrite)
+        files = export_csv(_open(options.file, groups), folder, name, overwrite=options.overwrite)
     for file in files:
         _say(printable(str(file)))
 
 
-def _add_trade(commands: argparse._SubParsersAction[_Parser]) -> None:
-    """The executable has the help of this command, and parses its words before it starts Python."""
-    parser = commands.add_parser("trade", description="See dynstiction trade --help.")
-    parser.add_argument("deck", metavar="DECK")
-    parser.add_argument("--accuracy", metavar="A", type=float)
-    parser.add_argument("--quantity", metavar="NAME", default="")
-    parser.add_argument("--budget", metavar="S", type=float, default=10.0)
-    parser.add_argument("-o", "--output", metavar="FILE")
-    parser.add_argument("--set", metavar="GROUP.KEY=VALUE", action="append", default=[])
-    parser.add_argument("--overwrite", action="store_true")
-    parser.add_argument("--all", action="store_true")
-    parser.add_argument("--quiet", action="store_true")
-    parser.set_defaults(command=_trade, name="trade")
-
-
 def _trade(options: argparse.Namespace) -> None:
-    from ._trade.command import compare  # noqa: PLC0415
+    from ._trade import trade  # noqa: PLC0415
+    from .plot.style import format_of, write  # noqa: PLC0415
 
-    compare(options, partial(_say, end=""))
+    output = options.output or Path(f"{options.file.stem}_trade.png")
+    format_of(output)
+    check_outputs([output], [options.file], overwrite=options.overwrite)
+    names = [name for name in options.quantities.split(",") if name]
+    found = trade(Scene.of_command(str(options.file), options.set), options.budget, names)
+    _say(found.report())
+    write(found.plot(), output, overwrite=options.overwrite)
+    _say(printable(str(output)))
+    _say(found.recommend(options.accuracy)[1], end="")
 
 
 def _paper(options: argparse.Namespace) -> None:
@@ -472,25 +462,16 @@ def _validate_creep(options: argparse.Namespace) -> int:
 def _open(file: Path, groups: Set[str] | None = None) -> Result:
     """Result in the file of a run with these groups; if it is incomplete, a line on stderr says so."""
     groups = groups_in(file) if groups is None else groups
-    for group, what, remedy in (
-        ("sweep", "a sweep", "dynstiction plot draws it, dynstiction export writes its tables"),
-        (
-            "trade",
-            "a comparison of settings",
-            "dynstiction plot draws it, dynstiction export writes its points",
-        ),
-    ):
-        if group in groups:
-            raise FileError(f"{printable(str(file))}: holds {what}, not one run: {remedy}")
+    if "sweep" in groups:
+        remedy = "dynstiction plot draws it, dynstiction export writes its tables"
+        raise FileError(f"{printable(str(file))}: holds a sweep, not one run: {remedy}")
     with _warnings_in_one_line():
         return open(file)
 
 
 def _open_any(file: Path) -> Drawable:
-    """A file of a run, a comparison or a sweep."""
+    """A file of a run or a sweep."""
     groups = groups_in(file)
-    if "trade" in groups:
-        return open_trade(file)
     if "sweep" in groups:
         with _warnings_in_one_line():
             return open_sweep(file)
@@ -506,6 +487,7 @@ def _warnings_in_one_line() -> Iterator[None]:
 
 
 TYPES: dict[str, Callable[[str], object]] = {
+    "A": float,
     "C": str,
     "COLUMN": _column,
     "KEYS": str,
@@ -525,6 +507,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, 
     "plot": (_plot, {}),
     "compare": (_compare, {}),
     "fit": (_fit, {"starts": 2, "seed": 0}),
+    "trade": (_trade, {"budget": 10.0, "accuracy": 1e-3, "quantities": ""}),
     "report": (_report, {}),
     "export": (_export, {"output": Path()}),
     "animate": (_animate, {"fps": 20, "seconds": 10.0}),

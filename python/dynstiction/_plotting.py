@@ -24,8 +24,8 @@ class PlotModule(ModuleType):
 
         Parameters
         ----------
-        result : Result, Trade, Sensitivity or xarray.Dataset, or mapping of Result
-            A run, a comparison, derivatives, or a sweep; or several runs by name, which are drawn side by side.
+        result : Result, Sensitivity or xarray.Dataset, or mapping of Result
+            A run, derivatives, or a sweep; or several runs by name, which are drawn side by side.
         kind : str, optional
             Kind of figure, as for `dynstiction.plot.draw`.
         **options

@@ -28,25 +28,19 @@ TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as use
 # The oldest format in which the descriptions of the data have checksums.
 FORMAT = ("v108", "v108")
 STORED_AS = {"sticking": np.int8, "kind": np.int8, "occurs": np.int64}
-ERROR, NOT_APPLICABLE = "error_", -1.0
-"""Columns of a comparison that may have no value, and the value that is written instead."""
-
-Table = Described[NDArray[np.float64] | NDArray[np.str_]]
 
 
-def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = None) -> None:
+def write(result: Record, path: str, *, overwrite: bool) -> None:
     """Write a result; the file appears under its name only when it is complete and on the disk.
 
     Parameters
     ----------
     result : Record
-        The result; without columns neither time series nor events are written.
+        The result.
     path : str
         The file.
     overwrite : bool
         Whether an existing result may be replaced.
-    trade : Described of ndarray, optional
-        The table of a comparison, ``point`` first.
 
     Raises
     ------
@@ -54,7 +48,7 @@ def write(result: Record, path: str, *, overwrite: bool, trade: Table | None = N
         If the file cannot be written, or an existing file may not be replaced.
     """
     refuse_to_replace(path, overwrite=overwrite)
-    image = _image(result, trade)
+    image = _image(result)
     put(path, image + SEAL % zlib.crc32(image), overwrite=overwrite)
 
 
@@ -75,18 +69,18 @@ def refuse_to_replace(path: str, *, overwrite: bool) -> None:
         )
 
 
-def _image(result: Record, trade: Table | None) -> bytes:
+def _image(result: Record) -> bytes:
     """The bytes of the file.
 
     They are not taken from `H5Fget_file_image`, whose superblock has a wrong checksum in HDF5 1.14.
     """
     with io.BytesIO() as stream:
         with h5py.File(stream, "w", libver=FORMAT) as file:
-            _write_contents(file, result, trade)
+            _write_contents(file, result)
         return stream.getvalue()
 
 
-def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> None:
+def _write_contents(file: h5py.File, result: Record) -> None:
     for name, value in result.attributes.items():
         if name != "complete":
             file.attrs[name] = np.int32(value) if isinstance(value, int) else value
@@ -94,13 +88,8 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
         data = text.encode("utf-8", "surrogateescape")
         dataset = file.create_dataset(f"deck/{name}", data=data, dtype=h5py.string_dtype("utf-8"))
         _describe(dataset, Info(name, "1", TEXTS[name]))
-    if result.columns:
-        _write_series(file.create_group("time_series"), result.columns.info(), "time")
-        _write_series(
-            file.create_group("events"), [(EVENTS[name], result.log[name]) for name in EVENTS], "time"
-        )
-    if trade is not None:
-        _write_series(file.create_group("trade"), trade.info(), "point")
+    _write_series(file.create_group("time_series"), result.columns.info(), "time")
+    _write_series(file.create_group("events"), [(EVENTS[name], result.log[name]) for name in EVENTS], "time")
     _write_group(file.create_group("summary"), _as_reals(result.summary))
     _write_group(file.create_group("statistics"), result.statistics.info())
     _write_group(file.create_group("parameters"), _as_reals(result.parameters))
@@ -108,19 +97,10 @@ def _write_contents(file: h5py.File, result: Record, trade: Table | None) -> Non
 
 
 def _write_series(group: h5py.Group, entries: Iterable[tuple[Info, NDArray[Any]]], scale: str) -> None:
-    """Write columns over one of the group's columns, which becomes their dimension scale. NaN is written as the fill value."""
+    """Write columns over one of the group's columns, which becomes their dimension scale."""
     for info, values in entries:
-        if values.dtype.kind == "U":
-            texts = [str(text).encode("utf-8", "surrogateescape") for text in values]
-            _describe(group.create_dataset(info.name, data=texts, dtype=h5py.string_dtype()), info)
-            continue
         stored = values.astype(STORED_AS.get(info.name, np.float64), copy=False)
-        fills = info.name.startswith(ERROR)
-        if fills:
-            stored = np.nan_to_num(stored, nan=NOT_APPLICABLE)
         _describe(group.create_dataset(info.name, data=stored, chunks=True), info)
-        if fills:
-            group[info.name].attrs["_FillValue"] = NOT_APPLICABLE
     group[scale].make_scale(scale)
     for name in group:
         if name != scale:

@@ -12,7 +12,6 @@ import numpy as np
 
 from ._open import info_of, open_file, own_datasets, values_in
 from ._output import check_outputs, make_folder, put
-from ._trade import Trade
 from .record import Info, event_columns, headed, unit_shown
 from .result import Result
 
@@ -25,17 +24,17 @@ Table = tuple[Sequence[str], Iterable[Sequence[object]]]
 ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
-def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Write the tables of a run or a comparison, and yield each file when it is written.
+def export_csv(result: Result, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
+    """Write the tables of a run, and yield each file when it is written.
 
     Numbers are written so that they are read back as the same doubles. The heading of a column is ``name [unit]``. A text that a
     spreadsheet would take for a formula gets an apostrophe before it.
 
     Parameters
     ----------
-    result : Result or Trade
-        For a run, NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv
-        (summary, statistics and parameters, one in each line) are written, for a comparison NAME_trade.csv.
+    result : Result
+        NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv (summary, statistics
+        and parameters, one in each line) are written.
     folder : Path
         The folder; it is created if it does not exist.
     name : str
@@ -48,8 +47,6 @@ def export_csv(result: Result | Trade, folder: Path, name: str, *, overwrite: bo
     FileError
         If a file exists already or cannot be written.
     """
-    if isinstance(result, Trade):
-        return _write({folder / f"{name}_trade.csv": lambda: _table(result.columns.info())}, overwrite)
     tables: dict[str, Callable[[], Table]] = {
         "time_series": lambda: _table(result.columns.info()),
         "events": lambda: _table(event_columns(result.events)),

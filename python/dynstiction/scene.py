@@ -393,6 +393,28 @@ def _given(group: str, keys: Group) -> Mapping[str, object]:
     return keys
 
 
+def used_settings(
+    given: Mapping[str, GroupValues], settings: Mapping[str, GroupValues]
+) -> dict[str, dict[str, Any]]:
+    """The settings that have a use in a scene that gives these values by group, and None for what they leave without use there."""
+    keys, values = {key.name: key for key in _native.schema()}, dict[str, object]()
+    for group in (*given.values(), *settings.values()):
+        values |= group
+
+    def is_used(key: _native.KeyInfo) -> bool:
+        """Whether the keys on which a key depends have values with which it is used."""
+        return all(is_used(keys[on]) and values.get(on, keys[on].default) in them for on, them in key.used_by)
+
+    found: dict[str, dict[str, Any]] = {}
+    for key in keys.values():
+        value = settings.get(key.group, {}).get(key.name)
+        if is_used(key) and value is not None:
+            found.setdefault(key.group, {})[key.name] = value
+        elif not is_used(key) and key.name in given.get(key.group, {}):
+            found.setdefault(key.group, {})[key.name] = None
+    return found
+
+
 def _units(group: str, key: str) -> str:
     units = _native.key_info(group, key).units
     return "" if units == "1" else units

@@ -25,10 +25,7 @@ module dst_command_line
     character(:), allocatable :: output            !! of -o; '' = not given
     type(argument_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
     type(argument_t), allocatable :: settings(:)   !! of --set
-    character(:), allocatable :: quantity          !! of --quantity; '' = not given
     character(:), allocatable :: sensitivity       !! of --sensitivity, with blanks between the keys; '' = not given
-    real(wp) :: accuracy = 0.0_wp                  !! of --accuracy; 0 = not given
-    real(wp) :: budget = 10.0_wp                   !! of --budget, s
     type(share_t) :: share                         !! of --share
     character(:), allocatable :: given             !! names of all options given, blank-separated
     !> For --vary: their number, and the lists of &sweep that they make; 'sweep' is then 'run'.
@@ -79,7 +76,6 @@ contains
 
     command%name = ''
     command%output = ''
-    command%quantity = ''
     command%sensitivity = ''
     command%given = ''
     allocate (command%operands(0), command%settings(0))
@@ -173,14 +169,8 @@ contains
       call take_variation(value, command, error)
     case ('--share')
       call take_share(value, command%share, error)
-    case ('--quantity')
-      command%quantity = value
     case ('--sensitivity')
       command%sensitivity = with_blanks(value, ',')
-    case ('--accuracy')
-      call take_number(option, value, '1e-3', command%accuracy, error)
-    case ('--budget')
-      call take_number(option, value, '30', command%budget, error)
     end select
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
@@ -277,19 +267,6 @@ contains
 
     takes_value = any(options%name == option .and. options%argument /= '')
   end function takes_value
-
-  !> A positive number, like `example`.
-  subroutine take_number(option, value, example, number, error)
-    character(*), intent(in) :: option, value, example
-    real(wp), intent(out) :: number
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
-
-    call read_real(value, number, problem)
-    if (problem == '' .and. .not. number > 0.0_wp) problem = 'is out of range'
-    if (problem /= '') &
-      call raise(error, usage_error, option//" '"//excerpt(value)//"' "//problem//': give a number > 0, like '//example)
-  end subroutine take_number
 
   !> Fortran cannot use names of files that end with a blank: it would use another file.
   subroutine check_file_name(name, error)
@@ -420,8 +397,6 @@ contains
     else if (command%name == 'sweep' .and. command%variations == 0) then
       call raise(error, usage_error, "'sweep' varies nothing: write --vary GROUP.KEY=FIRST:LAST:COUNT, like "// &
         '--vary system.misalignment_deg=0.5:20:40')
-    else if (command%quantity /= '' .and. .not. command%accuracy > 0.0_wp) then
-      call raise(error, usage_error, '--quantity without --accuracy: give the accuracy it must have')
     else if (size(command%operands) > 1 .and. command%output /= '') then
       call raise(error, usage_error, '-o names one file but several decks are given: run them one by one, '// &
                  'or let each deck name its output')

@@ -6,7 +6,7 @@ module dst_command_table
   implicit none
   private
 
-  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses, trade_quantities
+  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses
   public :: find_command, find_option, command_names, options_of, operand_of, is_option_of
 
   !> A command.
@@ -96,13 +96,6 @@ module dst_command_table
       'dynstiction cycles inputs/fig3.nml'//n// &
       'dynstiction cycles inputs/fig3.nml --sensitivity system.mass,friction.v_f'//n// &
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
-    command_entry_t('trade', 'DECK', ours, 'measured error against cost of methods and models', &
-      'Measure error against cost on the deck''s own scene: models, methods, tolerances, fixed steps and smoothing '// &
-      'velocities, against a reference whose own error is estimated. Prints the best settings and what to take for three '// &
-      'accuracies, and writes every point to FILE, else to the deck''s name with _trade.h5 in the current '// &
-      'directory; dynstiction plot FILE draws it. The Python package does both.', &
-      'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
-      'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantity period --budget 3 --quiet'), &
     command_entry_t('show', 'FILE...', ours, 'contents of a result, progress of a sweep', &
       'Print the contents of each file: for a run its model, method and summary, for a sweep its parameters and the ranges of '// &
       'its results, for a deck the run that it describes. For a sweep that is divided into shares, print how many cases of '// &
@@ -114,6 +107,12 @@ module dst_command_table
       'dynstiction plot fig3.h5 --kind path'//n// &
       'dynstiction plot fig3.h5 --columns friction,theta --from 2 --to 3'//n// &
       'dynstiction plot 1deg.h5 2deg.h5 --overlay'), &
+    command_entry_t('trade', 'DECK', python, 'measured error against cost of methods and models', &
+      'Measure error against cost on the deck''s own scene: models, methods and tolerances, against a reference whose own '// &
+      'error is estimated. Prints the best settings as a table, and the cheapest ones for an accuracy as lines of a deck; '// &
+      'draws error against cost.', &
+      'dynstiction trade inputs/fig3.nml --accuracy 1e-4'//n// &
+      'dynstiction trade inputs/fig3.nml --accuracy 1e-2 --quantities period --budget 3'), &
     command_entry_t('compare', 'DECK TRACE', python, 'compare a measured trace with a scene', &
       'Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep '// &
       'before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or '// &
@@ -146,16 +145,11 @@ module dst_command_table
       'check fails.', &
       'dynstiction validate-creep')]
 
-  !> What 'trade' measures, besides summary values that the user names: the Python package's quantities, for completion.
-  character(*), parameter :: trade_quantities = 'final_elongation final_velocity period peak_force valley_force slip_length '// &
-    'max_X_rate creep_velocity fast_amplitude fast_phase sticks first_peak_force'
-
   character(*), parameter :: takes_settings = 'run sweep merge check stability cycles trade compare fit'
-  character(*), parameter :: trade_help = 'a value: see dynstiction trade --help'
 
   !> name, argument, commands, times, meaning, lacking
   type(option_t), parameter :: options(*) = [ &
-    option_t('-o', 'FILE', 'run sweep merge trade', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
+    option_t('-o', 'FILE', 'run sweep merge', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
       'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
     option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'remove the key from the deck: its default is used', ''), &
@@ -167,25 +161,19 @@ module dst_command_table
       'its number: write --share I/N or --share auto'), &
     option_t('--share', 'auto', 'run sweep', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
     option_t('--retry', '', 'run sweep', '?', 'also run the cases again that failed before', ''), &
-    option_t('--accuracy', 'A', 'trade', '?', 'print the cheapest settings whose errors are below A with a margin', trade_help), &
-    option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', trade_help), &
-    option_t('--quantity', 'NAME', 'trade', '?', 'quantity with these errors, or all; default: those of final_elongation, '// &
-      'period, peak_force and creep_velocity that the scene has', trade_help), &
     option_t('--sensitivity', 'KEYS', 'cycles', '?', &
       'how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
       'parameters: write --sensitivity system.mass,friction.v_f'), &
     option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper validate-creep', '?', &
       'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
-    option_t('--all', '', 'trade', '?', 'print every setting, also those that failed or were skipped', ''), &
-    option_t('--quiet', '', 'trade', '?', 'no progress and no table', ''), &
     option_t('--json', '', 'keys', '?', &
       'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
     option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
     option_t('--kind', 'KIND', 'plot', '?', 'for a run history, velocities, spectrogram, damping, creep, path, columns or '// &
       'cycle_map; default: by its model; for a sweep map (default), lambda, '// &
-      'bifurcation; for a trade work_precision', ''), &
+      'bifurcation', ''), &
     option_t('--quantity', 'NAME', 'plot', '?', &
       'quantity of a map of a sweep, like period (default: swing), or of a bifurcation diagram (peak_force)', ''), &
     option_t('--columns', 'NAMES', 'plot', '?', &
@@ -196,6 +184,11 @@ module dst_command_table
       'first time of the run [s]; default of --from and --to: the first cycles, if there are many', ''), &
     option_t('--to', 'T', 'plot', '?', 'last time of the run [s]', ''), &
     option_t('-o', 'PNG', 'plot', '?', 'default: FILE.png, for several files comparison.png; also .pdf, .svg', ''), &
+    option_t('--accuracy', 'A', 'trade', '?', 'of the recommended settings, which stay below it with a margin (1e-3)', ''), &
+    option_t('--budget', 'S', 'trade', '?', 'wall time in seconds (10)', ''), &
+    option_t('--quantities', 'NAMES', 'trade', '?', 'quantities that have this accuracy, with commas between them: values of '// &
+      'the summary, elongation, slip_velocity, creep_velocity; default: elongation, period, peak_force and creep_velocity', ''), &
+    option_t('-o', 'FIGURE', 'trade', '?', 'default: DECK with _trade.png, in the current folder; also .pdf, .svg', ''), &
     option_t('--time', 'COLUMN', 'compare fit', '?', &
       'column of times in TRACE: its number from 0, its name, or in HDF5 the path of a dataset; default: time, or 0', ''), &
     option_t('--force', 'COLUMN', 'compare fit', '?', 'the same for the force along the pull; default: force, or 1', ''), &

@@ -7,8 +7,7 @@
 module dst_completion
   use dst_columns, only: columns
   use dst_command_line, only: argument_t, takes_value
-  use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of, &
-    trade_quantities
+  use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of
   use dst_schema, only: schema, key_count, find_key, find_name, real_kind, reals_kind
   use dst_summary, only: summary_quantities
   use dst_text, only: text_builder_t, starts_with, lower_case, has_word, with_blanks, word, word_count
@@ -19,7 +18,7 @@ module dst_completion
 
   !> Kinds of figure: those of the Python package.
   character(*), parameter :: kinds_of_figure = 'history velocities spectrogram damping creep path columns cycle_map '// &
-    'map lambda bifurcation work_precision'
+    'map lambda bifurcation'
 
 contains
 
@@ -88,8 +87,6 @@ contains
 
     if (option == '--set') then
       call offer_settings(builder, '', typed)
-    else if (option == '--quantity' .and. command == 'trade') then
-      call offer(builder, trade_quantities//' all', typed)
     else if (option == '--quantity') then
       do i = 1, size(summary_quantities)
         call offer(builder, trim(summary_quantities(i)%name), typed)

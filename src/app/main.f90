@@ -2,7 +2,7 @@
 module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
-  use dst_text, only: integer_text, one_per_line, printable, real_text
+  use dst_text, only: integer_text, one_per_line, printable
   use dst_disk, only: place_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report
@@ -104,8 +104,6 @@ contains
       call print_text(text)
     else if (command%name == 'run' .or. command%name == 'merge') then
       call run_decks()
-    else if (command%name == 'trade') then
-      call compare_settings()
     else if (command%name == 'resume') then
       call resume_runs()
     else
@@ -230,43 +228,6 @@ contains
 
     if (report /= '') call put_output(report, ignored)
   end subroutine put_report
-
-  !> Let Python measure error against cost on a deck's scene, if the arguments, the deck and the name of the file are correct.
-  subroutine compare_settings()
-    type(deck_t), allocatable :: deck
-    type(argument_t) :: output(1)
-    type(error_t), allocatable :: error
-    character(:), allocatable :: notes
-    real(wp), allocatable :: interval
-
-    allocate (deck)
-    call take_deck(command%operands(1)%text, deck, notes, interval, error)
-    if (.not. allocated(error)) then
-      output(1)%text = command%output
-      if (command%output == '') output(1)%text = name_after(deck, '_trade.h5')
-      call check_output(output, 1, command%operands, command%has('--overwrite'), .false., error)
-    end if
-    if (.not. allocated(error)) call hand_over(words_of_trade(output(1)%text), error)
-    call complain(error)
-  end subroutine compare_settings
-
-  !> The command 'trade' in the form that Python takes.
-  function words_of_trade(output) result(words)
-    character(*), intent(in) :: output
-    type(argument_t), allocatable :: words(:)
-    integer :: i
-
-    words = [argument_t('trade'), argument_t('--output='//output), argument_t('--budget='//real_text(command%budget)), &
-             argument_t('--quantity='//command%quantity)]
-    if (command%accuracy > 0.0_wp) words = [words, argument_t('--accuracy='//real_text(command%accuracy))]
-    do i = 1, size(command%settings)
-      words = [words, argument_t('--set='//command%settings(i)%text)]
-    end do
-    if (command%has('--overwrite')) words = [words, argument_t('--overwrite')]
-    if (command%has('--all')) words = [words, argument_t('--all')]
-    if (command%has('--quiet')) words = [words, argument_t('--quiet')]
-    words = [words, argument_t('--'), command%operands]
-  end function words_of_trade
 
   !> Run the decks, or join the shares of their sweeps: nothing is done unless every deck is valid and every output file may be written.
   subroutine run_decks()

@@ -1,7 +1,7 @@
 !> The one list of methods, with their kind, order and stages.
 !>
 !> The following use it: the choices of `integrator.method`, the conditions of the keys that only some methods use, the assembly of
-!> a run, and the candidates of `trade`.
+!> a run, and the candidates of Python's `trade`.
 module dst_methods
   implicit none
   private

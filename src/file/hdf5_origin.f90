@@ -132,7 +132,6 @@ contains
     text = ''
     if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
-    if (has(file, 'trade')) text = 'comparison of methods'
     if (has(file, 'sweep')) then
       text = 'sweep'
       if (has(file, 'sweep/series')) text = 'sweep with series'
@@ -140,9 +139,7 @@ contains
     end if
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
-    if (has(file, 'trade')) then
-      text = text//rows_of_trade(file)
-    else if (has(file, 'sweep')) then
+    if (has(file, 'sweep')) then
       text = text//rows_of_sweep(file)
     else
       text = text//rows_of_run(file)
@@ -222,18 +219,6 @@ contains
       line = row(name, with_unit(number_text(minval(values), 4)//' to '//number_text(maxval(values), 4), units), meaning)
     end function range_of
   end function rows_of_sweep
-
-  !> The number of settings that a comparison has measured.
-  function rows_of_trade(file) result(text)
-    integer(hid_t), intent(in) :: file
-    character(:), allocatable :: text
-    type(hdf5_t) :: h5
-    type(dataset_t) :: points
-
-    text = ''
-    call open_dataset(file, 'trade/outcome', 1, points, h5)
-    if (h5%status >= 0) text = row('settings tried', integer_text(int(points%rows)), '')
-  end function rows_of_trade
 
   !> A line that is indented: name, value, meaning.
   pure function row(name, value, meaning) result(line)

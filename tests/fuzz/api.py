@@ -252,14 +252,11 @@ def run_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[], An
 
         return f"{words} step_to {times}", steps
     if name == "trade":
+        budget = rng.choice([0.02, 1e-3, numbers(rng)])
         given = {
-            "budget": rng.choice([0.02, 1e-3, numbers(rng)]),
-            "accuracy": rng.choice([None, 1e-3, argument("x", rng, objects)]),
+            "budget": min(budget, 0.05) if isinstance(budget, int | float) else budget,
+            "quantities": rng.choice([(), ["period"], odd(rng, objects)]),
         }
-        given["budget"] = min(given["budget"], 0.05) if isinstance(given["budget"], float) else given["budget"]
-        if isinstance(given["budget"], int) and given["budget"] > 0:
-            given["budget"] = 0.02
-        given["quantity"] = rng.choice(["", "all", odd(rng, objects)])
         return f"{words} {short(given)}", lambda: ds.trade(where, **given, **change)
     if name == "sweep":
         axes = rng.choice([{rng.choice(["system.misalignment_deg", "drive.velocity", "system.mass", "no.key", "scene.t_end"]): argument("phi", rng, objects)}, odd(rng, objects)])  # fmt: skip
@@ -333,7 +330,6 @@ def object_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[],
         (f"save(overwrite={short(other)})", lambda: objects.result.save(objects.folder / "new.h5", overwrite=other)),
         (f"open({short(target)})", lambda: ds.open(target)),
         (f"open_sweep({short(target)})", lambda: ds.open_sweep(target)),
-        (f"open_trade({short(target)})", lambda: ds.open_trade(target)),
         (f"sticks({short(value)})", lambda: objects.result.sticks(value)),
         (f"to_pandas({short(other)})", lambda: objects.result.to_pandas(other)),
         (f"result[{short(other)}]", lambda: objects.result[other]),

@@ -71,8 +71,7 @@ def test_the_commands_of_python_take_what_the_table_says(catalogue: dict[str, An
         action for action in commands_of_python._parser("dynstiction")._actions if isinstance(action, argparse._SubParsersAction)
     )
     listed = {command["name"]: command for command in catalogue["commands"] if command["by"] == "Python"}
-    # The executable understands the words of trade before it makes way.
-    assert set(subparsers.choices) == {*listed, "trade"} and set(commands_of_python.COMMANDS) == set(listed)
+    assert set(subparsers.choices) == set(commands_of_python.COMMANDS) == set(listed)
     for name in listed:
         parser = subparsers.choices[name]
         taken = {action.option_strings[0]: action for action in parser._actions if action.option_strings}

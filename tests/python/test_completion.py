@@ -47,7 +47,7 @@ def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
 
 
 def test_an_option_of_another_command_is_refused(executable):
-    for line in ("check --quiet", "resume --set a.b=1", "merge --share 1/2", "trade --share 1/2", "template -o x"):
+    for line in ("check --quiet", "resume --set a.b=1", "merge --share 1/2", "template -o x"):
         said = Program((executable,))(*line.split(), status=1)
         assert f"takes no {line.split()[1]}: " in said.stderr
 
@@ -79,7 +79,6 @@ def test_operands(executable):
     assert offered(executable, "dynstiction run -o ") == ["*.h5"]
     assert offered(executable, "dynstiction resume ") == ["*.h5"]
     assert "low_frequency" in offered(executable, "dynstiction template ")
-    assert offered(executable, "dynstiction trade --quantity per") == ["period"]
     assert offered(executable, "dynstiction keys ") == []
     assert offered(executable, "dynstiction plot ") == ["*.h5"]
     assert offered(executable, "dynstiction plot x.h5 -o ") == ["*.png"]
@@ -90,7 +89,7 @@ def test_operands(executable):
 def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue):
     plot = pytest.importorskip("dynstiction.plot")
     kinds = offered(executable, "dynstiction plot own.h5 --kind ")
-    assert kinds == [*plot.KINDS, *plot.SWEEP_KINDS, plot.WORK_PRECISION]
+    assert kinds == [*plot.KINDS, *plot.SWEEP_KINDS]
     assert offered(executable, "dynstiction plot --kind c") == ["creep", "columns", "cycle_map"]
     quantities = offered(executable, "dynstiction plot map.h5 --quantity ")
     assert quantities == [value["name"] for value in catalogue["summary"]]

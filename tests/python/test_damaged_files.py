@@ -318,20 +318,6 @@ def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int)
     assert refusals(sound, tmp_path, count, flips="1") >= count - 1 - in_words
 
 
-@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.full)])
-def test_a_damaged_comparison_is_read_or_refused(program: Program, fig3_text: str, tmp_path: Path, count: int) -> None:
-    (tmp_path / "short.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.02"))
-    program("trade", "short.nml", "--budget", "2", "-o", "trade.h5", "--quiet", status=0)
-    assert refusals(tmp_path / "trade.h5", tmp_path, count, "open_trade", "1") >= count - 1
-    assert refusals(unsealed(tmp_path / "trade.h5", tmp_path), tmp_path, count, "open_trade") > count / 8
-    for name in ("empty", "text", "folder", "pipe", "foreign"):
-        place = tmp_path / name
-        {"empty": Path.touch, "text": lambda path: path.write_text("&scene /"), "folder": Path.mkdir, "pipe": os.mkfifo,
-         "foreign": lambda path: h5py.File(path, "w").close()}[name](place)  # fmt: skip
-        with pytest.raises(ds.FileError, match=name):
-            ds.open_trade(place)
-
-
 def test_the_seal_is_the_checksum_that_everybody_can_compute(sound: Path) -> None:
     data = sound.read_bytes()
     assert data[-CHECKSUM_LENGTH:] == b"dynstiction CRC-32 %08X\n" % zlib.crc32(data[:-CHECKSUM_LENGTH])

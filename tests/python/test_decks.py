@@ -466,7 +466,6 @@ def test_two_decks_cannot_share_an_output(program, tmp_path):
         (["resume"], "resume FILE.h5"),
         (["resume", "x.h5", "--overwrite"], "remove it"),
         (["template", "ful"], "nearest is 'full'"),
-        (["trade"], "trade DECK"),
     ],
 )
 def test_wrong_usage(arguments, remedy, program, tmp_path):
@@ -480,7 +479,7 @@ def test_wrong_usage(arguments, remedy, program, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"], ["trade", "--help"]],
+    [["--help"], ["run", "--help"], ["check", "--help"], ["template", "-h"], ["stability", "--help"]],
 )
 def test_help(arguments, program):
     result = program(*arguments)

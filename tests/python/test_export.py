@@ -90,16 +90,6 @@ def test_a_sweep_as_csv(program: Program, tmp_path: Path) -> None:
             np.testing.assert_array_equal(table[column], file["sweep"][name][:])
 
 
-def test_a_comparison_as_csv(program: Program, tmp_path: Path, fig3_text: str) -> None:
-    (tmp_path / "deck.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.05"))
-    program("trade", "deck.nml", "-o", "trade.h5", "--budget", "1", "--quiet", status=0)
-    assert main(["export", str(tmp_path / "trade.h5"), "--csv", "-o", str(tmp_path)]) == 0
-    table = pandas.read_csv(tmp_path / "trade_trade.csv")
-    trade = ds.open_trade(tmp_path / "trade.h5")
-    assert list(table["role"]) == list(trade["role"])
-    np.testing.assert_array_equal(table["error_final_elongation"], trade.error("final_elongation"))
-
-
 # Other programs
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import dynstiction as ds
-import h5py
 import pytest
 from programs import Program
 
@@ -131,28 +130,3 @@ def test_ctrl_c_while_modules_are_imported_is_no_traceback(program: Program, fol
         errors = process.communicate(timeout=60)[1]
         assert process.returncode == -signal.SIGINT
         assert errors in ("", "dynstiction: stopped by SIGINT\n"), errors
-
-
-def test_trade_is_understood_before_python_and_carried_out_by_it(
-    program: Program, executable: Path, folder: Path, fig3_text: str
-) -> None:
-    """Faults of words, deck and file need no Python; without it a sound command says what to install."""
-    (folder / "-x.nml").write_text(fig3_text.replace("t_end = 10.0", "t_end = 0.002"))
-    no_python = {"DYNSTICTION_PYTHON": "/no/python3"}
-    for arguments, status, named in (
-        (("--budgte", "3", "-x.nml"), 1, "the nearest is '--budget'"),
-        (("no.nml",), 2, "no.nml: no such file"),
-        (("--set", "system.mass=heavy", "--", "-x.nml"), 2, "--set system.mass=heavy"),
-        (("-o", "no/x.h5", "--", "-x.nml"), 3, "create it first"),
-        (("--", "-x.nml"), 3, "/no/python3: no Python interpreter that can be started: install Python 3.11"),
-    ):
-        done = Program((executable,), folder, no_python)("trade", *arguments)
-        assert (done.returncode, done.stdout) == (status, ""), arguments
-        assert named in done.stderr and done.stderr.count("\n") == 1
-    # Options before the command, numbers as Fortran writes them, a value and a deck that look like options.
-    done = program("--quiet", "--set", "scene.title=--x 'y'", "--budget", "5d0", "-o", "-y.h5", "trade", "--", "-x.nml")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    with h5py.File(folder / "-y.h5") as file:
-        assert file["parameters/title"].asstr()[()] == "--x 'y'"
-        assert file.attrs["complete"] == 1
-    assert not list(folder.glob("*.lock")) + list(folder.glob(".*"))

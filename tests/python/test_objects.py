@@ -181,7 +181,7 @@ def test_what_is_data_is_copied(fig3: ds.Scene, fig3_result: ds.Result) -> None:
         ds.creep_exact([0.1, 0.5], 0.1),
         ds.critical_misalignment(**SLIDER),
         ds.System(mass=0.5),
-        ds.trade(fig3, budget=0.2, scene={"t_end": 0.02}),
+        ds.trade(fig3, budget=1.0, scene={"t_end": 0.002}),
         ds.SolverError("gave up", 41, fig3_result),
         error_for(47, "no memory"),
         ds.ColumnError("no column"),
@@ -410,7 +410,6 @@ def test_every_numerical_function_is_tried() -> None:
     others = {
         "open",
         "open_sweep",
-        "open_trade",
         "run",
         "sweep",
         "trade",
@@ -471,8 +470,8 @@ WILD: dict[str, Callable[[ds.Scene], object]] = {
     "sweep(values)": lambda scene: ds.sweep(scene, {"system.mass": [None]}),
     "sweep(threads)": lambda scene: ds.sweep(scene, {"system.mass": [1.0]}, threads=1.5),
     "sweep(points)": lambda scene: ds.sweep(scene, {"system.mass": [1.0]}, points="x"),
-    "trade(quantity)": lambda scene: ds.trade(scene, quantity=1),
-    "trade(accuracy)": lambda scene: ds.trade(scene, accuracy="x"),
+    "trade(quantities)": lambda scene: ds.trade(scene, quantities=1),
+    "trade(quantities, 1)": lambda scene: ds.trade(scene, quantities=[1]),
     "trade(budget)": lambda scene: ds.trade(scene, budget=None),
     "trade(budget nan)": lambda scene: ds.trade(scene, budget=np.nan),
     "ridge": lambda scene: ds.ridge(1),
@@ -482,7 +481,6 @@ WILD: dict[str, Callable[[ds.Scene], object]] = {
     "stick_slip_statistics": lambda scene: ds.stick_slip_statistics(None),
     "open": lambda scene: ds.open(None),
     "open_sweep": lambda scene: ds.open_sweep(3),
-    "open_trade": lambda scene: ds.open_trade([]),
     "Described": lambda scene: ds.Described([1]),
     "step_to": lambda scene: ds.Simulation(scene).step_to(None),
 }
@@ -710,7 +708,7 @@ def use():
         for method in ("radau13", "dopri5", "dop853"):
             ds.run(DECK, scene={"t_end": 0.05}, integrator={"method": method})
         ds.sweep(DECK, {"system.misalignment_deg": np.linspace(1, 8, 4)}, scene={"t_end": 0.05})
-        ds.trade(DECK, accuracy=1e-2, budget=0.5, scene={"t_end": 0.05})
+        ds.trade(DECK, budget=2.0, scene={"t_end": 0.05})
         n = 10000
         ds.rhs(np.ones((n, 4)), **SLIDER)
         ds.steady_sliding_eigenvalues(**{**SLIDER, "mass": np.ones(n)})

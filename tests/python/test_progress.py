@@ -45,14 +45,6 @@ def test_a_sweep_on_a_terminal(program, tmp_path):
     assert WIPED in text
 
 
-def test_a_comparison_on_a_terminal(program):
-    text = shown_by(program, "trade", DECK, "-o", "x.h5", "--budget", "1")
-    shown = re.findall(r"%, (.+?) = +(\S+) of +(\S+) s, ", text)
-    assert shown
-    assert {what for what, *_ in shown} == {"wall time"}
-    assert all(float(done) <= float(total) == 1.0 for _, done, total in shown)
-
-
 def test_nothing_is_said_when_that_is_asked_for(program):
     text = shown_by(program, *ENDLESS, "--quiet", "--set", "output.wall_limit=0.5")
     assert text.startswith("dynstiction: ")

@@ -25,7 +25,7 @@ PRINTING = {
 }
 PYTHON = {
     "export": ("export", "x.h5", "--csv", "--overwrite"),
-    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--overwrite"),
+    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--accuracy", "0.1", "--overwrite"),
     "help": ("--help",),
     "help on a command": ("plot", "--help"),
 }

@@ -22,7 +22,7 @@ COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("run", USAGE, ("'run' without a deck", "write dynstiction run DECK")),
     ("run own.nml --out x.h5", USAGE, ("unknown option '--out'", "'--output'")),
     ("run own.nml --overwite", USAGE, ("unknown option '--overwite'", "the nearest is '--overwrite'", "dynstiction run --help")),
-    ("run own.nml --accuracy 1e-3", USAGE, ("'run' takes no --accuracy", "remove it")),
+    ("run own.nml --accuracy 1e-3", USAGE, ("unknown option '--accuracy'", "there are -o")),
     ("run own.nml --json", USAGE, ("'run' takes no --json",)),
     ("run own.nml -o", USAGE, ("-o without", "write -o FILE")),
     ("run own.nml --set", USAGE, ("--set without", "GROUP.KEY=VALUE")),
@@ -63,7 +63,6 @@ COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("check own.nml --set output.interval=atuo", DECK, ("'atuo' is not a real number", "or 'auto'")),
     ("check own.nml --set integrator.method=radau", DECK, ("unknown method 'radau'", "the nearest is 'radau5'")),
     ("check own.nml --set output.fields=tehta", DECK, ("unknown fields 'tehta'", "the nearest is 'theta'")),
-    ("trade run.h5", DECK, ("is a result", "not a deck")),
 ]
 
 PYTHON_COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [

@@ -704,7 +704,6 @@ contains
     call misused('', 'no command')
     call misused('rum a.nml', "the nearest is 'run'")
     call misused('simulate', 'there are run | sweep | resume | merge | check | template')
-    call misused('trade', 'trade DECK')
     call misused('run', "'run' without a deck")
     call misused('run a.nml --overwite', "the nearest is '--overwrite'")
     call misused('run a.nml -o', '-o without a file name')

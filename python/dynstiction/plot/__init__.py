@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from .._plotting import make_callable
-from .._trade import Trade
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
@@ -43,7 +42,6 @@ from .time_series import (
     draw_velocities,
 )
 from .view import coarseness, window
-from .work_precision import draw_work_precision
 
 if TYPE_CHECKING:
     import xarray
@@ -92,14 +90,13 @@ KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequenc
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 
-WORK_PRECISION = "work_precision"
 """The kind of figure of a comparison."""
 SENSITIVITY = "sensitivity"
 """The kind of figure of the derivatives of a cycle."""
 
 make_callable(__name__)
 
-Drawable: TypeAlias = "Result | Trade | Sensitivity | xarray.Dataset"
+Drawable: TypeAlias = "Result | Sensitivity | xarray.Dataset"
 """A run, a comparison, the derivatives of a cycle, or a sweep."""
 
 
@@ -128,9 +125,8 @@ def draw(
 
     Parameters
     ----------
-    result : Result, Trade, Sensitivity or xarray.Dataset
-        A run, from `dynstiction.run` or `dynstiction.open`; a comparison, from `dynstiction.trade` or
-        `dynstiction.open_trade`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
+    result : Result, Sensitivity or xarray.Dataset
+        A run, from `dynstiction.run` or `dynstiction.open`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
         that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, and
@@ -265,8 +261,6 @@ def _draw_into_axes(
 
 def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
     """Kinds of figure for the given object, and the default one."""
-    if isinstance(result, Trade):
-        return {WORK_PRECISION: draw_work_precision}, WORK_PRECISION
     if isinstance(result, Sensitivity):
         return {SENSITIVITY: draw_sensitivity}, SENSITIVITY
     if isinstance(result, Result):
