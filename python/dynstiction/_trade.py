@@ -350,7 +350,7 @@ class _Measurement:
 
     def _planned(self) -> Iterator[Settings]:
         """The candidates, the most informative first."""
-        listed, whole = _native.catalogue()["methods"], self._model == "full"
+        listed, whole = _native.catalogue()["methods"][::-1], self._model == "full"
         methods = [m["name"] for kind in ("implicit", "explicit") for m in listed if m["kind"] == kind]
         for form in ("", "first_power", "third_order", "printed") if whole else ():
             yield {"scene": {"model": "creep_asymptotic", "form": form} if form else {"model": "creep"}}

@@ -570,7 +570,7 @@ contains
     text = text//', the '//trim(key%meaning)
   end function missing_text
 
-  !> A fixed step cannot end at the events of the exact contact; moreau_jean supports only this contact; rodas4p supports none.
+  !> A fixed step cannot end at the events of the exact contact; rodas4p supports no contact.
   subroutine check_contact(deck)
     type(deck_t), intent(inout) :: deck
     type(method_t) :: method
@@ -582,8 +582,6 @@ contains
       method = method_named(deck%text_of('integrator', 'method'))
       contact = deck%text_of('friction', 'contact')
       model = deck%text_of('scene', 'model')
-      if (method%name == 'moreau_jean' .and. .not. has_word('full auto', model)) &
-        call deck%faults%add(given%place, "method 'moreau_jean' works on model 'full' only: choose another method")
       if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
         call deck%faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
       if (method%name == 'rodas4p' .and. deck%real_of('system', 'damping_x') > 0.0_wp) call deck%faults%add( &
@@ -592,12 +590,9 @@ contains
         call deck%faults%add(given%place, "method 'rodas4p' follows friction that falls exponentially: choose "// &
                         "law = 'weakening', or method 'radau9'")
       if (model /= 'full') return
-      if (method%name == 'moreau_jean' .and. contact == 'smoothed') &
-        call deck%faults%add(given%place, "method 'moreau_jean' knows only the exact contact: "// &
-                        "choose contact = 'exact', or method "//alternatives(adaptive_methods//' rk4'))
       if (method%kind == 'fixed_step' .and. contact == 'exact') &
         call deck%faults%add(given%place, "method '"//trim(method%name)//"' cannot follow the exact contact of model 'full': "// &
-                        "choose contact = 'smoothed', or method "//alternatives(adaptive_methods//' moreau_jean'))
+                        "choose contact = 'smoothed', or method "//alternatives(adaptive_methods))
     end associate
   end subroutine check_contact
 

@@ -15,7 +15,7 @@ module dst_methods
   !> A method.
   type :: method_t
     character(width) :: name
-    character(10) :: kind    !! implicit, explicit, rosenbrock (for the cases of a sweep), fixed_step (explicit) or nonsmooth
+    character(10) :: kind    !! implicit, explicit, rosenbrock (for the cases of a sweep) or fixed_step (explicit)
     integer :: order
     integer :: stages        !! of a step, without the slope at its end
   end type method_t
@@ -28,15 +28,14 @@ module dst_methods
     method_t('dopri5', 'explicit', 5, 6), &
     method_t('dop853', 'explicit', 8, 12), &
     method_t('rodas4p', 'rosenbrock', 4, 6), &
-    method_t('rk4', 'fixed_step', 4, 4), &
-    method_t('moreau_jean', 'nonsmooth', 1, 1)]
+    method_t('rk4', 'fixed_step', 4, 4)]
 
   ! In steps: flang 19 does not treat a component of a constant array as a constant, and gfortran 12 does not accept an expression
   ! as the source of `transfer`.
   integer :: i
   character(width), parameter :: names(*) = [(methods(i)%name, i=1, size(methods))]
   character(10), parameter :: kinds(*) = [(methods(i)%kind, i=1, size(methods))]
-  logical, parameter :: has_fixed_step(*) = kinds == 'fixed_step' .or. kinds == 'nonsmooth'
+  logical, parameter :: has_fixed_step(*) = kinds == 'fixed_step'
   character(width), parameter :: adaptive(*) = pack(names, .not. has_fixed_step)
   character(width), parameter :: explicit(*) = pack(names, kinds == 'explicit')
   character(width), parameter :: fixed_step(*) = pack(names, has_fixed_step)

@@ -163,7 +163,7 @@ module dst_schema
     key_t('initial', 'elongation_y', real_kind, 'm', any_real, may, '0.0', '', '', transverse, &
           'initial elongation of the spring along the stiff axis'), &
     key_t('integrator', 'method', choice_kind, '', any_real, may, 'radau13', '', method_names, dynamic, &
-          'radau*: implicit; dopri5, dop853, rk4: explicit; moreau_jean: nonsmooth; rodas4p: sweeps'), &
+          'radau*: implicit; dopri5, dop853, rk4: explicit; rodas4p: sweeps'), &
     key_t('integrator', 'rtol', real_kind, '1', tolerances, may, '1.0e-8', '', '', adaptive, &
           'relative tolerance of a step'), &
     key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &

@@ -1,7 +1,6 @@
 !> A motion is a sequence of pieces. Sources of pieces extend `motion_t`:
 !>
 !>     stepping_t             steps of an integrator, without rest
-!>       time_stepping_t      steps of a scheme that solves for rest itself
 !>       slip_stick_t         slip, rest and release of the exact contact
 !>         implicit_slip_t    by a method that can begin and end a step at rest
 !>         explicit_slip_t    by one that is led through release and stop in closed form

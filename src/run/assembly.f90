@@ -11,7 +11,6 @@ module dst_assembly
   use dst_kinds, only: wp
   use dst_methods, only: method_t, method_named
   use dst_low_frequency, only: new_low_frequency
-  use dst_moreau_jean, only: new_moreau_jean
   use dst_motion, only: motion_t
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
@@ -23,7 +22,6 @@ module dst_assembly
   use dst_stepping, only: stepping_t
   use dst_straight_slip, only: new_straight_slip, on_line
   use dst_text, only: short_text
-  use dst_time_stepping, only: time_stepping_t
   implicit none
   private
 
@@ -158,8 +156,7 @@ contains
       end if
       resting = new_straight_slip(slider, 2, [scene%elongation_x, 0.0_wp])
     case default
-      ! Moreau-Jean solves the exact contact in the slip velocity itself, with its own friction.
-      if (scene%contact == 'exact' .and. scene%method /= 'moreau_jean') then
+      if (scene%contact == 'exact') then
         resting = new_full_polar(slider)
       else
         sliding = new_full_smoothed(slider)
@@ -248,8 +245,6 @@ contains
     select case (method%kind)
     case ('implicit')
       stepper = new_radau(method%stages, system%components, system%unknowns, scene%rtol)
-    case ('nonsmooth')
-      stepper = new_moreau_jean(slider)
     case default
       stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)
     end select
@@ -282,7 +277,7 @@ contains
     call move_alloc(system, motion%system)
   end subroutine new_resting
 
-  !> Motion whose rest the scheme finds itself, or that has no rest.
+  !> Motion that has no rest.
   subroutine new_sliding(scene, slider, drive, system, motion)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
@@ -290,11 +285,7 @@ contains
     class(slip_system_t), allocatable, intent(inout) :: system
     class(stepping_t), allocatable, intent(out) :: motion
 
-    if (scene%method == 'moreau_jean') then
-      allocate (time_stepping_t :: motion)
-    else
-      allocate (stepping_t :: motion)
-    end if
+    allocate (stepping_t :: motion)
     motion%may_rest = .false.
     motion%step_max = scene%step_max
     motion%fixed_step = scene%step

@@ -13,7 +13,6 @@ module dst_variation
   use dst_stepping, only: stepping_t
   use dst_tangent, only: variation_t
   use dst_text, only: has_word, lower_case, word, word_count
-  use dst_time_stepping, only: time_stepping_t
   implicit none
   private
 
@@ -45,7 +44,6 @@ contains
       class is (cycle_map_t)
         call move_alloc(motion%steps, with_rest)
         call move_alloc(with_rest, steps)
-      class is (time_stepping_t)
       class is (stepping_t)
         allocate (steps, source=motion)
       end select

@@ -95,7 +95,7 @@ RADAU = ("radau5", "radau9", "radau13")
 KINDS: list[Kind] = [
     *(Kind(f"{model} {method}", model, method) for model in ("full", "low_frequency", "high_frequency") for method in RADAU),
     Kind("full radau9 smoothed", "full", "radau9", smoothed=True),
-    *(Kind(f"full {method}", "full", method) for method in ("dopri5", "dop853", "moreau_jean")),
+    *(Kind(f"full {method}", "full", method) for method in ("dopri5", "dop853")),
     Kind("full rk4 smoothed", "full", "rk4", smoothed=True),
     Kind("low_frequency dop853", "low_frequency", "dop853"),
     Kind("high_frequency dop853", "high_frequency", "dop853"),
@@ -148,7 +148,7 @@ def scene_of(groups: Groups, kind: Kind, profile: Profile = ()) -> Groups:
     groups["output"]["interval"] = t_end / 50 if kind.closed_form or kind.model == "auto" else 0.0
     if kind.method is not None:
         groups["integrator"]["method"] = kind.method
-    if kind.method in {"rk4", "moreau_jean"}:
+    if kind.method == "rk4":
         del groups["integrator"]["rtol"]
         groups["integrator"]["step"] = max(min(numbers.fast_period, numbers.stop, numbers.relaxation) / 50, t_end / MAX_STEPS)
     if kind.smoothed:

@@ -391,7 +391,7 @@ def position_faults(groups: Groups, result: ds.Result) -> Iterator[str]:
     """X = D(t) - u.e to roundoff, in the full and the low-frequency model."""
     if groups["scene"]["model"] not in {"full", "low_frequency"} or not {"X", "u_y"} <= {*result.columns}:
         return
-    if groups["integrator"].get("method") in {"moreau_jean", "rk4"}:
+    if groups["integrator"].get("method") == "rk4":
         return
     phi = math.radians(float(groups["system"]["misalignment_deg"]))
     knots = groups["drive"].get("time", 0.0)

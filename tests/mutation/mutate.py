@@ -46,7 +46,7 @@ MOST_PER_STATEMENT = 2
 # Three rounds of tests, each slower than the one before: only what survives a round is tried in the next. With pytest's -k.
 ROUNDS = {
     "small": {
-        "collocation": "", "models": "", "stability": "", "creep": "", "creep_end": "", "slow_cycles": "", "giving_up": "", "moreau_jean": "", "radau": "",
+        "collocation": "", "models": "", "stability": "", "creep": "", "creep_end": "", "slow_cycles": "", "giving_up": "", "radau": "",
         "resume": "", "runge_kutta": "", "cycle_map": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
         "test_models": "not profiles", "test_model_choice": "not error_stays_below_accuracy",
     },

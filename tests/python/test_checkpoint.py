@@ -43,7 +43,6 @@ SCENES: dict[str, tuple[str, ...]] = {
     "dopri5": ("fig3", "integrator.method=dopri5", "integrator.rtol=1e-6", STEPS, "scene.t_end=0.6"),
     "dop853": ("fig3", "integrator.method=dop853", "integrator.rtol=1e-6", STEPS, "scene.t_end=0.4"),
     "rk4": ("fig3", "integrator.method=rk4", "integrator.step=2e-6", "integrator.rtol=", *SMOOTHED, "scene.t_end=0.3"),
-    "moreau_jean": ("fig3", "integrator.method=moreau_jean", "integrator.step=2e-6", "integrator.rtol=", "scene.t_end=0.3"),
     "dopri5, smoothed": ("fig3", "integrator.method=dopri5", *SMOOTHED, "scene.t_end=0.4"),
     "radau9, smoothed": ("fig3", "integrator.method=radau9", *SMOOTHED, "scene.t_end=15.0"),
     "low_frequency": ("slide_hold_slide", "scene.model=low_frequency", "system.stiffness_y=", "output.interval=4e-5",

@@ -139,12 +139,6 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "unknown law": (with_line("v_f", " law = 'weakenning'"), 14, "'weakenning'", "nearest is 'weakening'"),
     "unknown contact": (with_line("v_f", " contact = 'smooth'"), 14, "'smooth'", "nearest is 'smoothed'"),
     "unknown method": (GOOD + "&integrator method = 'radau7' /\n", 19, "'radau7'", "nearest is 'radau5'"),
-    "moreau_jean with smoothed": (
-        with_line("v_f", " contact = 'smoothed' v_smooth = 1e-6") + "&integrator method = 'moreau_jean' step = 1e-6 /\n",
-        20,
-        "'moreau_jean'",
-        "contact = 'exact'",
-    ),
     "unknown field": (GOOD + "&output fields = 'u_x', 'w_z' /\n", 19, "'w_z'", "nearest is 'w_x'"),
     "field twice": (GOOD + "&output fields = 'u_x', 'u_x' /\n", 19, "'u_x'", "once"),
     "v_f with constant": (with_line("v_f", " law = 'constant'"), 13, "'v_f'", "law weakening"),

@@ -192,7 +192,6 @@ def test_the_choice_depends_on_ratios_only(
         ({"system": {"misalignment_deg": 1e-3}}, "the misalignment is not above"),
         ({"system": {"stiffness_y": 2.9e5}}, "below 300 stiffness_x"),
         ({"friction": {"normal_load": 0.0}}, "without friction"),
-        ({"integrator": {"method": "moreau_jean", "step": 1e-5, "rtol": None}}, "a fixed step"),
     ],
     ids=str,
 )

@@ -337,7 +337,6 @@ def test_forms_of_the_asymptotics(form: str) -> None:
         ("low_frequency", {"initial": {"elongation_y": 1e-9}}, "'elongation_y' is not used"),
         ("low_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
         ("high_frequency", {"friction": {"contact": "smoothed"}}, "'contact' is not used"),
-        ("low_frequency", {"integrator": {"method": "moreau_jean", "rtol": None, "step": 1e-5}}, "works on model 'full' only"),
         ("fig3", {"scene": {"accuracy": 1e-2}}, "'accuracy' is not used with model full"),
         ("fig3", {"scene": {"quantities": "creep"}}, "'quantities' is not used with model full"),
     ],

@@ -546,7 +546,6 @@ THREAD_SCENES: list[dict[str, dict[str, object]]] = [
     {"integrator": {"method": "radau13"}, "system": {"misalignment_deg": 10.0}},
     {"integrator": {"method": "dopri5"}, "system": {"misalignment_deg": 20.0}},
     {"integrator": {"method": "dop853"}, "drive": {"velocity": 3e-3}},
-    {"integrator": {"method": "moreau_jean", "step": 1e-5}},
     {"integrator": {"method": "rk4", "step": 1e-6}, "friction": SMOOTHED},
     {"scene": {"model": "low_frequency"}, "system": {"stiffness_y": None}},
     {"scene": {"model": "high_frequency"}, "initial": {"elongation_x": 1e-4}},

@@ -268,7 +268,6 @@ def test_conditioning() -> None:
     ("groups", "arguments", "kind"),
     [
         ({"scene": {"model": "low_frequency"}}, {}, ds.DeckError),
-        ({"integrator": {"method": "moreau_jean", "step": 1e-6, "rtol": None}}, {}, ds.DeckError),
         ({}, {"times": [0.1, 0.1]}, ds.UsageError),
         ({}, {"times": [1.0, 20.0]}, ds.DeckError),
         ({}, {"times": [[0.1]]}, ds.UsageError),

@@ -10,7 +10,7 @@ MODELS = {
     "full": {},
     "every step": {"interval": 0.0},
     "smoothed": {"contact": "smoothed", "v_smooth": 1e-6},
-    "moreau_jean": {"method": "moreau_jean", "step": 1e-5, "rtol": None},
+    "rk4": {"method": "rk4", "step": 1e-6, "rtol": None, "contact": "smoothed", "v_smooth": 1e-5},
     "dopri5": {"method": "dopri5"},
     "low_frequency": {"model": "low_frequency", "stiffness_y": None, "cycle_map": None, "contact": None, "method": "radau9"},
     "creep": {"model": "creep"},

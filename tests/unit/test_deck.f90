@@ -449,11 +449,8 @@ contains
     call refuse_once('rk4 exact', whole//"&integrator method = 'rk4' step = 1e-6 /", &
                      "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
     call accept('rk4 smoothed', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 /", deck)
-    call accept('moreau_jean exact', whole//" &integrator method = 'moreau_jean' step = 1e-6 /", deck)
-    call refuse_once('moreau_jean smoothed', smoothed//" v_smooth = 1e-9 / &integrator method = 'moreau_jean' step = 1e-6 /", &
-                     "method 'moreau_jean' knows only the exact contact: choose contact = 'exact'")
     call refuse_once('rk4 without step', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' /", &
-                     "'step' is missing in &integrator (needed with method rk4 | moreau_jean)")
+                     "'step' is missing in &integrator (needed with method rk4)")
     call refuse_once('rk4 with rtol', smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
                      "'rtol' is not used with method rk4")
     call refuse_once('a faulty law needs no other keys', scene_group//system_group//drive_group// &

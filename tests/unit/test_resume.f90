@@ -30,7 +30,6 @@ program test_resume
   call compare('radau9, smoothed', smoothed('radau9'))
   call compare('dop853, smoothed', smoothed('dop853'))
   call compare('rk4, smoothed', fixed_step(smoothed('rk4')))
-  call compare('Moreau-Jean', fixed_step(turning_back('moreau_jean')))
   call compare('high frequency', high_frequency('radau9'))
   call compare('many samples in one rest', one_rest())
   call compare('closed form', closed_form())

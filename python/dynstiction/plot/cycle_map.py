@@ -149,11 +149,6 @@ def _parameters(result: Result) -> dict[str, float]:
             "with a smoothed contact the object never rests, so that there is no release and no cycle map: "
             f"run with friction.contact = 'exact', or {INSTEAD}"
         )
-    if result.parameters.get("method") == "moreau_jean":
-        raise UsageError(
-            "moreau_jean finds releases to a step only, where the state is more than one number: "
-            f"run with another method for the cycle map, or {INSTEAD}"
-        )
     parameters = slider(result)
     if parameters["velocity"] * parameters["mu_0"] * parameters["normal_load"] == 0.0:
         raise UsageError(
