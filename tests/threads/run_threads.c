@@ -110,7 +110,7 @@ int main(int count, char **arguments) {
   }
   for (int i = 0; i < threads + sweep_threads; ++i) pthread_join(thread[i], NULL);
   for (int i = 0; i < threads; ++i) {
-    if (number[i] == (i % 6 == 6 ? too_many_steps : 0)) continue;
+    if (number[i] == (i % 6 == 5 ? too_many_steps : 0)) continue;
     printf("thread %d ended with %d\n", i, number[i]);
     wrong = 1;
   }
