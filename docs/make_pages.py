@@ -1,4 +1,4 @@
-"""Write docs/command_line.md and docs/deck.md from what `dynstiction keys --json` prints.
+"""Write docs/command_line.md and docs/deck.md from what `dynstiction template --json` prints.
 
     python docs/make_pages.py [EXECUTABLE]
 
@@ -17,7 +17,7 @@ FOLDER = Path(__file__).resolve().parent
 COMMAND_LINE = """\
 # The command line
 
-<!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/app/command_table.f90 or the script, not this page. -->
+<!-- Made by docs/make_pages.py from `dynstiction template --json`: change src/app/command_table.f90 or the script, not this page. -->
 
 `--help` explains every command. Exit statuses and messages are listed in [errors.md](errors.md). Commands marked *Python* are
 carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable takes the interpreter from the environment
@@ -25,7 +25,7 @@ variable `DYNSTICTION_PYTHON`, else from its own folder, else from `PATH`.
 
 ## For other programs
 
-`dynstiction keys --json` prints one JSON object with everything that has a name:
+`dynstiction template --json` prints one JSON object with everything that has a name:
 
 | member | is a list of |
 | --- | --- |
@@ -43,7 +43,7 @@ Further members are `version`, and `program` with the description of the program
 DECK = """\
 # The deck
 
-<!-- Made by docs/make_pages.py from `dynstiction keys --json`: change src/deck/schema.f90 or the script, not this page. -->
+<!-- Made by docs/make_pages.py from `dynstiction template --json`: change src/deck/schema.f90 or the script, not this page. -->
 
 A deck is a text file of Fortran namelist groups: `&group`, then `key = value` lines, then `/`. Groups and
 keys come in any order, in upper or lower case. `!` begins a comment. Text is in quotes, numbers are not.
@@ -88,7 +88,7 @@ def main() -> None:
     )
     parser.add_argument("executable", nargs="?", default="dynstiction", help="default: the one on PATH")
     executable = parser.parse_args().executable
-    said = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run([executable, "template", "--json"], capture_output=True, text=True, check=True).stdout
     # Numbers stay as the program writes them.
     catalogue = json.loads(said, parse_int=str, parse_float=str)
     for name, parts in (("command_line", command_line(catalogue)), ("deck", deck(catalogue["keys"]))):

@@ -85,4 +85,4 @@ def package(tmp_path: Path) -> Program:
 @pytest.fixture(scope="session")
 def catalogue(executable: Path) -> dict[str, Any]:
     """Commands, options, keys, columns, ... as the program names them."""
-    return json.loads(Program((executable,))("keys", "--json", status=0).stdout)
+    return json.loads(Program((executable,))("template", "--json", status=0).stdout)

@@ -54,7 +54,7 @@ def main() -> int:
     parser.add_argument("output")
     arguments = parser.parse_args()
     program, target = arguments.program, arguments.output
-    said = subprocess.run([program, "keys", "--json"], stdout=subprocess.PIPE, check=True).stdout
+    said = subprocess.run([program, "template", "--json"], stdout=subprocess.PIPE, check=True).stdout
     # Numbers as texts, as the schema writes them.
     keys = [Key(**key) for key in json.loads(said, parse_int=str, parse_float=str)["keys"]]
     Path(target).write_text(module(keys), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Write the manual page dynstiction.1 from what `dynstiction keys --json` prints.
+"""Write the manual page dynstiction.1 from what `dynstiction template --json` prints.
 
     python tools/man_page.py PROGRAM OUTPUT
 
@@ -36,7 +36,7 @@ The file while a process writes it.
 
 
 def main(program: str, output: Path) -> None:
-    said = subprocess.run([program, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run([program, "template", "--json"], capture_output=True, text=True, check=True).stdout
     # Numbers stay as the program writes them.
     catalogue = json.loads(said, parse_int=str, parse_float=str)
     about, commands = catalogue["program"], catalogue["commands"]

@@ -1,4 +1,4 @@
-!> Prints what `dynstiction keys --json` prints, where the executable is not built.
+!> Prints what `dynstiction template --json` prints, where the executable is not built.
 program describer
   use, intrinsic :: iso_fortran_env, only: output_unit
   use dst_build_info, only: version

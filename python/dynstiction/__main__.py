@@ -1,4 +1,4 @@
-"""``python -m dynstiction``: figures, reports and tables of results, figures of the paper, the validation of slow creep.
+"""``python -m dynstiction``: figures, reports and tables of results, figures of the paper.
 
 The executable hands these commands over to this module: ``dynstiction plot FILE.h5`` is the same.
 """
@@ -6,7 +6,6 @@ The executable hands these commands over to this module: ``dynstiction plot FILE
 from __future__ import annotations
 
 import argparse
-import io
 import os
 import shutil
 import signal
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ._hdf5 import PROGRAM
 from ._native import catalogue
 from ._open import groups_in
-from ._output import check_outputs, make_folder, put
+from ._output import check_outputs, put
 from ._sweep import open_sweep
 from .errors import (
     DeckError,
@@ -441,24 +440,6 @@ def _show_frame(frame: int, count: int) -> None:
     print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
 
 
-def _validate_creep(options: argparse.Namespace) -> int:
-    from . import validate  # noqa: PLC0415
-    from .plot.creep_validation import draw_creep_validation  # noqa: PLC0415
-    from .plot.style import new_figure, write  # noqa: PLC0415
-
-    table, picture = (options.output / f"creep_validation.{suffix}" for suffix in ("csv", "png"))
-    make_folder(options.output)
-    check_outputs([table, picture], overwrite=options.overwrite)
-    validation = validate.validate_creep()
-    _say(validation.report())
-    text = io.StringIO(newline="")
-    validation.write_csv(text)
-    put(table, text.getvalue().encode(), overwrite=options.overwrite)
-    figure = new_figure(lambda empty: draw_creep_validation(validation, empty))
-    write(figure, picture, overwrite=options.overwrite)
-    return 0 if validation.holds else 1
-
-
 def _open(file: Path, groups: Set[str] | None = None) -> Result:
     """Result in the file of a run with these groups; if it is incomplete, a line on stderr says so."""
     groups = groups_in(file) if groups is None else groups
@@ -512,7 +493,6 @@ COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, 
     "export": (_export, {"output": Path()}),
     "animate": (_animate, {"fps": 20, "seconds": 10.0}),
     "paper": (_paper, {"format": "png"}),
-    "validate-creep": (_validate_creep, {"output": Path()}),
 }
 """Function of each command, and the defaults of its options."""
 

@@ -536,7 +536,7 @@ def origin() -> dict[str, str]:
 
 @cache
 def catalogue() -> dict[str, Any]:
-    """The output of ``dynstiction keys --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
+    """The output of ``dynstiction template --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
     (text,) = _ask_library(_named_text, "catalogue")
     found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
     return found

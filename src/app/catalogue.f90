@@ -1,5 +1,5 @@
 !> All names that the program and its results use, as JSON: commands, options, exit statuses, keys of a deck, columns, summary
-!> values, statistics. `dynstiction keys --json` prints it; the manual page, the documentation and the Python package read it.
+!> values, statistics. `dynstiction template --json` prints it; the manual page, the documentation and the Python package read it.
 module dst_catalogue
   use dst_command_line, only: usage_of
   use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, options_of

@@ -77,11 +77,7 @@ module dst_command_table
       'dynstiction check inputs/fig3.nml --set integrator.method=dopri5 > complete.nml'), &
     command_entry_t('template', '[MODEL]', ours, 'print a deck with every key explained', &
       'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.', &
-      'dynstiction template > my.nml'), &
-    command_entry_t('keys', '', ours, 'print every key of a deck', &
-      'Print every key that a deck may have, one in each line: GROUP.KEY, its kind, unit, range or choices and default, and '// &
-      'its meaning, with tabs between the three.', &
-      'dynstiction keys | grep velocity'//n//'dynstiction keys --json > dynstiction.json'), &
+      'dynstiction template > my.nml'//n//'dynstiction template --json > dynstiction.json'), &
     command_entry_t('stability', 'DECK...', ours, 'whether steady sliding is stable', &
       'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
       'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
@@ -131,19 +127,14 @@ module dst_command_table
       'dynstiction report fig3.h5'), &
     command_entry_t('export', 'FILE.h5', python, 'write a result file''s tables as CSV', &
       'Write the tables of a result file as CSV: for a run time series, events and summary, for a sweep its '// &
-      'cases and their cycles, for a comparison its points. Prints the files it wrote.', &
-      'dynstiction export fig3.h5 --csv'), &
+      'cases and their cycles. Prints the files it wrote.', &
+      'dynstiction export fig3.h5'), &
     command_entry_t('animate', 'FILE.h5', python, 'show a run from above', &
       'Show the object from above, while friction turns and the spring force and the position change. Prints what it wrote.', &
       'dynstiction animate fig3.h5 -o fig3.gif --from 2 --to 3'), &
     command_entry_t('paper', '', python, 'draw every figure of the paper', &
       'Run the decks of Nakano and Popov (2020) and draw every figure. Prints the files it wrote.', &
-      'dynstiction paper -o figures'), &
-    command_entry_t('validate-creep', '', python, 'which exponent Eq. (8) has', &
-      'Compare the forms of Eq. (8) with the exact creep solution, and that with the full model. Prints '// &
-      'the tables and the finding, writes creep_validation.png and creep_validation.csv; exit status 1 if a '// &
-      'check fails.', &
-      'dynstiction validate-creep')]
+      'dynstiction paper -o figures')]
 
   character(*), parameter :: takes_settings = 'run sweep merge check stability cycles trade compare fit'
 
@@ -164,11 +155,11 @@ module dst_command_table
     option_t('--sensitivity', 'KEYS', 'cycles', '?', &
       'how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
       'parameters: write --sensitivity system.mass,friction.v_f'), &
-    option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper validate-creep', '?', &
+    option_t('--overwrite', '', 'run sweep merge trade plot compare fit report export animate paper', '?', &
       'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
-    option_t('--json', '', 'keys', '?', &
-      'print as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
+    option_t('--json', '', 'template', '?', &
+      'print all names as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
     option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
     option_t('--version', '', '', '?', 'the version of the program, and how it was built', ''), &
     option_t('--kind', 'KIND', 'plot', '?', 'for a run history, velocities, spectrogram, damping, creep, path, columns or '// &
@@ -209,8 +200,7 @@ module dst_command_table
     option_t('-o', 'FIGURE', 'fit', '?', 'default: TRACE with _fitted.png, in the current folder; also .pdf, .svg', ''), &
     option_t('-o', 'FIGURE', 'compare', '?', 'default: TRACE with _compared.png, in the current folder; also .pdf, .svg', ''), &
     option_t('-o', 'HTML', 'report', '?', 'default: FILE.html', ''), &
-    option_t('--csv', '', 'export', '?', 'the format, which is the only one', ''), &
-    option_t('-o', 'DIR', 'export validate-creep', '?', 'folder, created if it does not exist; default: the current one', ''), &
+    option_t('-o', 'DIR', 'export', '?', 'folder, created if it does not exist; default: the current one', ''), &
     option_t('-o', 'OUT', 'animate', '1', 'X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames', ''), &
     option_t('--from', 'T', 'animate', '?', &
       'first time of the run [s]; default of --from and --to: the first creep and three cycles', ''), &

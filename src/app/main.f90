@@ -9,7 +9,7 @@ module dst_main
   use dst_hdf5_origin, only: is_deck
   use dst_model_choice, only: settle_model
   use dst_sampling, only: settle_interval
-  use dst_deck, only: deck_t, read_deck, resolved, template, key_table
+  use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
     setting_list, help_text, errors_topic
@@ -89,14 +89,12 @@ contains
       text = help_text(command%name)
     else if (command%name == 'version') then
       text = version_text()
+    else if (command%has('--json')) then
+      text = catalogue(version)
     else if (command%name == 'template') then
       model = 'full'
       if (size(command%operands) == 1) model = command%operands(1)%text
       call template(model, text, error)
-    else if (command%has('--json')) then
-      text = catalogue(version)
-    else if (command%name == 'keys') then
-      text = key_table()
     end if
     call complain(error)
     if (allocated(error)) return

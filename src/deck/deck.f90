@@ -12,14 +12,14 @@ module dst_deck
                         range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, automatic, &
                         is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
   use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
-  use dst_deck_text, only: resolved, template, key_table, has_model, has_other_condition
+  use dst_deck_text, only: resolved, template, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   use dst_friction_table, only: take_friction_table
   use dst_units, only: factor_of
   implicit none
   private
 
-  public :: deck_t, read_deck, parse_deck, resolved, template, key_table, has_model
+  public :: deck_t, read_deck, parse_deck, resolved, template, has_model
 
   !> A file with more bytes is not a deck.
   integer(int64), parameter :: largest_deck = 1000000_int64

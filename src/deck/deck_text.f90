@@ -10,7 +10,7 @@ module dst_deck_text
   implicit none
   private
 
-  public :: resolved, template, key_table, has_model, has_other_condition
+  public :: resolved, template, has_model, has_other_condition
 
   !> Column at which the comments begin.
   integer, parameter :: comment_column = 32
@@ -147,24 +147,6 @@ contains
     end do
     call builder%line('!/')
   end subroutine add_sweep_lines
-
-  !> Every key of any deck: 'group.key', 'real, kg, > 0.0; no default', and its meaning, separated by tabs.
-  function key_table() result(text)
-    character(:), allocatable :: text
-    character, parameter :: tab = achar(9)
-    type(text_builder_t) :: builder
-    character(:), allocatable :: meaning
-    integer :: i
-
-    do i = 1, key_count
-      associate (key => schema(i))
-        meaning = trim(key%meaning)
-        if (condition_count(key) > 0) meaning = meaning//'; only with '//condition_text(key)
-        call builder%line(trim(key%group)//'.'//trim(key%name)//tab//explanation(key)//tab//meaning)
-      end associate
-    end do
-    text = builder%content()
-  end function key_table
 
   !> Whether key `i` can be used with `model`, for any law, contact and method.
   pure recursive function has_model(i, model) result(answer)

@@ -59,7 +59,7 @@ ROUNDS = {
     "large": {
         "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
         "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
-        "test_trade": "", "test_maps": "", "test_validate_creep": "", "test_handover": "", "../extremes": "",
+        "test_trade": "", "test_maps": "", "test_creep_validation": "", "test_handover": "", "../extremes": "",
         "../invariance": "",
     },
 }  # fmt: skip

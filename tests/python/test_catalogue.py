@@ -1,4 +1,4 @@
-"""The one table of names: what `keys --json` prints is what the program, its help, its results and Python's commands have."""
+"""The one table of names: what `template --json` prints is what the program, its help, its results and Python's commands have."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def said(executable: Path, *arguments: str) -> str:
 
 
 def test_the_python_package_has_the_same_table(executable: Path, catalogue: dict[str, Any]) -> None:
-    text = subprocess.run([executable, "keys", "--json"], capture_output=True, text=True, check=True).stdout
+    text = subprocess.run([executable, "template", "--json"], capture_output=True, text=True, check=True).stdout
     assert json.loads(text, parse_int=str, parse_float=str) == _native.catalogue()
     assert catalogue["version"] == ds.__version__ == said(executable, "--version").split()[1]
 

@@ -79,7 +79,6 @@ def test_operands(executable):
     assert offered(executable, "dynstiction run -o ") == ["*.h5"]
     assert offered(executable, "dynstiction resume ") == ["*.h5"]
     assert "low_frequency" in offered(executable, "dynstiction template ")
-    assert offered(executable, "dynstiction keys ") == []
     assert offered(executable, "dynstiction plot ") == ["*.h5"]
     assert offered(executable, "dynstiction plot x.h5 -o ") == ["*.png"]
     assert offered(executable, "dynstiction run --share ") == ["auto"]

@@ -142,6 +142,6 @@ def test_cases_side_by_side_are_as_those_one_by_one(program, tmp_path):
 
 
 def test_the_catalogue_has_every_table(program):
-    catalogue = json.loads(program("keys", "--json", status=0).stdout)
+    catalogue = json.loads(program("template", "--json", status=0).stdout)
     assert {"commands", "options", "keys", "methods"} <= set(catalogue)
     assert {method["name"]: method["order"] for method in catalogue["methods"]}["radau13"] == 13

@@ -45,7 +45,7 @@ def read_csv(path: Path) -> dict[str, np.ndarray]:
 
 
 def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: Path) -> None:
-    assert main(["export", str(file), "--csv", "-o", str(tmp_path / "new" / "folder")]) == 0
+    assert main(["export", str(file), "-o", str(tmp_path / "new" / "folder")]) == 0
     folder = tmp_path / "new" / "folder"
     assert sorted(path.name for path in folder.iterdir()) == ["run_events.csv", "run_summary.csv", "run_time_series.csv"]
     series = read_csv(folder / "run_time_series.csv")
@@ -66,21 +66,21 @@ def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: P
 
 
 def test_existing_tables_are_kept(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["export", str(file), "--csv", "-o", str(tmp_path)]
+    command = ["export", str(file), "-o", str(tmp_path)]
     assert main(command) == 0
     assert capsys.readouterr().out.count(".csv\n") == 3
     assert main(command) == 3
     assert "exists" in capsys.readouterr().err
     assert main([*command, "--overwrite"]) == 0
     (tmp_path / "plain").write_text("")
-    assert main(["export", str(file), "--csv", "-o", str(tmp_path / "plain")]) == 3
+    assert main(["export", str(file), "-o", str(tmp_path / "plain")]) == 3
     assert main(["export", str(file), "-o", str(tmp_path)]) == 3
-    assert main(["export", str(tmp_path / "none.h5"), "--csv"]) == 3
+    assert main(["export", str(tmp_path / "none.h5")]) == 3
 
 
 def test_a_sweep_as_csv(program: Program, tmp_path: Path) -> None:
     program("run", INPUTS / "map_anisotropy.nml", "-o", "map.h5", "--quiet", "--set", "sweep.count=3,2", status=0)
-    assert main(["export", str(tmp_path / "map.h5"), "--csv", "-o", str(tmp_path)]) == 0
+    assert main(["export", str(tmp_path / "map.h5"), "-o", str(tmp_path)]) == 0
     table = read_csv(tmp_path / "map_sweep.csv")
     assert next(iter(table)) == "case"
     np.testing.assert_array_equal(table["case"], range(1, 7))

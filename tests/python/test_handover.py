@@ -37,7 +37,7 @@ def test_commands_of_python_are_those_of_the_executable(program: Program, folder
     name = "it's a run"
     program("plot", f"{name}.h5", "--kind", "path", status=0)
     program("report", f"{name}.h5", status=0)
-    export = program("export", f"{name}.h5", "--csv", "-o", "tables")
+    export = program("export", f"{name}.h5", "-o", "tables")
     assert export.stdout.count(".csv\n") == 3
     assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / f"{name}.html").exists()
@@ -124,9 +124,9 @@ def test_a_folder_of_the_package_s_name_is_not_the_package(program: Program, fol
 
 def test_ctrl_c_while_modules_are_imported_is_no_traceback(program: Program, folder: Path) -> None:
     for wait in (0.05, 0.1, 0.15, 0.2, 0.3, 0.4):
-        process = program.start("validate-creep", "-o", f"{wait}")
+        process = program.start("paper", "-o", f"{wait}")
         time.sleep(wait)
         process.send_signal(signal.SIGINT)
-        errors = process.communicate(timeout=60)[1]
+        errors = process.communicate(timeout=60)[1].splitlines()
         assert process.returncode == -signal.SIGINT
-        assert errors in ("", "dynstiction: stopped by SIGINT\n"), errors
+        assert [line for line in errors if not line.startswith(("deck ", "figure "))] in ([], ["dynstiction: stopped by SIGINT"]), errors

@@ -165,7 +165,7 @@ def test_nothing_in_a_working_folder_is_imported(folder: Path, executable: Path)
     changed = folder / "changed.h5"
     changed.write_bytes((folder / "rig.h5").read_bytes()[:-28])
     commands = [
-        ("plot", "changed.h5"), ("plot", "rig.h5"), ("report", "rig.h5"), ("export", "rig.h5"), ("validate-creep", "-o", "v"),
+        ("plot", "changed.h5"), ("plot", "rig.h5"), ("report", "rig.h5"), ("export", "rig.h5"),
         ("compare", "rig.nml", "trace.csv"), ("fit", "rig.nml", "trace.csv", *FREE), ("animate", "rig.h5", "-o", "a.gif", "--seconds", "0.2"),
         ("trade", "rig.nml", "--budget", "2"), ("paper", "--help"), ("run", "rig.nml", "-o", "again.h5", "--quiet"),
         ("cycles", "rig.nml"), ("stability", "fig3.nml"), ("show", "rig.h5"), ("check", "rig.nml"),

@@ -17,14 +17,13 @@ PRINTING = {
     "version": ("--version",),
     "help": ("--help",),
     "help on a command": ("run", "--help"),
-    "keys": ("keys",),
     "template": ("template",),
     "check": ("check", DECK),
     "stability": ("stability", DECK),
     "completion": ("complete", "ru"),
 }
 PYTHON = {
-    "export": ("export", "x.h5", "--csv", "--overwrite"),
+    "export": ("export", "x.h5", "--overwrite"),
     "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--accuracy", "0.1", "--overwrite"),
     "help": ("--help",),
     "help on a command": ("plot", "--help"),

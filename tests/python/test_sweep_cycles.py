@@ -132,7 +132,7 @@ def test_a_file_opens_in_xarray(sweep, tmp_path):
 def test_it_is_shown_and_exported(sweep, tmp_path, package: Program, found):
     sweep.run("o.h5", status=0)
     assert "sweep with cycles of model low_frequency" in sweep.program("show", tmp_path / "o.h5", status=0).stdout
-    done = package("export", "o.h5", "--csv")
+    done = package("export", "o.h5")
     assert (done.returncode, done.stdout.split()) == (0, ["o_sweep.csv", "o_cycles.csv"])
     head, *rows = (tmp_path / "o_cycles.csv").read_text().splitlines()
     assert head.split(",")[:4] == ["case", "system.misalignment_deg [deg]", "drive.velocity [m/s]", "cycle"]

@@ -15,9 +15,7 @@ from .._run import run
 from ..errors import FileError
 from ..result import Result
 from ..scene import Scene
-from ..validate import validate_creep
 from . import KINDS
-from .creep_validation import draw_creep_validation
 from .damping import draw_damping_of
 from .schematics import draw_angles, draw_apparatus
 from .style import new_figure, write
@@ -47,11 +45,6 @@ FIGURES: dict[str, PaperFigure] = {
     "fig3": _of_kind("creep and stick-slip", "fig3", "history"),
     "fig4": _of_kind("oscillation of the first creep", "fig4", "spectrogram", length=FIG4_WINDOW),
     "fig5": PaperFigure("damping diagram", ("fig3", "phi10"), draw_damping_of),
-    "creep_validation": PaperFigure(
-        "Eq. (8), the exact creep and the full model",
-        (),
-        lambda _, figure: draw_creep_validation(validate_creep(), figure),
-    ),
     "creep": _of_kind("creep and its closed form", "fig3_constant", "creep"),
     "constant": _of_kind("constant friction: no stick-slip", "fig3_constant", "history"),
     "phi10": _of_kind("misalignment of 10 degrees: no stick-slip", "phi10", "history"),
