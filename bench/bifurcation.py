@@ -40,13 +40,13 @@ def main() -> None:
         print("threads  wall [s]  processor [s]  cases  cases/s  cycles kept")
         for threads in options.threads:
             wall, processor = min(seconds(file, threads, settings) for _ in range(runs))
-            data = ds.open_sweep(file)
+            data = ds.open(file)
             cases, kept = data["cycle_count"].size, int(data["cycle_count"].sum())
             print(
                 f"{threads:7d}  {wall:8.1f}  {processor:13.1f}  {cases:5d}  {cases / wall:7.1f}  {kept:11d}"
             )
         begun = time.perf_counter()
-        plot.save(ds.open_sweep(file), file.with_suffix(".png"), "bifurcation")
+        plot.save(ds.open(file), file.with_suffix(".png"), "bifurcation")
         print(f"drawn in {time.perf_counter() - begun:.1f} s; file of {file.stat().st_size / 1e6:.1f} MB")
 
 

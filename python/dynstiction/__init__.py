@@ -38,7 +38,7 @@ except ImportError as error:
 
 from . import _native
 from ._run import run
-from ._sweep import open_sweep, sweep
+from ._sweep import sweep
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import SlipProblem, jacobian, rhs, slip_problem
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
@@ -160,7 +160,6 @@ __all__ = [
     "mean_slip",
     "mean_waveform",
     "open",
-    "open_sweep",
     "oscillation_frequency",
     "read_trace",
     "rhs",

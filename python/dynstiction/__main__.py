@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -20,9 +20,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from ._hdf5 import PROGRAM
 from ._native import catalogue
-from ._open import groups_in
 from ._output import check_outputs, put
-from ._sweep import open_sweep
 from .errors import (
     DeckError,
     Error,
@@ -37,7 +35,6 @@ from .result import Result, open
 from .scene import Scene
 
 if TYPE_CHECKING:
-    from .plot import Drawable
     from .trace import Trace
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
@@ -378,15 +375,10 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from .export import export_csv, export_sweep_csv  # noqa: PLC0415
+    from .export import export_csv  # noqa: PLC0415
 
-    name, folder = options.file.stem, options.output
-    groups = groups_in(options.file)
-    if "sweep" in groups:
-        files = export_sweep_csv(options.file, folder, name, overwrite=options.overwrite)
-    else:
-        files = export_csv(_open(options.file, groups), folder, name, overwrite=options.overwrite)
-    for file in files:
+    found = _open_any(options.file)
+    for file in export_csv(found, options.output, options.file.stem, overwrite=options.overwrite):
         _say(printable(str(file)))
 
 
@@ -440,23 +432,19 @@ def _show_frame(frame: int, count: int) -> None:
     print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
 
 
-def _open(file: Path, groups: Set[str] | None = None) -> Result:
-    """Result in the file of a run with these groups; if it is incomplete, a line on stderr says so."""
-    groups = groups_in(file) if groups is None else groups
-    if "sweep" in groups:
+def _open(file: Path) -> Result:
+    """The run in a file; if it is incomplete, a line on stderr says so."""
+    found = _open_any(file)
+    if not isinstance(found, Result):
         remedy = "dynstiction plot draws it, dynstiction export writes its tables"
         raise FileError(f"{printable(str(file))}: holds a sweep, not one run: {remedy}")
+    return found
+
+
+def _open_any(file: Path) -> Any:
+    """A run or a sweep."""
     with _warnings_in_one_line():
         return open(file)
-
-
-def _open_any(file: Path) -> Drawable:
-    """A file of a run or a sweep."""
-    groups = groups_in(file)
-    if "sweep" in groups:
-        with _warnings_in_one_line():
-            return open_sweep(file)
-    return _open(file, groups)
 
 
 @contextmanager

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import warnings
 from collections.abc import Iterable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
@@ -17,6 +16,9 @@ from ._open import dataset_in, info_of, open_file, own_datasets, values_in
 from .errors import FileError, IncompleteWarning
 from .record import EVENTS, LOG_DTYPE, Described, Info, Record
 
+if TYPE_CHECKING:
+    import xarray
+
 __all__ = ["PROGRAM", "read"]
 
 PROGRAM = "dynstiction"
@@ -26,10 +28,13 @@ COUNTS = ("complete", "result_code", "threads")
 T = TypeVar("T")
 
 
-def read(path: str | os.PathLike[str]) -> Record:
-    """Read a result; see `dynstiction.open`."""
-    name = os.fspath(path)
+def read(name: str) -> Record | xarray.Dataset:
+    """Read a run or a sweep; see `dynstiction.open`."""
     with open_file(name) as file:
+        if "sweep" in file:
+            from ._sweep import read_sweep  # noqa: PLC0415
+
+            return read_sweep(file, name)
         result = _read_contents(file, name)
     if not result.complete:
         reached = f"ends at t = {result.time[-1]:g} s" if result.time.size else "holds no samples"
@@ -44,8 +49,6 @@ def read(path: str | os.PathLike[str]) -> Record:
 def _read_contents(file: h5py.File, name: str) -> Record:
     if file.attrs.get("program") != PROGRAM:
         raise FileError(f"{name}: is no file of {PROGRAM}")
-    if "sweep" in file:
-        raise FileError(f"{name}: holds a sweep, not one run: use dynstiction.open_sweep")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
     columns = _read_columns(file, "time_series")

@@ -22,7 +22,6 @@ __all__ = [
     "SEAL",
     "check_seal",
     "dataset_in",
-    "groups_in",
     "info_of",
     "open_file",
     "own_datasets",
@@ -98,12 +97,6 @@ def _opened(name: str) -> h5py.File:
         if "locking" not in str(error):
             raise
         return h5py.File(name, "r")
-
-
-def groups_in(path: str | os.PathLike[str]) -> set[str]:
-    """Names at the root of a result file, which show what it holds."""
-    with open_file(path) as file:
-        return set(file)
 
 
 def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import flag, path_name, reals, shown, whole
+from ._arguments import flag, reals, shown, whole
 from ._interrupt import held_back, interrupted
-from ._open import info_of, open_file, own_datasets, values_in
+from ._open import info_of, own_datasets, values_in
 from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import MOST_THREADS, Work
-from .errors import DeckError, FileError, IncompleteWarning, StiffnessWarning, UsageError
+from .errors import DeckError, IncompleteWarning, StiffnessWarning, UsageError
 from .groups import Changes
 from .record import Info
 from .scene import DeckLike, Scene
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
     import xarray
 
-__all__ = ["open_sweep", "sweep"]
+__all__ = ["full_key", "read_sweep", "sweep"]
 
 Floats: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Floats | NDArray[np.int32]
@@ -76,7 +76,7 @@ def sweep(
     Returns
     -------
     xarray.Dataset
-        Summary of every case [SI units] with the parameters as coordinates (for a list along ``case``),
+        Summary of every case [SI units] with the keys, without their groups, as coordinates (for a list along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
         Values that a case does not have are NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
         key as used. With ``sweep.keep = 'cycles'`` there are also ``cycle_period``, ``cycle_peak_force``, ... with the
@@ -209,6 +209,8 @@ def _dataset(
     """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
     from ._sweep_dataset import SweepDataset  # noqa: PLC0415  (xarray is slow to import)
 
+    # Names of keys are unique without their groups.
+    axes = [(info._replace(name=info.name.rpartition(".")[2]), axis) for info, axis in axes]
     dims = ["case"] if is_list else [info.name for info, _ in axes]
     shape = [codes.size] if is_list else [axis.size for _, axis in axes]
     coordinates = {info.name: ("case" if is_list else info.name, axis, _about(info)) for info, axis in axes}
@@ -229,63 +231,28 @@ def _about(info: Info) -> dict[str, str]:
     return {"units": info.units, "long_name": info.long_name}
 
 
-def open_sweep(path: str | os.PathLike[str]) -> xarray.Dataset:
-    """Sweep in a file written by ``dynstiction run`` or ``dynstiction merge``.
-
-    Parameters
-    ----------
-    path : str or PathLike
-        The file.
-
-    Returns
-    -------
-    xarray.Dataset
-        As `dynstiction.sweep` gives it, cycles too. Series (``keep = 'series'``) are left in the file, group
-        ``/sweep/series``.
-
-    Warns
-    -----
-    IncompleteWarning
-        If cases failed or have not been run.
-
-    Raises
-    ------
-    FileError
-        If the file is missing or damaged, or does not hold a sweep.
-    UsageError
-        If `path` is not a path.
-    PackageError
-        If xarray is not installed.
-    """
-    needed("xarray", "open_sweep")
-    name = path_name(path)
-    with open_file(name) as file:
-        if "sweep" not in file:
-            raise FileError(f"{name}: holds no sweep of dynstiction")
-        dataset = _read_sweep(file)
-        code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
+def read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
+    """The sweep in a file, as `sweep` gives it; see `dynstiction.open`."""
+    needed("xarray", "open")
+    code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
     if code != 0:
-        warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=2)
-    return dataset
-
-
-def _read_sweep(file: h5py.File) -> xarray.Dataset:
+        warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=4)
     group = file["sweep"]
     grid = str(group.attrs["grid"])
     is_list = grid == "list"
     shape = () if is_list else tuple(int(size) for size in grid.split())
     axes = []
-    for i, name in enumerate(str(group.attrs["parameters"]).split()):
-        values = values_in(group, name)
+    for i, key in enumerate(str(group.attrs["parameters"]).split()):
+        values = values_in(group, key)
         if not is_list:
             # Along its own side, at the first place of the others.
             values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
-        axes.append((info_of(name, group[name]), np.ascontiguousarray(values)))
+        axes.append((info_of(key, group[key]), np.ascontiguousarray(values)))
     summary = group["summary"]
     codes = values_in(group, "result_code").astype(np.int32)
     columns = [
-        (info_of(name, data), data[:])
-        for name, data in own_datasets(summary, 1)
+        (info_of(quantity, data), data[:])
+        for quantity, data in own_datasets(summary, 1)
         if data.shape == codes.shape and data.dtype.kind in "iuf"
     ]
     columns.append((info_of("wall_time", group["wall_time"]), values_in(group, "wall_time")))

@@ -37,7 +37,7 @@ class SweepDataset(xarray.Dataset):  # type: ignore[no-untyped-call]
                 continue
             if values.dtype.kind == "f" and np.all(np.isnan(values)):
                 continue
-            head = headed(str(name).rpartition(".")[2], str(self[name].attrs.get("units", "")))
+            head = headed(str(name), str(self[name].attrs.get("units", "")))
             columns.append([head, *(_shown(value) for value in values.tolist())])
         widths = [max(map(len, column)) for column in columns]
         rows = [

@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd  # type: ignore[import-untyped]
 
-from ._open import info_of, open_file, own_datasets, values_in
 from ._output import check_outputs, make_folder, put
-from .record import Info, event_columns, headed, unit_shown
+from .record import event_columns, headed, unit_shown
 from .result import Result
 
-__all__ = ["export_csv", "export_sweep_csv"]
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["export_csv"]
 
 FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
-Table = tuple[Sequence[str], Iterable[Sequence[object]]]
-"""Headings and rows."""
-
-ABOUT = ("table", "name", "value", "unit", "meaning")
 
 
-def export_csv(result: Result, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Write the tables of a run, and yield each file when it is written.
+def export_csv(
+    found: Result | xarray.Dataset, folder: Path, name: str, *, overwrite: bool = False
+) -> Iterator[Path]:
+    """Write the tables of a run or a sweep, and yield each file when it is written.
 
     Numbers are written so that they are read back as the same doubles. The heading of a column is ``name [unit]``. A text that a
     spreadsheet would take for a formula gets an apostrophe before it.
 
     Parameters
     ----------
-    result : Result
-        NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv (summary, statistics
-        and parameters, one in each line) are written.
+    found : Result or xarray.Dataset
+        Of a run NAME_time_series.csv, NAME_events.csv (kind 1 = stick begins, 2 = slip begins) and NAME_summary.csv (summary,
+        statistics and parameters, one in each line) are written. Of a sweep NAME_sweep.csv with parameters, summary, result code
+        and wall time, a row for each case, and, if cycles are kept, NAME_cycles.csv with a row for each of them.
     folder : Path
         The folder; it is created if it does not exist.
     name : str
@@ -47,93 +47,53 @@ def export_csv(result: Result, folder: Path, name: str, *, overwrite: bool = Fal
     FileError
         If a file exists already or cannot be written.
     """
-    tables: dict[str, Callable[[], Table]] = {
-        "time_series": lambda: _table(result.columns.info()),
-        "events": lambda: _table(event_columns(result.events)),
-        "summary": lambda: (ABOUT, _summary_rows(result)),
-    }
-    return _write({folder / f"{name}_{table}.csv": make for table, make in tables.items()}, overwrite)
-
-
-def _summary_rows(result: Result) -> Iterator[Sequence[object]]:
-    for table in ("summary", "statistics", "parameters"):
-        for info, value in getattr(result, table).info():
-            yield table, info.name, value, unit_shown(info.units), info.long_name
-
-
-def export_sweep_csv(path: Path, folder: Path, name: str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Write the tables of a sweep file, and yield each file when it is written.
-
-    There is one row for each case, with parameters, summary, result code and wall time. The cycles that are kept
-    (``sweep.keep = 'cycles'``) have a row each: case, parameters, number of the cycle in the case, period, peak force, ....
-
-    Parameters
-    ----------
-    path : Path
-        The sweep file.
-    folder, name, overwrite
-        As for `export_csv`; the files are NAME_sweep.csv and, where there are cycles, NAME_cycles.csv.
-
-    Raises
-    ------
-    FileError
-        If the sweep file cannot be read, or a CSV file exists already or cannot be written.
-    """
-    with open_file(path) as file:
-        group = file["sweep"]
-        tables = {folder / f"{name}_sweep.csv": lambda: _table(_sweep_columns(group))}
-        if "cycles" in group:
-            tables[folder / f"{name}_cycles.csv"] = lambda: _table(_cycle_columns(group))
-        yield from _write(tables, overwrite)
-
-
-def _sweep_columns(group: Any) -> Iterator[tuple[Info, Any]]:
-    """Columns with one number for each case: case, parameters, result code, wall time, then the summary."""
-    cases = values_in(group, "case").shape
-    for table in (group, group["summary"]):
-        # Sorted by name, except the number of the case.
-        for name, dataset in sorted(own_datasets(table, 1), key=lambda named: named[0] != "case"):
-            if dataset.shape == cases and dataset.dtype.kind in "iuf":
-                yield info_of(name, dataset), dataset[...]
-
-
-def _cycle_columns(group: Any) -> Iterator[tuple[Info, Any]]:
-    """Columns with one number for each kept cycle: case, parameters, number of the cycle, then its quantities."""
-    cycles = group["cycles"]
-    counts = values_in(cycles, "count")
-    for name in ("case", *str(group.attrs["parameters"]).split()):
-        yield info_of(name, group[name]), np.repeat(values_in(group, name), counts)
-    numbers = values_in(cycles, "cycle")
-    there = np.arange(numbers.size) < counts[:, np.newaxis]
-    yield info_of("cycle", cycles["cycle"]), np.broadcast_to(numbers, there.shape)[there]
-    for name, dataset in own_datasets(cycles, 2):
-        if dataset.shape == there.shape and dataset.dtype.kind in "iuf":
-            yield info_of(name, dataset), dataset[...][there]
-
-
-def _table(columns: Iterable[tuple[Info, Any]]) -> Table:
-    """Headings and rows of a table of columns."""
-    infos, values = zip(*columns, strict=True)
-    head = [headed(info.name, info.units) for info in infos]
-    # As Python numbers, which are written with the fewest digits that are read back as the same number.
-    return head, zip(*(np.asarray(column).tolist() for column in values), strict=True)
-
-
-def _write(tables: Mapping[Path, Callable[[], Table]], overwrite: bool) -> Iterator[Path]:
-    """Write tables, which are made one after the other; all names are checked before."""
-    for folder in {path.parent for path in tables}:
-        make_folder(folder)
-    check_outputs(tables, overwrite=overwrite)
-    for path, make in tables.items():
-        head, rows = make()
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(map(_harmless, head))
-        writer.writerows(map(_harmless, row) for row in rows)
-        put(path, text.getvalue().encode(), overwrite=overwrite)
+    tables = _of_run(found) if isinstance(found, Result) else _of_sweep(found)
+    files = {folder / f"{name}_{table}.csv": frame for table, frame in tables.items()}
+    make_folder(folder)
+    check_outputs(files, overwrite=overwrite)
+    for path, frame in files.items():
+        texts = frame.select_dtypes("object").columns
+        frame[texts] = frame[texts].map(_harmless)
+        frame.columns = [_harmless(head) for head in frame.columns]
+        put(path, frame.to_csv(index=False, lineterminator="\r\n", na_rep="nan").encode(), overwrite=overwrite)
         yield path
 
 
-def _harmless(cell: object) -> object:
+def _of_run(result: Result) -> dict[str, pd.DataFrame]:
+    series, events = (
+        pd.DataFrame({headed(info.name, info.units): values for info, values in columns})
+        for columns in (result.columns.info(), event_columns(result.events))
+    )
+    rows = [
+        (table, info.name, value, unit_shown(info.units), info.long_name)
+        for table in ("summary", "statistics", "parameters")
+        for info, value in getattr(result, table).info()
+    ]
+    summary = pd.DataFrame(rows, columns=["table", "name", "value", "unit", "meaning"], dtype=object)
+    return {"time_series": series, "events": events, "summary": summary}
+
+
+def _of_sweep(data: xarray.Dataset) -> dict[str, pd.DataFrame]:
+    """A row for each case, and one for each cycle that is kept."""
+    of_cases = data.drop_dims("cycle", errors="ignore").drop_vars("result_text").reset_coords()
+    dims, count = data["result_code"].dims, data["result_code"].size
+    tables = {"sweep": {"case": np.arange(1, count + 1)}}
+    for name, values in of_cases.variables.items():
+        column = values.set_dims(dict(zip(dims, data["result_code"].shape, strict=True))).transpose(*dims)
+        tables["sweep"][headed(str(name), str(values.attrs.get("units", "1")))] = column.values.ravel()
+    if "cycle_count" in data:
+        counts = data["cycle_count"].values.ravel()
+        first = ["case", *(headed(str(key), str(data[key].attrs["units"])) for key in data.coords)]
+        tables["cycles"] = {name: np.repeat(tables["sweep"][name], counts) for name in first}
+        there = np.arange(data.sizes["cycle"]) < counts[:, np.newaxis]
+        tables["cycles"]["cycle"] = np.nonzero(there)[1] + 1
+        for name, cycle in data.data_vars.items():
+            if "cycle" in cycle.dims:
+                head = headed(str(name).removeprefix("cycle_"), str(cycle.attrs["units"]))
+                tables["cycles"][head] = cycle.transpose(*dims, "cycle").values.reshape(there.shape)[there]
+    return {name: pd.DataFrame(columns) for name, columns in tables.items()}
+
+
+def _harmless(cell: Any) -> Any:
     """A text, with an apostrophe before it if a spreadsheet would take it for a formula; numbers are unchanged."""
     return f"'{cell}" if isinstance(cell, str) and cell.lstrip(" ").startswith(FORMULA_BEGINNINGS) else cell

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,8 @@ def number_shown(value: object, digits: int = 6) -> str:
 class Described(Mapping[str, T], Generic[T]):
     """Read-only mapping of names to values, with the unit and the meaning of each value.
 
+    A value of the summary that a run does not have, like the period of steady sliding, is NaN: `get` and ``in`` tell.
+
     Parameters
     ----------
     entries : iterable of (Info, value)
@@ -144,10 +147,24 @@ class Described(Mapping[str, T], Generic[T]):
         try:
             return self._entries[name][1]
         except (KeyError, TypeError):
+            if self._table == "summary" and isinstance(name, str) and name in self._possible():
+                return cast(T, math.nan)
             raise ColumnError(self._why_missing(name)) from None
 
     def __contains__(self, name: object) -> bool:
         return name in self._entries
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The value, or the default if there is none.
+
+        Parameters
+        ----------
+        name : str
+            Of the value.
+        default : object
+            What is returned in its place.
+        """
+        return self._entries[name][1] if name in self else default
 
     def _why_missing(self, name: object) -> str:
         """Message for a name that does not exist here: it may be mistyped, or exist in other runs."""

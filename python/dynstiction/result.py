@@ -182,26 +182,35 @@ def _plot_package() -> PlotModule:
     return cast("PlotModule", import_module(".plot", __package__))
 
 
-def open(path: str | os.PathLike[str]) -> Result:
-    """Result in a file written by the executable or by `Result.save`.
+def open(path: str | os.PathLike[str]) -> Any:
+    """What a file holds that the executable, `Result.save` or ``dynstiction merge`` has written: a run or a sweep.
 
     Parameters
     ----------
     path : str or PathLike
         The file.
 
+    Returns
+    -------
+    Result or xarray.Dataset
+        A run; or a sweep, as `dynstiction.sweep` gives it, cycles too. Series (``keep = 'series'``) are left in the file, group
+        ``/sweep/series``.
+
     Warns
     -----
     IncompleteWarning
-        If the run did not reach its end; the result until then is returned.
+        If the run did not reach its end, or cases of the sweep failed or have not been run; the results until then are returned.
 
     Raises
     ------
     FileError
-        If the file is missing, damaged or of another program, or holds a sweep (`dynstiction.open_sweep`).
+        If the file is missing, damaged or of another program.
     UsageError
         If `path` is not a path.
+    PackageError
+        If it is a sweep, and xarray is not installed.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-    return Result(**vars(_hdf5.read(path_name(path))))
+    found = _hdf5.read(path_name(path))
+    return Result(**vars(found)) if isinstance(found, Record) else found

@@ -195,14 +195,14 @@ def test_what_a_user_added_to_a_sweep_is_left_alone(executable: Path, tmp_path: 
     program = Program((executable,), tmp_path)
     angles = ("--vary", "system.misalignment_deg=1:4:4", "--set", "sweep.keep='cycles'")
     program("sweep", INPUTS / "low_frequency.nml", "-o", "map.h5", "--quiet", *angles, status=0)
-    before = ds.open_sweep(tmp_path / "map.h5")
+    before = ds.open(tmp_path / "map.h5")
     with h5py.File(tmp_path / "map.h5", "r+") as data:
         mine = data[group]
         mine["mask"], mine["cube"], mine["pairs"] = np.zeros(4, bool), np.zeros((2, 3, 4)), np.zeros((4, 50), complex)
         mine["elsewhere"], mine["nowhere"] = h5py.ExternalLink("none.h5", "/"), h5py.SoftLink("/nowhere")
         mine.create_dataset("later", (10**12,), "f8", chunks=(1000,))
         mine.attrs["nothing"] = h5py.Empty("f8")
-    assert before.identical(ds.open_sweep(tmp_path / "map.h5"))
+    assert before.identical(ds.open(tmp_path / "map.h5"))
     program("export", "map.h5", status=0)
 
 

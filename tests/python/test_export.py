@@ -86,7 +86,7 @@ def test_a_sweep_as_csv(program: Program, tmp_path: Path) -> None:
     np.testing.assert_array_equal(table["case"], range(1, 7))
     with h5py.File(tmp_path / "map.h5") as file:
         for name in ("summary/period", "system.stiffness_y", "result_code", "summary/steps"):
-            (column,) = [c for c in table if c.partition(" [")[0] == name.rpartition("/")[2]]
+            (column,) = [c for c in table if c.partition(" [")[0] == name.rpartition("/")[2].rpartition(".")[2]]
             np.testing.assert_array_equal(table[column], file["sweep"][name][:])
 
 

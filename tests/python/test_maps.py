@@ -106,7 +106,7 @@ def thinned(program, tmp_path):
             settings = (*settings, f"sweep.points={tmp_path / 'few.csv'}")
         done = program("run", INPUTS / f"{deck}.nml", "-o", "few.h5", "--quiet", "--overwrite", settings=settings)
         assert (done.returncode, done.stderr) == (0, "")
-        return ds.open_sweep(tmp_path / "few.h5")
+        return ds.open(tmp_path / "few.h5")
 
     return run
 

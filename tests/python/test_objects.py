@@ -409,7 +409,6 @@ def test_every_numerical_function_is_tried() -> None:
     public = {n for n in ds.__all__ if inspect.isfunction(getattr(ds, n))}
     others = {
         "open",
-        "open_sweep",
         "run",
         "sweep",
         "trade",
@@ -480,7 +479,7 @@ WILD: dict[str, Callable[[ds.Scene], object]] = {
     "spectrogram(overflow)": lambda scene: ds.spectrogram(np.arange(99.0), np.arange(99) * 1e300, 20.0),
     "stick_slip_statistics": lambda scene: ds.stick_slip_statistics(None),
     "open": lambda scene: ds.open(None),
-    "open_sweep": lambda scene: ds.open_sweep(3),
+    "open(3)": lambda scene: ds.open(3),
     "Described": lambda scene: ds.Described([1]),
     "step_to": lambda scene: ds.Simulation(scene).step_to(None),
 }
@@ -637,7 +636,6 @@ def test_a_missing_package_is_told_before_anything_is_computed(
     monkeypatch.setattr(_sweep._native, "Sweep", lambda *_: pytest.fail("computed"))
     for package, call in (
         ("xarray", lambda: ds.sweep(fig3, {"system.mass": [1.0]})),
-        ("xarray", lambda: ds.open_sweep("no file")),
         ("xarray", fig3_result.to_xarray),
         ("pandas", fig3_result.to_pandas),
         ("pandas", ds.stick_slip_statistics(fig3_result).to_pandas),

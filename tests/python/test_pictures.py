@@ -468,7 +468,7 @@ def test_no_period_where_no_cycle_persists(angles) -> None:
     assert 10 < np.count_nonzero(steady) < 20
     np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
     (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
-    np.testing.assert_array_equal(marks.get_xdata(), angles["system.misalignment_deg"].values[steady])
+    np.testing.assert_array_equal(marks.get_xdata(), angles["misalignment_deg"].values[steady])
     assert "no stick-slip" in [text.get_text() for text in axis.texts]
     # Ringing down towards steady sliding has had cycles, and none now.
     ringing = angles.assign(period=angles["period"].fillna(1.0))
@@ -497,7 +497,7 @@ def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     assert len(set(colours.values())) == 5
     values = np.ma.masked_invalid(figure.axes[0].collections[0].get_array())
     assert values.count() == 1
-    line = plot.draw(data.isel({"system.misalignment_deg": 0}), quantity="period")
+    line = plot.draw(data.isel(misalignment_deg=0), quantity="period")
     assert {"no stick-slip", "rings down"} <= {text.get_text() for text in line.axes[0].texts}
 
 

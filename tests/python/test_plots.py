@@ -391,7 +391,7 @@ def words(figure) -> str:
 def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> None:
     figure = plot.draw(cycles, "bifurcation")
     axis = figure.axes[0]
-    phi, counts = cycles["system.misalignment_deg"].values, cycles["cycle_count"].values
+    phi, counts = cycles["misalignment_deg"].values, cycles["cycle_count"].values
     expected = cycles["cycle_peak_force"].values
     np.testing.assert_array_equal(dots(figure), np.column_stack([np.repeat(phi, counts), expected[np.isfinite(expected)]]))
     assert axis.collections[0].get_rasterized()

@@ -123,7 +123,7 @@ def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp
 def test_python_reads_the_list_too(sweep, expected):
     data = ds.sweep(sweep.deck)
     assert data["final_u_x"].dims == ("case",)
-    assert list(data["drive.velocity"].values) == VELOCITIES
+    assert list(data["velocity"].values) == VELOCITIES
     assert np.array_equal(data["final_u_x"].values, expected["summary/final_u_x"])
 
 

@@ -22,11 +22,11 @@ SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
 
 def test_coordinates_units_and_order():
     data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
-    assert dict(data.sizes) == {"system.misalignment_deg": 3, "drive.velocity": 2}
-    assert data["drive.velocity"].attrs["units"] == "m/s"
+    assert dict(data.sizes) == {"misalignment_deg": 3, "velocity": 2}
+    assert data["velocity"].attrs["units"] == "m/s"
     assert data["final_u_x"].attrs["units"] == "m" and data["wall_time"].attrs["units"] == "s"
     single = ds.run(SHORT, system={"misalignment_deg": 3.0}, drive={"velocity": 2e-3})
-    chosen = data["final_u_x"].sel({"system.misalignment_deg": 3.0, "drive.velocity": 2e-3})
+    chosen = data["final_u_x"].sel(misalignment_deg=3.0, velocity=2e-3)
     assert chosen.item() == single["u_x"][-1]
 
 
@@ -41,8 +41,8 @@ def test_a_small_sweep_prints_its_numbers():
     np.testing.assert_allclose(printed, data["swing"].values.reshape(-1), rtol=1e-4)
     also = " ".join(rows[6:])
     assert also.startswith("also: ") and "wall_time" in also and "NaN" not in repr(data)
-    assert repr(data.isel({"system.misalignment_deg": 0, "drive.velocity": [1]})).splitlines()[0] == "<sweep: 1 case>"
-    transposed = data.transpose("drive.velocity", "system.misalignment_deg")
+    assert repr(data.isel(misalignment_deg=0, velocity=[1])).splitlines()[0] == "<sweep: 1 case>"
+    transposed = data.transpose("velocity", "misalignment_deg")
     assert repr(transposed).splitlines()[3].split()[:3] == rows[2].split()[:3]
     assert repr(pickle.loads(pickle.dumps(data))) == repr(data)
     # What is no small sweep is shown by xarray.
@@ -63,12 +63,12 @@ def test_a_small_sweep_prints_its_numbers():
 def test_a_sweep_in_a_file_prints_the_same(tmp_path, program):
     (tmp_path / "deck.nml").write_text(SHORT + GRID)
     program("run", "deck.nml", "-o", "map.h5", "--quiet", status=0)
-    assert repr(ds.open_sweep(tmp_path / "map.h5")).splitlines()[:62] == repr(ds.sweep(SHORT + GRID)).splitlines()[:62]
+    assert repr(ds.open(tmp_path / "map.h5")).splitlines()[:62] == repr(ds.sweep(SHORT + GRID)).splitlines()[:62]
 
 
 def test_points_go_along_case():
     data = ds.sweep(SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True)
-    assert data["final_u_x"].dims == ("case",) and data["drive.velocity"].dims == ("case",)
+    assert data["final_u_x"].dims == ("case",) and data["velocity"].dims == ("case",)
 
 
 @pytest.mark.parametrize("threads", [1, 3])

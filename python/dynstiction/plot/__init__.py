@@ -126,7 +126,8 @@ def draw(
     Parameters
     ----------
     result : Result, Sensitivity or xarray.Dataset
-        A run, from `dynstiction.run` or `dynstiction.open`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or `dynstiction.open_sweep`.
+        A run, from `dynstiction.run` or `dynstiction.open`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or
+        `dynstiction.open`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
         that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, and

@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
+from .._native import group_of
 from ..errors import Error, UsageError
 from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
@@ -46,7 +47,7 @@ LABELS = {
 LOADS = ("peak_force", "valley_force")
 """Quantities that steady sliding has too."""
 
-CONSEQUENCES = ("scene.", "integrator.")
+CONSEQUENCES = ("scene", "integrator")
 """Keys that a list may vary together with its parameter."""
 
 LEAST_SWING = 0.01
@@ -133,7 +134,7 @@ def _cycles(table: Table, quantity: str) -> Floats:
 
 def _sides(table: Table) -> list[Axis]:
     """The parameters of the diagram: along the axis, and a second one, if there is one, in colours."""
-    sides = [side for side in table.axes if not side.key.startswith(CONSEQUENCES)] or list(table.axes[:1])
+    sides = [side for side in table.axes if group_of(side.name) not in CONSEQUENCES] or list(table.axes[:1])
     if len(sides) > 2:
         raise UsageError(
             f"a bifurcation diagram has one or two parameters, not {len(sides)}: select some with xarray"
@@ -144,7 +145,7 @@ def _sides(table: Table) -> list[Axis]:
 def _in_cases(table: Table, side: Axis) -> Floats:
     """A parameter in every case, in the unit of the figure."""
     codes = table.data["result_code"]
-    values = table.data[side.key].broadcast_like(codes).transpose(*codes.dims).values
+    values = table.data[side.name].broadcast_like(codes).transpose(*codes.dims).values
     return np.asarray(side._replace(values=values).shown, dtype=float).reshape(-1)
 
 
@@ -370,13 +371,13 @@ def _limits_of_steady_sliding(table: Table, side: Axis) -> Iterator[VerticalLine
 
 def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
     """Misalignment or velocity at which the cycles of the slow motion end at a fold, or become too small to count."""
-    if side.key not in ("system.misalignment_deg", "drive.velocity"):
+    if side.name not in ("misalignment_deg", "velocity"):
         return
     try:
         ends = stick_slip_ends(str(table.data.attrs["deck"]))
     except (Error, KeyError):
         return
-    if side.key == "drive.velocity":
+    if side.name == "velocity":
         found = [(end, end.at) for end in ends.velocity if end]
     else:
         found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]

@@ -20,22 +20,13 @@ if TYPE_CHECKING:
 __all__ = ["Axis", "Table", "table_of"]
 
 
-def _name_of(key: object) -> str:
-    """Name of a key without its group."""
-    return str(key).partition(".")[2]
-
-
 class Axis(NamedTuple):
     """A varied parameter."""
 
-    key: str
+    name: str
+    """Of the key, without its group."""
     values: Floats
     units: str
-
-    @property
-    def name(self) -> str:
-        """Name of the key without its group."""
-        return _name_of(self.key)
 
     @property
     def symbol(self) -> Symbol:
@@ -75,14 +66,13 @@ class Table(NamedTuple):
 
     def has(self, name: str) -> bool:
         """Whether every case has this parameter."""
-        return name in self.numbers or name in map(_name_of, self.data.coords)
+        return name in self.numbers or name in self.data.coords
 
     def parameter(self, name: str) -> Floats:
         """Values of a key in every case, in the unit of the deck; a `UsageError` if it has no such number."""
         codes = self.data["result_code"]
-        for key, values in self.data.coords.items():
-            if _name_of(key) == name:
-                return np.asarray(values.broadcast_like(codes).transpose(*codes.dims), dtype=float)
+        if name in self.data.coords:
+            return np.asarray(self.data[name].broadcast_like(codes).transpose(*codes.dims), dtype=float)
         if name not in self.numbers:
             raise UsageError(f"the sweep lacks a number '{name}', which this figure needs")
         return np.full(codes.shape, self.numbers[name])
@@ -99,7 +89,7 @@ class Table(NamedTuple):
 
 
 def table_of(data: xarray.Dataset) -> Table:
-    """Table of a sweep from `dynstiction.sweep` or `dynstiction.open_sweep`.
+    """Table of a sweep from `dynstiction.sweep` or `dynstiction.open`.
 
     A list whose first two parameters run over all pairs of their values is taken as a grid: other parameters that vary in it
     depend on these two.
@@ -118,7 +108,7 @@ def table_of(data: xarray.Dataset) -> Table:
         for key in (dims if is_grid else data.coords)
     )
     values = values_of(str(data.attrs.get("deck", "")))
-    varied = [_name_of(key) for key in data.coords]
+    varied = list(map(str, data.coords))
     has_theory = is_exponential(values) and not {"exponent", "viscous"}.intersection(varied)
     return Table(data, axes, is_grid, numbers_of(values), has_theory)
 
