@@ -5,7 +5,7 @@ module dst_main
   use dst_text, only: integer_text, one_per_line, printable
   use dst_disk, only: place_of
   use dst_error_page, only: error_page
-  use dst_cycles_report, only: cycles_report
+  use dst_cycles_report, only: cycles_report, sensitivity_report
   use dst_hdf5_origin, only: is_deck
   use dst_model_choice, only: settle_model
   use dst_sampling, only: settle_interval
@@ -285,6 +285,8 @@ contains
       else if (command%has('--share') .or. command%has('--retry')) then
         call raise(error, usage_error, printable(deck%name)//': has no &sweep: run it without --share and --retry')
       end if
+    else if (command%sensitivity /= '') then
+      call raise(error, usage_error, printable(deck%name)//': --sensitivity is that of one motion: run a deck without &sweep')
     else if (command%name == 'run' .and. .not. command%has('--share')) then
       call launched_together(processes, rank, variable)
       if (processes > 1) call raise(error, usage_error, 'this is one of '//integer_text(processes)//' processes ('//variable// &
@@ -301,7 +303,8 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: report
+    character(:), allocatable :: report, hangs_on
+    type(scene_t) :: scene
 
     if (command%name == 'merge') then
       call merge_sweep(deck, output, sweep_options(), report, error)
@@ -311,6 +314,10 @@ contains
       call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
     if (.not. command%has('--quiet')) call put_report(report)
+    if (allocated(error) .or. command%sensitivity == '') return
+    call scene_from_deck(deck, scene)
+    call sensitivity_report(deck, scene, command%sensitivity, hangs_on, error)
+    if (.not. allocated(error)) call put_report(hangs_on)
   end subroutine carry_out
 
   !> Report an error of an operand; the report of an error of a file names the file.

@@ -19,7 +19,7 @@ module dst_cycles_report
   implicit none
   private
 
-  public :: cycles_report
+  public :: cycles_report, sensitivity_report
 
 contains
 
@@ -63,6 +63,27 @@ contains
     end do
     text = page%content()
   end subroutine cycles_report
+
+  !> The sensitivity of the motion to the listed keys at each velocity that the drive keeps for some time.
+  subroutine sensitivity_report(deck, scene, keys, text, error)
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    character(*), intent(in) :: keys
+    character(:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(text_builder_t) :: page
+    type(sensitivity_t) :: sensitivity
+    real(wp), allocatable :: velocities(:)
+    integer :: i
+
+    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
+    do i = 1, size(velocities)
+      call find_sensitivity(deck, scene, velocities(i), keys, sensitivity, error)
+      if (allocated(error)) return
+      call list_sensitivity(page, sensitivity)
+    end do
+    text = page%content()
+  end subroutine sensitivity_report
 
   subroutine list_sliding(page, cycles)
     type(text_builder_t), intent(inout) :: page
