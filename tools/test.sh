@@ -17,7 +17,7 @@
 #   --bench      the short forms of all benchmarks
 #   --mutation   10 small changes of the core that the tests must notice, with --full 25
 #
-# The output of each set of tests is in build/tests. See docs/testing.md.
+# The output of each set of tests is in build/tests. See tests/README.md.
 
 source "$(dirname "${BASH_SOURCE[0]}")/setup.sh"
 

@@ -5,7 +5,7 @@
 Fig. 3 to 2.5 s, then to 100 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round;
 its time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s,
 of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). To 100 s (t = 0.5, 2, 2.5, 10 and 100 s) each peer runs once with the settings that were its fastest at a
-level, if that can be expected to end within a minute. Writes docs/peers.csv and docs/peers.png, prints the tables.
+level, if that can be expected to end within a minute. Writes bench/peers/peers.csv and bench/peers/peers.png, prints the tables.
 --long measures only the points to 100 s.
 --short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives no result.
 """
@@ -31,7 +31,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[2]
-HERE, WORK, DOCS = ROOT / "bench" / "peers", ROOT / "build" / "peers", ROOT / "docs"
+HERE, WORK = ROOT / "bench" / "peers", ROOT / "build" / "peers"
 OURS = "dynstiction"
 TIMES = (0.02, 0.5, 2.0, 2.5)
 LONG_TIMES, LONG_LIMIT = (0.5, 2.0, 2.5, 10.0, 100.0), 60.0
@@ -271,17 +271,17 @@ def main():
         "--only", nargs="+", default=[OURS, *PEERS], help="measure only these, keep the other rows"
     )
     parser.add_argument(
-        "--long", action="store_true", help="only to 100 s, with settings from docs/peers.csv"
+        "--long", action="store_true", help="only to 100 s, with settings from bench/peers/peers.csv"
     )
     parser.add_argument(
-        "--draw", action="store_true", help="only the figure and the table, from docs/peers.csv"
+        "--draw", action="store_true", help="only the figure and the table, from bench/peers/peers.csv"
     )
     parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
     options = parser.parse_args()
     if options.short:
         run_short()
         return
-    measured = read_csv(DOCS / "peers.csv")
+    measured = read_csv(HERE / "peers.csv")
     if not options.draw:
         kept = [
             p for p in measured
@@ -295,9 +295,9 @@ def main():
         measure(longer, options.rounds)
         measured = [*kept, *new, *longer]
         measured.sort(key=lambda point: (point.t_end, [OURS, *PEERS].index(point.peer)))
-        write_csv(DOCS / "peers.csv", measured)
+        write_csv(HERE / "peers.csv", measured)
     short = [point for point in measured if point.t_end != LONG]
-    draw(short, DOCS / "peers.png")
+    draw(short, HERE / "peers.png")
     print(table(short))
     print(f"\n{long_table(short, [point for point in measured if point.t_end == LONG])}")
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Benchmark against other solvers: installs what is missing, builds, measures, and writes docs/peers.csv and docs/peers.png.
+# Benchmark against other solvers: installs what is missing, builds, measures, and writes bench/peers/peers.csv and bench/peers/peers.png.
 #     bench/peers/run.sh [--rounds N] [--only PEER...] [--long] [--draw] [--short]
 # --only: installs and builds these alone.
 # --short: in half a minute whether it still runs, with the peers that are quick to install, odeint and SciPy.

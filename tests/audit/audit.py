@@ -13,7 +13,7 @@ There is one excuse: the truth itself. Where a run fails, the reference does the
 30 rtol. If the number of sticks depends on that, neither it nor whether a sample sticks is judged. If a column leaves what C foretells,
 C means nothing from there on, and the run is judged up to there; it then counts as excused.
 
-The cycle map is off, unless it is asked for: what it changes is tested by itself (docs/testing.md, "What must not matter").
+The cycle map is off, unless it is asked for: what it changes is tested by itself (tests/README.md, "What must not matter").
 
 A run that fails is printed as a deck, with what is wrong in its first lines.
 """

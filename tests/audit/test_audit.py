@@ -1,7 +1,7 @@
 """The package against an independent reference on random scenes.
 
 The scenes are fresh in each run: `DYNSTICTION_SEED`, which pytest prints, gives them again. The bounded form runs always, the whole with
---full. docs/testing.md says what is compared and how.
+--full. tests/README.md says what is compared and how.
 """
 
 from __future__ import annotations

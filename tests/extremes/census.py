@@ -1,4 +1,4 @@
-"""Runs the whole extremes matrix and counts how its cells end: the tables of docs/extremes.md.
+"""Runs the whole extremes matrix and counts how its cells end: the tables of tests/extremes/README.md.
 
 python tests/extremes/census.py [--workers N] [--singles]
 """

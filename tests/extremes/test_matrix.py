@@ -43,7 +43,7 @@ def test_all_pairs(kind: Kind) -> None:
 
 @pytest.mark.parametrize("method", ["radau5", "radau9", "radau13"])
 def test_radau_methods_give_up_rarely(method: str) -> None:
-    """Of the singles of the full model all but the frontier of docs/extremes.md end in a result."""
+    """Of the singles of the full model all but the frontier of tests/extremes/README.md end in a result."""
     kind = next(kind for kind in KINDS if kind.name == f"full {method}")
     codes = collections.Counter(finish(cell.groups()).code for cell in cells(pairs=False) if cell.kind == kind)
     assert codes[0] >= sum(codes.values()) - 2

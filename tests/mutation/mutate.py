@@ -5,7 +5,7 @@
 A mutant is killed when a test fails, crashes or does not end; it survives when all pass. What survives must be listed in
 equivalent.csv, with the reason why no test can or need tell it from the original. Results are in build/mutation/results.csv;
 --survivors leaves out those that were killed before, --mutants takes those with the given numbers. The last line is
-"N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see docs/testing.md.
+"N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see tests/README.md.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def test_error_codes_are_in_the_manual() -> None:
 
 def test_links_lead_somewhere() -> None:
     broken = []
-    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md"), *(ROOT / "bench").rglob("*.md"), *(ROOT / "tests").rglob("*.md")]:
         text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
         for target in re.findall(r"\]\(([^)#\s]+)", text):
             if "://" not in target and not (page.parent / target).exists():
