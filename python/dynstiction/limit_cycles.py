@@ -1,4 +1,4 @@
-"""Limit cycles, and the limits of stick-slip, without runs (docs/cycles.md, docs/closed_laws.md)."""
+"""Limit cycles, and the limits of stick-slip, without runs (docs/cycles.md)."""
 
 from __future__ import annotations
 

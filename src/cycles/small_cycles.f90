@@ -1,4 +1,4 @@
-!> Where the small cycles of the slow model begin, without integration in time. docs/closed_laws.md derives it.
+!> Where the small cycles of the slow model begin, without integration in time. docs/notebooks/closed_laws.ipynb has the theory.
 !>
 !> The slow model is m w'' + Phi'(w) w' + k_x (w - V c) = 0 with Phi(w) = F(v) w/v, v = sqrt(w^2 + (V s)^2), c = cos(phi),
 !> s = sin(phi) (dst_low_frequency). Small cycles begin where Phi'(V c) = 0; they are stable if Phi'''(V c) > 0 there, and the
