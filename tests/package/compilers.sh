@@ -3,8 +3,8 @@
 # the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11. By
 # radau9, the eigenvectors of whose five stages have a condition number of 95: those of radau13 have 1,170, and its roundoff is 10 times larger.
 #
-#   --full   all builds, or those named, and all unit tests for the other processor; without it LLVM's flang, and an emulated aarch64
-#            with products and sums that are rounded together and a few unit tests
+#   --full   all builds, or those named, also for an emulated aarch64 with products and sums that are rounded together; without it
+#            LLVM's flang
 #
 # A compiler that is not installed is skipped, with a line that says so. On Debian: apt-get install flang-22 libflang-22-dev,
 # gfortran-11, libopenblas-dev, libblis-dev, and for aarch64 gfortran-aarch64-linux-gnu qemu-user, whose libraries are downloaded into build/aarch64.
@@ -99,7 +99,7 @@ newest() { # newest PATTERN: the newest installed program with such a name
 }
 
 for_aarch64() {
-  local folder=$checkout/build/aarch64 quick=(archive models numerics plain_numbers result_file sha256 stability)
+  local folder=$checkout/build/aarch64
   is_wanted aarch64 || return 0
   if ! have aarch64-linux-gnu-gfortran || ! have qemu-aarch64 || ! have dpkg; then
     skip 'aarch64: no aarch64-linux-gnu-gfortran, no qemu-aarch64, or not Debian'
@@ -136,9 +136,8 @@ END
     -Dlapack=lapack,blas -Dfortran_args=-ffp-contract=fast
   [[ -e $folder/program/build.ninja ]] || return 0
   check 'aarch64: compiles' ninja -C "$folder/program"
-  [[ $is_full == no ]] || quick=()
   check 'aarch64: unit tests' meson test -C "$folder/program" --no-rebuild --print-errorlogs --timeout-multiplier 20 \
-    --no-suite fuzz --no-suite threads ${quick[@]+"${quick[@]}"}
+    --no-suite fuzz --no-suite threads
   run_fig3 aarch64 qemu-aarch64 -L "$folder/root" -E "LD_LIBRARY_PATH=$(folders_of_libraries "$folder/root")" \
     "$folder/program/src/dynstiction"
 }
@@ -186,8 +185,8 @@ with_lapack() {
 
 flang=$(newest 'flang-new-[0-9]+') || true
 with flang "${flang:-flang}" -Doptimization=2
-for_aarch64
 if [[ $is_full == yes ]]; then
+  for_aarch64
   with fused gfortran '-Dfortran_args=-ffp-contract=fast -mfma'
   with oldest "$(compgen -c | grep -xE 'gfortran-[0-9]+' | sort -u -V | head -n 1)"
   with newest "$(newest 'gfortran-[0-9]+')"
