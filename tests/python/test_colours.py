@@ -9,7 +9,7 @@ from pathlib import Path
 import dynstiction.plot
 import numpy as np
 import pytest
-from dynstiction.plot import notation, style, time_series, work_precision
+from dynstiction.plot import notation, style, time_series
 from matplotlib.colors import to_rgb
 
 # Machado, Oliveira & Fernandes (2009), doi:10.1109/TVCG.2009.113, whole deficiency, for linear RGB.
@@ -46,7 +46,6 @@ def test_the_palette_can_be_told_apart(seen: str) -> None:
         "palette": list(style.PALETTE),
         "columns": [symbol.colour for symbol in notation.COLUMNS.values()],
         "overlay": list(time_series.COLOURS),
-        "methods": list(work_precision.COLOURS),
     }
     for name, colours in used.items():
         assert set(colours) <= set(style.PALETTE), name

@@ -385,7 +385,7 @@ def test_sweeps_vary_the_coefficients() -> None:
     for exponent in (1.0, 1.5, 2.0):
         for viscous in (0.0, 0.5):
             one = ds.run(TEXT, **changed(deck, friction(exponent=exponent, viscous=viscous)))
-            case = table.sel({"friction.exponent": exponent, "friction.viscous": viscous})
+            case = table.sel(exponent=exponent, viscous=viscous)
             assert float(case["max_X_rate"]) == one.summary["max_X_rate"]
     # In lanes where it is the weakening law, and not where it is none.
     with pytest.warns(ds.IncompleteWarning, match="friction that falls exponentially: use radau9"):

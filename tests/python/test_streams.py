@@ -24,7 +24,7 @@ PRINTING = {
 }
 PYTHON = {
     "export": ("export", "x.h5", "--overwrite"),
-    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "3", "--set", "scene.t_end=1", "--accuracy", "0.1", "--overwrite"),
+    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "1", "--set", "scene.t_end=1", "--accuracy", "0.1", "--overwrite"),
     "help": ("--help",),
     "help on a command": ("plot", "--help"),
 }

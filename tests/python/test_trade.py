@@ -102,7 +102,7 @@ def test_a_quantity_of_the_summary(fig3: ds.Scene) -> None:
 
 
 def test_an_irregular_motion_has_means_only(fig3: ds.Scene) -> None:
-    trade = ds.trade(fig3, 20.0, stiffness_y=1e6, t_end=30.0)
+    trade = ds.trade(fig3, 8.0, stiffness_y=1e6, t_end=30.0)
     assert "irregular" in trade.notes
     # What two runs of it differ by is not taken for an error of the method.
     assert 1e-3 < 100.0 * trade.reference_error["period"] < 0.1
@@ -111,7 +111,7 @@ def test_an_irregular_motion_has_means_only(fig3: ds.Scene) -> None:
 
 
 def test_the_conditioning_of_a_regular_motion_is_named(fig3: ds.Scene) -> None:
-    trade = ds.trade(fig3, 10.0, stiffness_y=1e6, t_end=8.0)
+    trade = ds.trade(fig3, 4.0, stiffness_y=1e6, t_end=8.0)
     assert trade.notes.startswith("Conditioning: errors of a slow cycle are")
 
 
