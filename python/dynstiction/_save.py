@@ -1,4 +1,4 @@
-"""Writing the HDF5 file of a run or a comparison, in the layout of the executable (see the manual, "The result file").
+"""Writing the HDF5 file of a run, in the layout of the executable (see the manual, "The result file").
 
 The file is created in memory and written as bytes, so that HDF5 itself never writes to a full disk; after such an error HDF5 would
 fail again and again, also at the end of the process.

@@ -16,7 +16,7 @@ from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
 from .groups import Changes
-from .record import EVENTS, LOG_DTYPE, Described, Info, events_between, log_until
+from .record import EVENTS, LOG_DTYPE, Described, events_between, log_until
 from .result import Result
 from .scene import DeckLike, Scene
 
@@ -287,15 +287,7 @@ class Simulation(Closing):
         """Set the times of the samples [s], from 0 to the end, of a run that has not been advanced yet."""
         self._core.sample_at(instants)
 
-    def _go_on(self, seconds: float) -> bool:
-        """Advance for at most `seconds` of wall time; return whether the run has ended."""
-        with self._alone:
-            return self._advance(self._t_end, seconds)
-
-    def _statistics_so_far(self) -> list[tuple[Info, float]]:
-        return self._core.ending()[1]
-
-    def _advance(self, until: float, seconds: float = _native.CHUNK_SECONDS) -> bool:
+    def _advance(self, until: float) -> bool:
         """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
         reached = False
         if self._outcome is None:
@@ -303,7 +295,7 @@ class Simulation(Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                outcome, reached, rows, events = self._core.advance(seconds, aim)
+                outcome, reached, rows, events = self._core.advance(_native.CHUNK_SECONDS, aim)
                 self._core.samples_into(*self._samples.grow(rows))
                 self._log.append(events)
             if outcome is not None:

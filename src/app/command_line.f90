@@ -1,6 +1,6 @@
 !> The command line: its words and its help, from the table in dst_command_table. The main program carries out the commands.
 module dst_command_line
-  use dst_command_table, only: command_entry_t, option_t, the_program, commands, options, exit_statuses, find_command, &
+  use dst_command_table, only: command_entry_t, the_program, commands, options, exit_statuses, find_command, &
     find_option, command_names, options_of, is_option_of, operand_of
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error

@@ -33,7 +33,6 @@ contains
     procedure(watch_t), optional :: watch    !! who looks on, and may end the search
     type(text_builder_t) :: page
     type(limit_cycles_t) :: cycles
-    type(sensitivity_t) :: sensitivity
     type(slider_t) :: slider
     real(wp), allocatable :: velocities(:)
     integer :: i
@@ -54,11 +53,8 @@ contains
       call list_sliding(page, cycles)
       call list_cycles(page, cycles, slider)
       if (cycles%model == 'full') call list_regularity(page, cycles%regularity)
-      if (keys /= '') then
-        call find_sensitivity(deck, scene, velocities(i), keys, sensitivity, error)
-        if (allocated(error)) return
-        call list_sensitivity(page, sensitivity)
-      end if
+      if (keys /= '') call list_sensitivity(page, deck, scene, velocities(i), keys, error)
+      if (allocated(error)) return
       call page%line('')
     end do
     text = page%content()
@@ -72,15 +68,13 @@ contains
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(text_builder_t) :: page
-    type(sensitivity_t) :: sensitivity
     real(wp), allocatable :: velocities(:)
     integer :: i
 
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     do i = 1, size(velocities)
-      call find_sensitivity(deck, scene, velocities(i), keys, sensitivity, error)
+      call list_sensitivity(page, deck, scene, velocities(i), keys, error)
       if (allocated(error)) return
-      call list_sensitivity(page, sensitivity)
     end do
     text = page%content()
   end subroutine sensitivity_report
@@ -165,13 +159,20 @@ contains
         long_text(regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
     end do
   end subroutine list_regularity
-  !> In percent of a measure for one percent of a parameter.
-  subroutine list_sensitivity(page, sensitivity)
+  !> Of the motion at one velocity [m/s], in percent of a measure for one percent of a parameter.
+  subroutine list_sensitivity(page, deck, scene, velocity, keys, error)
     type(text_builder_t), intent(inout) :: page
-    type(sensitivity_t), intent(in) :: sensitivity
+    type(deck_t), intent(in) :: deck
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity
+    character(*), intent(in) :: keys
+    type(error_t), allocatable, intent(out) :: error
+    type(sensitivity_t) :: sensitivity
     character(15*size(cycle_quantities)) :: line
     integer :: i
 
+    call find_sensitivity(deck, scene, velocity, keys, sensitivity, error)
+    if (allocated(error)) return
     call page%line('')
     write (line, '(*(a15))') adjustr(cycle_quantities%name(:15))
     call page%row('percent per percent', trim(line))

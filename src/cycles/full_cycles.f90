@@ -9,7 +9,7 @@ module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
-  use dst_divergence, only: judge, regular, irregular, undecided, steady_sliding
+  use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece

@@ -2,7 +2,7 @@
 module dst_deck
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, raise_lines, deck_error
-  use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
+  use dst_text, only: lower_case, word, word_count, nearest_word, alternatives, excerpt, integer_text, real_text, &
                       read_real, read_integer
   use dst_faults, only: faults_t, place_t
   use dst_methods, only: method_t, method_named, adaptive_methods

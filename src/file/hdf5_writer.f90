@@ -10,7 +10,7 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
-  use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5f_acc_trunc, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
+  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_trunc, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, put_attribute, put_value, &
     create_group, release, dataset_t, create_dataset, open_dataset, append, read_rows, make_scale, attach_scale
   use dst_parameters, only: parameter_t

@@ -13,7 +13,7 @@ module dst_sweep_file
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, get_attribute, create_group, release, &
     dataset_t, create_dataset, open_dataset, append, append_texts, read_rows, read_texts, write_rows, make_scale, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
-  use dst_kinds, only: wp, int64, real64
+  use dst_kinds, only: int64, real64
   use dst_result_file, only: result_file_t
   use dst_schema, only: schema
   use dst_share, only: share_t

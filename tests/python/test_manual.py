@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import sys
@@ -77,5 +78,8 @@ def test_the_version_is_written_in_one_place_only(executable):
     """In meson.build; everything else asks Meson."""
     version = re.search(r"^  version: '(.+)'", (ROOT / "meson.build").read_text(encoding="utf-8"), re.MULTILINE)[1]
     assert said(executable, "--version").split()[1] == version
-    for name in ("CITATION.cff", "pyproject.toml", "python/dynstiction/__init__.py", "src/meson.build"):
+    for name in ("pyproject.toml", "python/dynstiction/__init__.py", "src/meson.build"):
         assert not re.search(rf"\b{re.escape(version)}\b", (ROOT / name).read_text(encoding="utf-8")), name
+    # What is cited is this version.
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert json.loads((ROOT / "codemeta.json").read_text(encoding="utf-8"))["version"] == version

@@ -90,14 +90,13 @@ KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequenc
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 
-"""The kind of figure of a comparison."""
 SENSITIVITY = "sensitivity"
 """The kind of figure of the derivatives of a cycle."""
 
 make_callable(__name__)
 
 Drawable: TypeAlias = "Result | Sensitivity | xarray.Dataset"
-"""A run, a comparison, the derivatives of a cycle, or a sweep."""
+"""A run, the derivatives of a cycle, or a sweep."""
 
 
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
@@ -130,8 +129,8 @@ def draw(
         `dynstiction.open`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
-        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For a comparison `WORK_PRECISION`, and
-        for derivatives `SENSITIVITY`, the only ones.
+        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For derivatives
+        `SENSITIVITY`, the only one.
     quantity : str, optional
         Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``.
     columns : str or sequence of str, optional
@@ -169,7 +168,7 @@ def draw(
         kind, chosen = _choice(result, kind, usual, names, start, end)
     elif names or start is not None or end is not None:
         raise UsageError(
-            "columns and a part in time can be chosen for a run only: a sweep or a comparison has no samples"
+            "columns and a part in time can be chosen for a run only: a sweep has no samples"
         )
     if quantity is not None:
         chosen["quantity"] = quantity

@@ -10,7 +10,7 @@ class Dynstiction(MesonPackage):
     license("MIT")
 
     # Built from a checkout or an unpacked source archive, by `spack dev-build`: there is no address to fetch one from.
-    version("0.1.0")
+    version("1.0.0")
 
     variant("openmp", default=True, description="Sweeps over several threads")
 
@@ -24,6 +24,7 @@ class Dynstiction(MesonPackage):
     depends_on("py-h5py", type="run")
     depends_on("py-matplotlib", type="run")
     depends_on("py-scipy", type="run")
+    depends_on("py-pandas", type="run")
     depends_on("py-xarray", type="run")
     depends_on("hdf5~mpi")
     depends_on("lapack")
