@@ -347,7 +347,7 @@ def _fit(options: argparse.Namespace) -> None:
             _trace(options),
             options.free,
             starts=options.starts,
-            seed=options.seed,
+            rng=options.seed,
         )
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)

@@ -18,6 +18,7 @@ __all__ = [
     "SMALLEST",
     "finite",
     "flag",
+    "generator",
     "instance",
     "number",
     "path_name",
@@ -118,6 +119,16 @@ def whole(name: str, value: object, *, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
         raise UsageError(f"{name} = {shown(value)}: {name} must be a whole number from {least} on")
     return int(value)
+
+
+def generator(rng: int | np.random.Generator | None) -> np.random.Generator:
+    """A source of random numbers as SPEC 7 has it: of a seed, one that is given, or a new one for None."""
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            f"rng = {shown(rng)}: give a seed, a numpy.random.Generator or None: {error}"
+        ) from None
 
 
 def flag(name: str, value: object) -> bool:

@@ -37,6 +37,9 @@ Axis: TypeAlias = tuple[Info, Floats]
 
 CYCLE_COUNT = Info("cycle_count", "1", "cycles that are kept of the case")
 
+ORIGIN = ("version", "git_revision")
+"""Attributes of a sweep beside its deck: which program computed it."""
+
 BAR = "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} cases [{elapsed}<{remaining}]"
 
 
@@ -79,7 +82,7 @@ def sweep(
         Summary of every case [SI units] with the keys, without their groups, as coordinates (for a list along ``case``),
         ``result_code`` (0 done, -1 not run), ``result_text`` (why a case failed) and ``wall_time`` [s].
         Values that a case does not have are NaN. Units are in the attributes; the attribute ``deck`` is the deck with every
-        key as used. With ``sweep.keep = 'cycles'`` there are also ``cycle_period``, ``cycle_peak_force``, ... with the
+        key as used, ``version`` and ``git_revision`` are those of the program. With ``sweep.keep = 'cycles'`` there are also ``cycle_period``, ``cycle_peak_force``, ... with the
         additional dimension ``cycle``: the last cycles that the means include, the oldest first, at most ``sweep.cycles`` of
         them, and their number ``cycle_count``. Time series are not kept.
 
@@ -169,9 +172,9 @@ def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
         columns += [
             (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
         ]
-    return _dataset(
-        core.axes, columns, work.codes, work.messages, is_list=core.is_list, deck=core.resolved_deck
-    )
+    origin = _native.origin()
+    about_all = {"deck": core.resolved_deck} | {name: origin[name] for name in ORIGIN}
+    return _dataset(core.axes, columns, work.codes, work.messages, core.is_list, about_all)
 
 
 def _of_cycle(info: Info) -> Info:
@@ -204,7 +207,7 @@ def _dataset(
     codes: NDArray[np.int32],
     messages: Mapping[int, str],
     is_list: bool,
-    deck: str,
+    about_all: Mapping[str, str],
 ) -> xarray.Dataset:
     """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
     from ._sweep_dataset import SweepDataset  # noqa: PLC0415  (xarray is slow to import)
@@ -224,7 +227,7 @@ def _dataset(
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
     variables["result_code"] = (dims, codes.reshape(shape), about)
     variables["result_text"] = (dims, texts.reshape(shape), {"long_name": "why a case failed"})
-    return SweepDataset(variables, coordinates, {"deck": deck})
+    return SweepDataset(variables, coordinates, about_all)
 
 
 def _about(info: Info) -> dict[str, str]:
@@ -267,5 +270,5 @@ def read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
         ]
     failures = group["failures"]
     messages = dict(zip(values_in(failures, "case") - 1, values_in(failures, "result_text"), strict=True))
-    deck = values_in(file, "deck/resolved")
-    return _dataset(axes, columns, codes, messages, is_list=is_list, deck=deck)
+    about_all = {"deck": values_in(file, "deck/resolved")} | {name: str(file.attrs[name]) for name in ORIGIN}
+    return _dataset(axes, columns, codes, messages, is_list, about_all)

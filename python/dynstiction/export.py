@@ -55,7 +55,9 @@ def export_csv(
         texts = frame.select_dtypes("object").columns
         frame[texts] = frame[texts].map(_harmless)
         frame.columns = [_harmless(head) for head in frame.columns]
-        put(path, frame.to_csv(index=False, lineterminator="\r\n", na_rep="nan").encode(), overwrite=overwrite)
+        put(
+            path, frame.to_csv(index=False, lineterminator="\r\n", na_rep="nan").encode(), overwrite=overwrite
+        )
         yield path
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import instance, number, shown, whole
+from ._arguments import generator, instance, number, shown
 from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
@@ -202,18 +202,18 @@ class Trace:
         columns = {q: np.interp(time, self.time, v) for q, v in self._columns().items() if q != "time"}
         return Trace(time, **columns, name=self.name)
 
-    def with_noise(self, deviation: float, seed: int = 0) -> Trace:
+    def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
         """The trace with white noise added to the force.
 
         Parameters
         ----------
         deviation : float
             Standard deviation of the noise [N].
-        seed : int
-            Seed of the noise: the same seed gives the same noise.
+        rng : int or numpy.random.Generator, optional
+            Source of the noise: the same seed gives the same noise, None a new one.
         """
         size = number("deviation", deviation, least=0.0, units="N")
-        noise = np.random.default_rng(whole("seed", seed, least=0)).standard_normal(self.time.size)
+        noise = generator(rng).standard_normal(self.time.size)
         columns = self._columns() | {"force": self.force + size * noise}
         return Trace(**columns, name=self.name, lines=self.lines)
 

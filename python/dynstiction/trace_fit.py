@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._arguments import instance, number, shown, whole
+from ._arguments import generator, instance, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slow_scene, steady_velocity
 from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
 from ._fit.starts import glances
@@ -224,7 +224,7 @@ def fit(
     free: Sequence[str] | str,
     *,
     starts: int = 2,
-    seed: int = 0,
+    rng: int | np.random.Generator | None = 0,
     progress: bool | None = None,
 ) -> Fit:
     """Find the parameters of a scene from a force trace.
@@ -244,8 +244,8 @@ def fit(
     starts : int
         Number of starts from which the fit is completed: the best among the scene's values, several rough estimates from the
         waveform, and random changes of both.
-    seed : int
-        Seed of the random starts: the same seed gives the same bits.
+    rng : int or numpy.random.Generator, optional
+        Source of the random starts: the same seed gives the same bits, None other starts each time.
     progress : bool, optional
         Whether to show a bar; by default on a terminal, after a second.
 
@@ -276,10 +276,9 @@ def fit(
     """
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
-    whole("seed", seed, least=0)
     problem = _problem(Scene(scene), trace, free)
     with progress_bar(progress, 1.0, BAR) as show:
-        return problem.solve(starts, seed, show)
+        return problem.solve(starts, generator(rng), show)
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +338,7 @@ class _Problem:
                 groups.setdefault(group, {})[key] = math.copysign(float(value), old)
         return scene.replace(**groups)
 
-    def solve(self, starts: int, seed: int, say: Callable[[float], None]) -> Fit:
+    def solve(self, starts: int, random: np.random.Generator, say: Callable[[float], None]) -> Fit:
         slow = slow_scene(self.scene)
         heard = tuple(name for name in self.names if _given(slow, name))
 
@@ -352,7 +351,7 @@ class _Problem:
         model = str(self.scene.scene.model or "full")
         own = None if model == "low_frequency" else fully
         mute = [i for i, name in enumerate(self.names) if name not in heard]
-        found = self._first(slowly, own, starts, seed, say)
+        found = self._first(slowly, own, starts, random, say)
         notes: list[str] = []
         offset: _Floats | float = 0.0
         count = found.evaluations
@@ -389,12 +388,16 @@ class _Problem:
         return np.column_stack(columns)
 
     def _first(
-        self, slowly: Model, own: Model | None, starts: int, seed: int, say: Callable[[float], None]
+        self,
+        slowly: Model,
+        own: Model | None,
+        starts: int,
+        random: np.random.Generator,
+        say: Callable[[float], None],
     ) -> Solution:
         """The best of several fits with errors that shrink to those of the trace; each fit computes the difference again."""
         given = self.coordinates(np.log(np.abs(self.begin)))
         near = [given, *self._glances(np.log(np.abs(self.begin)))]
-        random = np.random.default_rng(seed)
         near += [
             near[int(random.integers(len(near)))] + random.uniform(-SPREAD, SPREAD, given.size)
             for _ in range(RANDOM_STARTS)

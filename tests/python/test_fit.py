@@ -100,7 +100,7 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
     monkeypatch.setattr(trace_fit, "best_start", nothing_near)
     for seed in (3, 3, 4):
         with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
-            ds.fit(DECK, trace, ALL, seed=seed)
+            ds.fit(DECK, trace, ALL, rng=seed)
     assert tried[0] == tried[1] != tried[2]
 
 

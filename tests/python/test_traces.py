@@ -468,7 +468,7 @@ def result() -> ds.Result:
 @pytest.fixture(scope="module")
 def measured(result: ds.Result) -> ds.Trace:
     """A trace of the bench's rig, with noise of 1 % of the amplitude."""
-    return ds.Trace.of(result).part(8.0).with_noise(0.01 * 0.6, seed=4)
+    return ds.Trace.of(result).part(8.0).with_noise(0.01 * 0.6, rng=4)
 
 
 def test_a_run_as_a_trace(result: ds.Result) -> None:
@@ -509,7 +509,7 @@ def test_creep_before_slip_tells_dynamic_stiction_from_static_friction() -> None
     shares = {}
     for angle in (0.0, 1.0, 3.0):
         run = ds.run(SCENE, scene={"t_end": 25.0}, system={"misalignment_deg": angle})
-        trace = ds.Trace.of(run).part(5.0).with_noise(0.006, seed=1)
+        trace = ds.Trace.of(run).part(5.0).with_noise(0.006, rng=1)
         cycles = ds.find_cycles(trace)
         shares[angle] = cycles.means()["creep_share"], cycles.errors()["creep_share"]
         if angle == 0.0:

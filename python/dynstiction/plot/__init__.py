@@ -167,9 +167,7 @@ def draw(
         _refuse_undrawable(result)
         kind, chosen = _choice(result, kind, usual, names, start, end)
     elif names or start is not None or end is not None:
-        raise UsageError(
-            "columns and a part in time can be chosen for a run only: a sweep has no samples"
-        )
+        raise UsageError("columns and a part in time can be chosen for a run only: a sweep has no samples")
     if quantity is not None:
         chosen["quantity"] = quantity
     if ax is not None:
