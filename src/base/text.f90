@@ -339,10 +339,11 @@ contains
     character(:), allocatable :: mantissa
     integer :: figures, exponent, ios
     real(wp) :: again
-    ! At most 17 digits are needed in double precision and 36 in quadruple precision.
-    integer, parameter :: most_figures = precision(1.0_wp) + 3
+    ! At most 17 digits are needed in double precision and 36 in quadruple precision. A number that is read from fewer than the
+    ! precision has these digits and zeros at the precision, too, unless it is so small that it has lost digits.
+    integer, parameter :: enough = precision(1.0_wp), most_figures = enough + 3
 
-    do figures = 1, most_figures
+    do figures = merge(1, enough, abs(value) < tiny(value)), most_figures
       ! The two digits of the number of decimals are at fixed places, because writing and reading a format takes as long as the
       ! number itself.
       form = '(es48.'//achar(iachar('0') + (figures - 1)/10)//achar(iachar('0') + mod(figures - 1, 10))//'e4)'
@@ -352,6 +353,7 @@ contains
     end do
     buffer = adjustl(buffer)
     mantissa = buffer(1:1)//buffer(3:index(buffer, 'E') - 1)
+    mantissa = mantissa(:max(1, verify(mantissa, '0', back=.true.)))
     read (buffer(index(buffer, 'E') + 1:), '(i5)') exponent
     text = decimal_text(mantissa, exponent)
     if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text

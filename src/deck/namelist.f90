@@ -435,9 +435,9 @@ contains
     last = end_of_run(first)
     if (.not. is_unit(list%text(first:last))) return
     ! It may be a key of the same name.
-    number = last + verify(list%text(last + 1:)//newline, ' '//tab)
-    if (number <= len(list%text)) then
-      if (list%text(number:number) == '=') return
+    number = verify(list%text(last + 1:), ' '//tab)
+    if (number > 0) then
+      if (list%text(last + number:last + number) == '=') return
     end if
     number = token%last
     call accept(first)
@@ -449,7 +449,8 @@ contains
     integer function end_of_run(place)
       integer, intent(in) :: place
 
-      end_of_run = place + scan(list%text(place:)//newline, blanks//newline//',!') - 2
+      end_of_run = scan(list%text(place:), blanks//newline//',!')
+      end_of_run = merge(len(list%text), place + end_of_run - 2, end_of_run == 0)
     end function end_of_run
 
     subroutine accept(place)

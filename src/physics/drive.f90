@@ -41,27 +41,34 @@ contains
   pure function new_drive(time, velocity) result(drive)
     real(wp), intent(in) :: time(:), velocity(:)
     type(drive_t) :: drive
-    integer :: i, n, first
+    integer :: i, n, first, count
 
     n = size(time)
-    allocate (drive%segment(0))
+    allocate (drive%segment(n))
+    count = 0
     first = 1
     do i = 2, n
       if (i < n) then
         if (on_line(time([first, i, i + 1]), velocity([first, i, i + 1]))) cycle
       end if
-      if (time(i) > time(first)) drive%segment = [drive%segment, drive_segment_t(time(first), time(i), velocity(first), &
-        (velocity(i) - velocity(first))/(time(i) - time(first)))]
+      if (time(i) > time(first)) then
+        count = count + 1
+        drive%segment(count) = drive_segment_t(time(first), time(i), velocity(first), &
+                                               (velocity(i) - velocity(first))/(time(i) - time(first)))
+      end if
       first = i
     end do
-    drive%segment = [drive%segment, drive_segment_t(start=time(n), velocity=velocity(n))]
-    n = size(drive%segment)
-    if (n == 1) return
-    associate (before => drive%segment(n - 1), last => drive%segment(n))
-      if (abs(before%acceleration) > 0.0_wp .or. abs(before%velocity - last%velocity) > 0.0_wp) return
-      before%end = last%end
-    end associate
-    drive%segment = drive%segment(:n - 1)
+    count = count + 1
+    drive%segment(count) = drive_segment_t(start=time(n), velocity=velocity(n))
+    if (count > 1) then
+      associate (before => drive%segment(count - 1), last => drive%segment(count))
+        if (.not. (abs(before%acceleration) > 0.0_wp .or. abs(before%velocity - last%velocity) > 0.0_wp)) then
+          before%end = last%end
+          count = count - 1
+        end if
+      end associate
+    end if
+    drive%segment = drive%segment(:count)
   end function new_drive
 
   !> Whether the second of three knots lies on the line between the others, within roundoff.
