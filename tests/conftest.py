@@ -35,11 +35,10 @@ SEED = os.environ.setdefault("DYNSTICTION_SEED", str(secrets.randbits(32)))
 
 def pytest_report_header() -> list[str]:
     lines = [f"random scenes: DYNSTICTION_SEED={SEED}"]
-    core = next((Path(folder) for folder in sys.path if list(Path(folder).glob("dynstiction/_core*.so"))), None)
-    if core is not None and (named := os.environ.get("DYNSTICTION_EXE")) and Path(named).is_file():
-        (library, *_) = core.glob("dynstiction/_core*.so")
-        if Path(named).stat().st_mtime > library.stat().st_mtime + 60.0:
-            lines.append(f"{library} is older than {named}: tests of the package test the former core; tools/run.sh installs the new one")
+    library = next((file for folder in sys.path for file in Path(folder).glob("dynstiction/_core*.so")), None)
+    named = Path(os.environ.get("DYNSTICTION_EXE", ""))
+    if library is not None and named.is_file() and named.stat().st_mtime > library.stat().st_mtime + 60.0:
+        lines.append(f"{library} is older than {named}: tests of the package test the former core; tools/run.sh installs the new one")
     return lines
 
 

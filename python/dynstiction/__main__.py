@@ -18,6 +18,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from ._arguments import names_in
 from ._hdf5 import PROGRAM
 from ._native import catalogue
 from ._output import check_outputs, put
@@ -248,7 +249,7 @@ def _plot(options: argparse.Namespace) -> None:
 
     part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
     if options.columns is not None:
-        part["columns"] = [name.strip() for name in options.columns.split(",") if name.strip()]
+        part["columns"] = [name for name in names_in("--columns", options.columns) if name]
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
     one = len(options.files) == 1
@@ -389,8 +390,7 @@ def _trade(options: argparse.Namespace) -> None:
     output = options.output or Path(f"{options.file.stem}_trade.png")
     format_of(output)
     check_outputs([output], [options.file], overwrite=options.overwrite)
-    names = [name for name in options.quantities.split(",") if name]
-    found = trade(Scene.of_command(str(options.file), options.set), options.budget, names)
+    found = trade(Scene.of_command(str(options.file), options.set), options.budget, options.quantities)
     _say(found.report())
     write(found.plot(), output, overwrite=options.overwrite)
     _say(printable(str(output)))

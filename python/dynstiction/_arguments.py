@@ -20,6 +20,7 @@ __all__ = [
     "flag",
     "generator",
     "instance",
+    "names_in",
     "number",
     "path_name",
     "reals",
@@ -143,6 +144,17 @@ def text(name: str, value: object) -> str:
     if not isinstance(value, str):
         raise UsageError(f"{name} = {shown(value)}: {name} must be a string")
     return value
+
+
+def names_in(name: str, value: object) -> tuple[str, ...]:
+    """An argument that is a sequence of names, or a string with commas between them."""
+    try:
+        listed = value.split(",") if isinstance(value, str) else tuple(value)  # type: ignore[call-overload]
+    except TypeError:
+        raise UsageError(
+            f"{name} = {shown(value)}: give names, in a sequence or with commas between them"
+        ) from None
+    return tuple(text(name, each).strip() for each in listed)
 
 
 def path_name(value: object) -> str:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from . import _native
-from ._arguments import number, shown, text
+from ._arguments import names_in, number
 from ._progress import progress_bar
 from ._run import run
 from .deck_text import deck_from, setting_value
@@ -179,7 +179,7 @@ class Trade:
 def trade(
     deck: DeckLike,
     budget: float = 10.0,
-    quantities: Sequence[str] = (),
+    quantities: Sequence[str] | str = (),
     *,
     progress: bool | None = None,
     **changes: Unpack[Changes],
@@ -192,7 +192,7 @@ def trade(
         Path of a deck, text of a deck, or a scene.
     budget : float
         Wall time [s].
-    quantities : sequence of str, optional
+    quantities : sequence of str, or str, optional
         Quantities to which an accuracy applies: values of the summary, elongation and slip_velocity (at eight
         times of the first stick phase and at the end) or creep_velocity; by default elongation, period, peak_force and
         creep_velocity, if the scene has them.
@@ -219,9 +219,7 @@ def trade(
     --------
     >>> run(deck, **trade(deck).recommend(1e-3)[0])                          # doctest: +SKIP
     """
-    if not isinstance(quantities, Sequence):
-        raise UsageError(f"quantities={shown(quantities)}: give a list of names")
-    wanted = [text("quantities", name) for name in quantities]
+    wanted = [name for name in names_in("quantities", quantities) if name]
     found = _Measurement(Scene(deck, **changes), number("budget", budget, above=0.0, units="s"), wanted)
     with progress_bar(progress, found.budget, "{percentage:3.0f}%|{bar}| {n:.0f} of {total:.0f} s") as show:
         for _ in found.steps():
@@ -315,9 +313,8 @@ class _Measurement:
         runs = []
         for method, rtol in (("radau13", 1e-12), ("radau9", 1e-11)):
             yield
-            settings = {"integrator": {"method": method, "rtol": rtol, "cycle_map": "off"}}
-            settings = used_settings(self._given, settings)
-            scene = base.replace(**cast(Any, settings))
+            tight = {"integrator": {"method": method, "rtol": rtol, "cycle_map": "off"}}
+            scene = base.replace(**cast(Any, used_settings(self._given, tight)))
             runs.append(self._run(scene, self.budget - self.elapsed, self._times))
         self._true, summary = self._look(runs[0]), runs[0].summary
         for name in set(self._wanted) - self._true.keys():
@@ -326,6 +323,10 @@ class _Measurement:
         for name, error in self._differences(self._look(runs[1]), self._true).items():
             if name in {*QUANTITIES, *self._wanted} and (name in chance or error <= WORST_REFERENCE):
                 self.errors[name] = chance.get(name, max(error, ROUNDOFF))
+        for name in set(self._wanted) - self.errors.keys():
+            raise UsageError(
+                f"'{name}' is 0 in this scene, or not determined to 1 % by any method: choose another one"
+            )
         if chance:
             self.notes = "The motion is irregular: means of its cycles are known to three standard errors."
         elif summary.get("conditioning", 0.0) > RESOLUTION:

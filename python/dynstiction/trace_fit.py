@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._arguments import generator, instance, number, shown, whole
+from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slow_scene, steady_velocity
 from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
 from ._fit.starts import glances
@@ -609,7 +609,7 @@ def _normal(jacobian: _Floats) -> _Floats:
 
 
 def _problem(scene: Scene, trace: Trace, free: Sequence[str] | str) -> _Problem:
-    names = tuple(each.strip() for each in (free.split(",") if isinstance(free, str) else free))
+    names = names_in("free", free)
     scene.check()
     if not names or names == ("",):
         raise UsageError(

@@ -117,9 +117,10 @@ contains
     type(drive_t) :: marked
     type(drive_segment_t) :: part
     real(wp) :: knot(4), last, slow
-    integer :: i, k
+    integer :: i, k, count
 
-    allocate (marked%segment(0))
+    allocate (marked%segment(3*size(self%segment)))
+    count = 0
     do i = 1, size(self%segment)
       associate (ramp => self%segment(i))
         knot = [ramp%start, ramp%start, ramp%start, ramp%end]
@@ -134,10 +135,12 @@ contains
           if (.not. knot(k + 1) > knot(k)) cycle
           part = drive_segment_t(knot(k), knot(k + 1), ramp%velocity_at(knot(k)), ramp%acceleration)
           part%rests = k == 2 .or. .not. (abs(ramp%velocity) > 0.0_wp .or. abs(ramp%acceleration) > 0.0_wp)
-          marked%segment = [marked%segment, part]
+          count = count + 1
+          marked%segment(count) = part
         end do
       end associate
     end do
+    marked%segment = marked%segment(:count)
   end function with_rests
 
   !> Whether V has the same sign at all times.

@@ -264,7 +264,7 @@ import os, random, sys, warnings
 import dynstiction as ds
 warnings.simplefilter("ignore")
 sound, folder, count = open(sys.argv[1], "rb").read(), sys.argv[2], int(sys.argv[3])
-read, flips = getattr(ds, sys.argv[4]), [int(n) for n in sys.argv[5].split(",")]
+flips = [int(n) for n in sys.argv[4].split(",")]
 file = os.path.join(folder, "bent.h5")
 refused = 0
 for seed in range(count):
@@ -275,17 +275,17 @@ for seed in range(count):
     with open(file, "wb") as stream:
         stream.write(bent[: dice.randrange(len(bent))] if len(flips) > 1 and dice.random() < 0.2 else bent)
     try:
-        read(file)
+        ds.open(file)
     except ds.FileError:
         refused += 1
 print(refused)
 """
 
 
-def refusals(file: Path, folder: Path, count: int, read: str = "open", flips: str = "1,1,10,100") -> int:
+def refusals(file: Path, folder: Path, count: int, flips: str = "1,1,10,100") -> int:
     """How many of so many damaged copies of a file are refused; every other ending is a failure."""
     # A read takes some 10 ms; one that never ends fails here.
-    return int(SCRIPT(FLIPS, file, folder, count, read, flips, timeout=20 + count, status=0).stdout)
+    return int(SCRIPT(FLIPS, file, folder, count, flips, timeout=20 + count, status=0).stdout)
 
 
 def unsealed(file: Path, folder: Path) -> Path:

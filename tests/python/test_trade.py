@@ -97,6 +97,8 @@ def test_a_quantity_of_the_summary(fig3: ds.Scene) -> None:
     error = abs(run.summary["friction_work"] / best.summary["friction_work"] - 1.0)
     assert tried.friction_work == pytest.approx(error, rel=1e-6)
     assert trade.counted == ["friction_work"]
+    with pytest.raises(ds.UsageError, match="'sticks' is 0 in this scene"):
+        ds.trade(fig3, BUDGET, "sticks", contact="smoothed", v_smooth=1e-5, t_end=0.05)
     with pytest.raises(ds.UsageError, match="there is no 'perod' in this scene: there are"):
         ds.trade(fig3, BUDGET, ["perod"], **CREEP)
 

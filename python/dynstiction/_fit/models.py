@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _native
 from .._run import run, run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
-from ..scene import Scene
+from ..scene import Scene, used_settings
 from ..trace import pull_force
 from .waveform import Waveform, bin_means
 
@@ -42,14 +42,7 @@ class NoCycleError(Error):
 
 def slow_scene(scene: Scene) -> Scene:
     """The scene for the model low_frequency: without the keys that this model does not use."""
-    unused: dict[str, dict[str, None]] = {}
-    for group, keys in scene.groups().items():
-        for key in keys:
-            for on, choices in _native.key_info(group, key).used_by:
-                if on == "model" and "low_frequency" not in choices:
-                    unused.setdefault(group, {})[key] = None
-    slow = scene.replace(**unused)
-    return slow.replace(scene={"model": "low_frequency"})
+    return scene.replace(**cast(Any, used_settings(scene.groups(), {"scene": {"model": "low_frequency"}})))
 
 
 @dataclass(frozen=True)
