@@ -9,7 +9,6 @@ angle below and above it: below it the swing settles above 5 % of F_0, above it 
 """
 
 import argparse
-import math
 import time
 from pathlib import Path
 from statistics import median
@@ -42,8 +41,8 @@ def main() -> None:
         # A stiff axis on which the slow motion holds at every velocity.
         scene = FIG3.replace(drive={"velocity": velocity}, system={"stiffness_y": 1e10})
         ends = ds.stick_slip_ends(scene)
-        assert ends.misalignment is not None
-        at, is_fold = ends.misalignment.at, ends.misalignment.is_fold
+        assert ends.misalignment_deg is not None
+        at, is_fold = ends.misalignment_deg.at, ends.misalignment_deg.is_fold
         agreement, goes_on = "", []
         if not is_fold:
             goes_on = [swings(scene, at, at * (1.0 + side * BESIDE)) for side in (-1, 1)]
@@ -52,7 +51,7 @@ def main() -> None:
         if goes_on:
             agreement = f"< {BESIDE:.0e}" if goes_on == [True, False] else f"no: {goes_on}"
         kind = "fold" if is_fold else "swing"
-        print(f"{1e3 * velocity:9g} {math.degrees(at):16.12f} {kind:>6s} {agreement:>12s}")
+        print(f"{1e3 * velocity:9g} {at:16.12f} {kind:>6s} {agreement:>12s}")
 
 
 def timed(call) -> float:
@@ -80,10 +79,10 @@ def distance(found: ds.Cycles) -> float:
 
 
 def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds.Scene:
-    """The slow motion from a valley of the load, at an angle [rad]."""
+    """The slow motion from a valley of the load, at an angle [deg]."""
     return scene.replace(
         scene={"model": "low_frequency", "t_end": t_end},
-        system={"stiffness_y": None, "misalignment_deg": math.degrees(angle)},
+        system={"stiffness_y": None, "misalignment_deg": angle},
         friction={"contact": None},
         initial={"elongation_x": valley / STIFFNESS, "velocity_ratio": 1.0},
         integrator={"method": "radau13", "rtol": 1e-12},
@@ -94,7 +93,7 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
     """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to a swing that counts."""
     cycle = ds.cycles(
-        scene.replace(system={"misalignment_deg": math.degrees(at)}), model="low_frequency"
+        scene.replace(system={"misalignment_deg": at}), model="low_frequency"
     ).stable[-1]
     begun = slow_scene(scene, angle, cycle.valley_force - 0.01 * LEAST, MOST_CYCLES * cycle.period)
     return ds.run(begun, scene={"settle": 1e-10}).summary["swing"] > LEAST
@@ -103,7 +102,7 @@ def swings(scene: ds.Scene, at: float, angle: float) -> bool:
 def lasts(scene: ds.Scene, angle: float) -> bool:
     """Whether stick-slip with a somewhat larger initial swing continues for a long time."""
     cycle = ds.cycles(
-        scene.replace(system={"misalignment_deg": 0.999 * math.degrees(angle)}), model="low_frequency"
+        scene.replace(system={"misalignment_deg": 0.999 * angle}), model="low_frequency"
     ).stable[-1]
     run = ds.run(
         slow_scene(scene, angle, cycle.valley_force, 2e6 * cycle.period), integrator={"max_steps": 10**9}

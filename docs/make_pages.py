@@ -1,35 +1,40 @@
-"""Write docs/command_line.md and docs/deck.md from what `dynstiction template --json` prints.
+"""Write docs/command_line.md and docs/deck.md from what `dynstiction template --json` prints, and from Python's table of commands.
 
     python docs/make_pages.py [EXECUTABLE]
 
-It comes from src/app/command_table.f90 and src/deck/schema.f90, so every option, key, unit, range and default has one source.
+It comes from src/app/command_table.f90, python/dynstiction/_commands.py and src/deck/schema.f90, so every option, key, unit, range
+and default has one source.
 """
 
 import argparse
 import json
 import subprocess
+import sys
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).resolve().parent
+sys.path.insert(0, str(FOLDER.parent / "tools"))
+from man_page import all_commands  # noqa: E402
 
 COMMAND_LINE = """\
 # The command line
 
-<!-- Made by docs/make_pages.py from `dynstiction template --json`: change src/app/command_table.f90 or the script, not this page. -->
+<!-- Made by docs/make_pages.py: change src/app/command_table.f90, python/dynstiction/_commands.py or the script, not this page. -->
 
-`--help` explains every command. Exit statuses and messages are listed in [errors.md](errors.md). Commands marked *Python* are
-carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable takes the interpreter from the environment
-variable `DYNSTICTION_PYTHON`, else from its own folder, else from `PATH`.
+`dynstiction help COMMAND` explains every command. Exit statuses: [errors.md](errors.md). Commands marked *Python* are
+carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable hands them over, with every other word that
+is none of its own commands, to the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder, else
+to that of `PATH`. `dynstiction help python` lists them.
 
 ## For other programs
 
-`dynstiction template --json` prints one JSON object with everything that has a name:
+`dynstiction template --json` prints one JSON object with every name of the executable and of its results:
 
 | member | is a list of |
 | --- | --- |
-| `commands` | `name`, `by` (`dynstiction` or `Python`), `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
+| `commands` | `name`, `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
 | `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; one entry for each kind of argument |
 | `exit_statuses` | `status`, `meaning` |
 | `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (other keys, and those of their choices that use this key), `meaning` |
@@ -96,13 +101,13 @@ def main() -> None:
 
 
 def command_line(catalogue: dict[str, Any]) -> list[str]:
-    commands = [(code(c["name"]), c["brief"], c["by"]) for c in catalogue["commands"]]
-    parts = [COMMAND_LINE, table(("command", "meaning", "by"), commands)]
-    for command in catalogue["commands"]:
-        taken = [option for option in catalogue["options"] if command["name"] in option["commands"]]
-        rows = [(code(f"{o['name']} {o['argument']}".strip()), o["meaning"]) for o in taken]
+    commands = all_commands(catalogue)
+    listed = [(code(c["name"]), c["brief"], "Python" if c["is_python"] else "") for c in commands]
+    parts = [COMMAND_LINE, table(("command", "meaning", "by"), listed)]
+    for command in commands:
+        rows = [(code(option), meaning) for option, meaning in command["options"]]
         parts += [
-            f"## {command['name']}{' (Python)' if command['by'] == 'Python' else ''}\n",
+            f"## {command['name']}{' (Python)' if command['is_python'] else ''}\n",
             block(command["usage"]),
             command["meaning"].replace("*", r"\*") + "\n",
             *([table(("option", "meaning"), rows)] if rows else []),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import runpy
 import secrets
 import signal
 import sys
@@ -91,3 +92,10 @@ def package(tmp_path: Path) -> Program:
 def catalogue(executable: Path) -> dict[str, Any]:
     """Commands, options, keys, columns, ... as the program names them."""
     return json.loads(Program((executable,))("template", "--json", status=0).stdout)
+
+
+@pytest.fixture(scope="session")
+def of_python() -> dict[str, dict[str, Any]]:
+    """Entry of each command that Python carries out."""
+    table = runpy.run_path(str(programs.ROOT / "python" / "dynstiction" / "_commands.py"))
+    return {command["name"]: command for command in table["described"]()}

@@ -1,4 +1,4 @@
-"""Write the manual page dynstiction.1 from what `dynstiction template --json` prints.
+"""Write the manual page dynstiction.1 from what `dynstiction template --json` prints, and from Python's table of commands.
 
     python tools/man_page.py PROGRAM OUTPUT
 
@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import runpy
 import subprocess
 from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+# A file of its own, because the package needs the compiled core.
+TABLE_OF_PYTHON = Path(__file__).resolve().parents[1] / "python" / "dynstiction" / "_commands.py"
 
 ABOUT = """\
 .B dynstiction
@@ -39,7 +43,7 @@ def main(program: str, output: Path) -> None:
     said = subprocess.run([program, "template", "--json"], capture_output=True, text=True, check=True).stdout
     # Numbers stay as the program writes them.
     catalogue = json.loads(said, parse_int=str, parse_float=str)
-    about, commands = catalogue["program"], catalogue["commands"]
+    about = catalogue["program"]
     statuses = [(entry["status"], entry["meaning"]) for entry in catalogue["exit_statuses"]]
     parts = [
         f'.TH DYNSTICTION 1 "" "dynstiction {catalogue["version"]}" "User Commands"\n',
@@ -47,7 +51,7 @@ def main(program: str, output: Path) -> None:
         ".SH SYNOPSIS\n.B dynstiction\n.I COMMAND\n[...]\n.P\n.B dynstiction\n\\-\\-version | \\-\\-help\n",
         ".SH DESCRIPTION\n" + ABOUT + ".P\n" + line(about["meaning"]) + verbatim(about["examples"]),
         ".SH COMMANDS\n",
-        *(describe(command, catalogue["options"]) for command in commands),
+        *map(describe, all_commands(catalogue)),
         ".SH DECK\nGroups and keys in any order; a key with a default may be left out.\n",
     ]
     for group, keys in groupby(catalogue["keys"], key=lambda key: key["group"]):
@@ -56,22 +60,32 @@ def main(program: str, output: Path) -> None:
     output.write_text("".join(parts), encoding="utf-8")
 
 
-def describe(command: dict[str, Any], options: list[dict[str, Any]]) -> str:
-    """A subsection: usage, meaning, options, examples."""
-    taken = [
-        (f"{option['name']} {option['argument']}".strip(), option["meaning"])
-        for option in options
-        if command["name"] in option["commands"]
+def all_commands(catalogue: dict[str, Any]) -> list[dict[str, Any]]:
+    """The commands of the executable and of Python, each with its options as pairs of name and meaning."""
+    own = [
+        {
+            **command,
+            "is_python": False,
+            "options": [
+                (f"{option['name']} {option['argument']}".strip(), option["meaning"])
+                for option in catalogue["options"]
+                if command["name"] in option["commands"]
+            ],
+        }
+        for command in catalogue["commands"]
     ]
+    return own + [{**command, "is_python": True} for command in runpy.run_path(str(TABLE_OF_PYTHON))["described"]()]
+
+
+def describe(command: dict[str, Any]) -> str:
+    """A subsection: usage, meaning, options, examples."""
     parts = [
         f'.SS "{escape(command["name"])}"\n',
         verbatim(command["usage"]),
         ".P\n",
         line(command["meaning"]),
-    ]
-    parts += [
-        BY_PYTHON if command["by"] == "Python" else "",
-        entries(taken),
+        BY_PYTHON if command["is_python"] else "",
+        entries(command["options"]),
         ".P\nExamples:\n",
         verbatim(command["examples"]),
     ]

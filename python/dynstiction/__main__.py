@@ -12,13 +12,14 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ._arguments import names_in
+from ._commands import Layout, add_commands
 from ._hdf5 import PROGRAM
 from ._native import catalogue
 from ._output import check_outputs, put
@@ -64,8 +65,13 @@ class _Parser(argparse.ArgumentParser):
         if action.choices is None or value in action.choices:
             return
         choices = [str(choice) for choice in action.choices]
-        if value in {entry["name"] for entry in catalogue()["commands"]}:
-            raise UsageError(f"'{value}' is a command of the executable{_how_to_run(str(value))}")
+        if action.dest == "name":
+            theirs = [entry["name"] for entry in catalogue()["commands"]]
+            if value in theirs:
+                raise UsageError(f"'{value}' is a command of the executable{_how_to_run(str(value))}")
+            choices += theirs
+            near = _nearest(str(value), choices) or f"there are {' | '.join(choices)}, "
+            raise UsageError(f"unknown command '{value}': {near}see {PROGRAM} --help")
         near = _nearest(str(value), choices)
         self.error(
             f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}"
@@ -79,18 +85,20 @@ class _Parser(argparse.ArgumentParser):
         see = f"see {self.prog} {options.name} --help"
         if not left[0].startswith("-"):
             raise UsageError(f"too many operands, from '{left[0]}' on: {see}")
-        near = _nearest(left[0].partition("=")[0], self._options_of(options.name))
+        known = [name for action in self.commands()[options.name]._actions for name in action.option_strings]
+        near = _nearest(left[0].partition("=")[0], known)
         raise UsageError(f"unknown option '{left[0]}': {near}{see}")
+
+    def commands(self) -> dict[str, argparse.ArgumentParser]:
+        """The parser of each command."""
+        (found,) = (action for action in self._actions if action.dest == "name")
+        return found.choices  # type: ignore[return-value]
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:
             super()._print_message(message, file)
         else:
             _say(message, end="")
-
-    @staticmethod
-    def _options_of(command: str) -> list[str]:
-        return [option["name"] for option in catalogue()["options"] if command in option["commands"]]
 
 
 def _how_to_run(command: str) -> str:
@@ -140,9 +148,19 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
     """
     try:
         with _signals_raised():
-            options = _parser(program).parse_all(arguments)
-            command: Callable[[argparse.Namespace], int | None] = options.command
-            return command(options) or 0
+            given = list(sys.argv[1:] if arguments is None else arguments)
+            parser = _parser(program)
+            if given[:1] == ["complete"]:
+                from ._completion import completions  # noqa: PLC0415
+
+                for candidate in completions(parser.commands(), given[1:]):
+                    _say(candidate)
+                return 0
+            if given[:1] == ["help"]:
+                given = [*(word for word in given[1:] if word != "python"), "--help"]
+            options = parser.parse_all(given)
+            COMMANDS[options.name](options)
+            return 0
     except _ReaderGoneError:
         return READER_GONE
     except Error as error:
@@ -202,45 +220,15 @@ def _signals_raised() -> Iterator[None]:
 
 
 def _parser(program: str) -> _Parser:
-    """Parser of the Python commands, whose operands and options are in the table of src/app/command_table.f90."""
-    parser = _Parser(prog=program, description="Figures, reports and tables of dynstiction's results.")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for entry in catalogue()["commands"]:
-        if entry["by"] == "Python":
-            command = commands.add_parser(entry["name"], help=entry["brief"], description=entry["meaning"])
-            run, defaults = COMMANDS[entry["name"]]
-            command.set_defaults(command=run, name=entry["name"], **defaults)
-            _add_arguments(command, entry)
+    """Parser of the table of commands."""
+    parser = _Parser(
+        prog=program,
+        description="Figures, reports and tables of results; measured traces; the trade of accuracy for time.",
+        epilog=f"The commands of the executable: {PROGRAM} --help",
+        formatter_class=Layout,
+    )
+    add_commands(parser.add_subparsers(title="commands", required=True, metavar="COMMAND", dest="name"))
     return parser
-
-
-def _add_arguments(parser: _Parser, entry: Mapping[str, Any]) -> None:
-    operand = entry["operands"].removesuffix("...")
-    if operand != entry["operands"]:
-        parser.add_argument("files", metavar=operand, type=Path, nargs="+")
-    elif " " in operand:
-        for each in operand.split():
-            parser.add_argument(each.lower(), metavar=each)
-    elif operand:
-        parser.add_argument("file", metavar=operand, type=Path)
-    options = [option for option in catalogue()["options"] if entry["name"] in option["commands"]]
-    for name in dict.fromkeys(option["name"] for option in options):
-        # An option that takes several kinds of values has an entry for each.
-        option, *others = (each for each in options if each["name"] == name)
-        names = ("-o", "--output") if name == "-o" else (name,)
-        meaning = "; ".join(
-            [option["meaning"], *(f"{each['argument']}: {each['meaning']}" for each in others)]
-        )
-        how: dict[str, Any] = {"help": meaning.replace("%", "%%"), "required": option["times"] == "1"}
-        if not option["argument"]:
-            how["action"] = "store_true"
-        elif option["times"] == "*":
-            how |= {"metavar": option["argument"], "action": "append", "default": []}
-        elif "|" in option["argument"]:
-            how["choices"] = option["argument"].split("|")
-        else:
-            how |= {"metavar": option["argument"], "type": TYPES.get(option["argument"], Path)}
-        parser.add_argument(*names, **how)
 
 
 def _plot(options: argparse.Namespace) -> None:
@@ -357,11 +345,6 @@ def _fit(options: argparse.Namespace) -> None:
     _say(printable(str(output)))
 
 
-def _column(text: str) -> int | str:
-    """A column of a table, by number or name."""
-    return int(text) if text.isdecimal() else text
-
-
 def _report(options: argparse.Namespace) -> None:
     from .report import write_report  # noqa: PLC0415
 
@@ -387,10 +370,10 @@ def _trade(options: argparse.Namespace) -> None:
     from ._trade import trade  # noqa: PLC0415
     from .plot.style import format_of, write  # noqa: PLC0415
 
-    output = options.output or Path(f"{options.file.stem}_trade.png")
+    output = options.output or Path(f"{Path(options.deck).stem}_trade.png")
     format_of(output)
-    check_outputs([output], [options.file], overwrite=options.overwrite)
-    found = trade(Scene.of_command(str(options.file), options.set), options.budget, options.quantities)
+    check_outputs([output], [options.deck], overwrite=options.overwrite)
+    found = trade(Scene.of_command(options.deck, options.set), options.budget, options.quantities)
     _say(found.report())
     write(found.plot(), output, overwrite=options.overwrite)
     _say(printable(str(output)))
@@ -455,34 +438,20 @@ def _warnings_in_one_line() -> Iterator[None]:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
 
 
-TYPES: dict[str, Callable[[str], object]] = {
-    "A": float,
-    "C": str,
-    "COLUMN": _column,
-    "KEYS": str,
-    "KIND": str,
-    "N": int,
-    "NAME": str,
-    "NAMES": str,
-    "S": float,
-    "T": float,
-}
-"""Types of the arguments of options; other arguments are paths."""
-
 PAGES = (".html", ".htm")
 """Suffixes of a report."""
 
-COMMANDS: dict[str, tuple[Callable[[argparse.Namespace], int | None], dict[str, Any]]] = {
-    "plot": (_plot, {}),
-    "compare": (_compare, {}),
-    "fit": (_fit, {"starts": 2, "seed": 0}),
-    "trade": (_trade, {"budget": 10.0, "accuracy": 1e-3, "quantities": ""}),
-    "report": (_report, {}),
-    "export": (_export, {"output": Path()}),
-    "animate": (_animate, {"fps": 20, "seconds": 10.0}),
-    "paper": (_paper, {"format": "png"}),
+COMMANDS = {
+    "plot": _plot,
+    "report": _report,
+    "export": _export,
+    "animate": _animate,
+    "paper": _paper,
+    "trade": _trade,
+    "compare": _compare,
+    "fit": _fit,
 }
-"""Function of each command, and the defaults of its options."""
+"""Function of each command."""
 
 if __name__ == "__main__":
     sys.exit(main())

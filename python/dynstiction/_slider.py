@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +12,16 @@ from . import _native
 from .errors import UsageError
 from .scene import DeckLike, Scene
 
-__all__ = ["drive_of", "held_velocity", "scene_parameters", "slider_parameters"]
+__all__ = ["drive_of", "for_the_core", "held_velocity", "scene_parameters", "slider_parameters"]
+
+T = TypeVar("T")
 
 OPTIONAL = {"mu_inf": None, "v_f": None, "v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 """Optional parameters and their defaults. Without `mu_inf` and `v_f` friction is constant."""
 
 
 def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | None]) -> dict[str, ArrayLike]:
-    """Every parameter of sliders by name, in the order of the core.
+    """Every parameter of sliders by its key in the deck, in its unit, in the order of the core.
 
     Parameters
     ----------
@@ -34,7 +35,8 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
     UsageError
         If a parameter is missing, or only one of `mu_inf` and `v_f` is given; also as for `scene_parameters`.
     """
-    names = _native.slider_parameters()
+    # The core has this angle in radians.
+    names = ["misalignment_deg" if name == "misalignment" else name for name in _native.slider_parameters()]
     chosen = {name: value for name, value in given.items() if value is not None}
     known = {} if scene is None else scene_parameters(Scene(scene), "velocity" not in chosen)
     found: dict[str, ArrayLike | None] = {**OPTIONAL, **known, **chosen}
@@ -51,8 +53,13 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
     return cast(dict[str, ArrayLike], {name: found[name] for name in names})
 
 
+def for_the_core(name: str, value: T) -> T:
+    """A parameter of sliders in the unit of the core."""
+    return cast(T, np.radians(value)) if name == "misalignment_deg" else value
+
+
 def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float | None]:
-    """Parameters of the slider of a scene, as far as the scene gives them; the angle is in radians.
+    """Parameters of the slider of a scene, as far as the scene gives them.
 
     Raises
     ------
@@ -66,7 +73,7 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
         "mass": system.mass,
         "stiffness_x": system.stiffness_x,
         "stiffness_y": system.stiffness_y,
-        "misalignment": None if system.misalignment_deg is None else math.radians(system.misalignment_deg),
+        "misalignment_deg": system.misalignment_deg,
         "mu_0": friction.mu_0,
         "normal_load": friction.normal_load,
         "damping_x": system.damping_x,

@@ -113,7 +113,7 @@ def creep_velocity(
     t: ArrayLike,
     *,
     velocity: ArrayLike,
-    misalignment: ArrayLike,
+    misalignment_deg: ArrayLike,
     stiffness_x: ArrayLike,
     stiffness_y: ArrayLike | None = None,
     mu_0: ArrayLike,
@@ -127,8 +127,8 @@ def creep_velocity(
         Time [s] since the spring was relaxed, at least 0.
     velocity : array_like
         V [m/s] of the drive, positive.
-    misalignment : array_like
-        phi [rad] in (-pi/2, pi/2).
+    misalignment_deg : array_like
+        phi [deg] in (-90, 90).
     stiffness_x, stiffness_y : array_like
         k_x < k_y [N/m] of the soft and the stiff principal axis; without `stiffness_y` the stiff axis is rigid.
     mu_0 : array_like
@@ -154,7 +154,7 @@ def creep_velocity(
         stiffness_y=stiff,
         mu_0=mu_0,
         normal_load=normal_load,
-        misalignment=misalignment,
+        misalignment_deg=misalignment_deg,
     )
     return reals("velocity", velocity) * creep_exact(*scaled).X_rate
 
@@ -163,7 +163,7 @@ def dimensionless(
     t: ArrayLike,
     *,
     velocity: ArrayLike,
-    misalignment: ArrayLike,
+    misalignment_deg: ArrayLike,
     stiffness_x: ArrayLike,
     stiffness_y: ArrayLike,
     mu_0: ArrayLike,
@@ -177,8 +177,8 @@ def dimensionless(
     # Infinity means a rigid axis.
     reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
     times = reals("t", t, least=0.0, units="s")
-    phi = reals("misalignment", misalignment, checked=False)
-    shape_of(t=times, misalignment=phi, stiffness_y=stiff, **given)
+    phi = np.radians(reals("misalignment_deg", misalignment_deg, above=-90.0, below=90.0, units="deg"))
+    shape_of(t=times, misalignment_deg=phi, stiffness_y=stiff, **given)
     speed, soft, friction_coefficient, load = given.values()
     with np.errstate(all="ignore"):
         friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import SMALLEST, finite, number, reals
-from ._slider import drive_of, scene_parameters, slider_parameters
+from ._slider import drive_of, for_the_core, scene_parameters, slider_parameters
 from .errors import UsageError
 from .scene import DeckLike, Scene
 
@@ -21,7 +21,7 @@ LIMITS: dict[str, dict[str, Any]] = {
     "mass": {"above": 0.0, "units": "kg"},
     "stiffness_x": {"above": 0.0, "units": "N/m"},
     "stiffness_y": {"above": 0.0, "units": "N/m"},
-    "misalignment": {"units": "rad"},
+    "misalignment_deg": {"units": "deg"},
     "mu_0": {"least": 0.0},
     "mu_inf": {"least": 0.0},
     "v_f": {"least": SMALLEST, "units": "m/s"},
@@ -44,7 +44,7 @@ def rhs(
     mass: float | None = None,
     stiffness_x: float | None = None,
     stiffness_y: float | None = None,
-    misalignment: float | None = None,
+    misalignment_deg: float | None = None,
     mu_0: float | None = None,
     mu_inf: float | None = None,
     v_f: float | None = None,
@@ -70,8 +70,8 @@ def rhs(
         m [kg].
     stiffness_x, stiffness_y : float
         k_x, k_y [N/m] of the soft and the stiff principal axis.
-    misalignment : float
-        phi [rad], from the drive direction to the soft axis.
+    misalignment_deg : float
+        phi [deg], from the drive direction to the soft axis.
     mu_0, mu_inf : float
         Friction coefficients at rest and at high speed [-]. Without `mu_inf` friction is constant.
     v_f : float
@@ -101,7 +101,7 @@ def rhs(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": stiffness_y,
-        "misalignment": misalignment,
+        "misalignment_deg": misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -122,7 +122,7 @@ def jacobian(
     mass: float | None = None,
     stiffness_x: float | None = None,
     stiffness_y: float | None = None,
-    misalignment: float | None = None,
+    misalignment_deg: float | None = None,
     mu_0: float | None = None,
     mu_inf: float | None = None,
     v_f: float | None = None,
@@ -140,7 +140,7 @@ def jacobian(
         ``u_x, u_y`` [m], ``w_x, w_y`` [m/s], as for `rhs`.
     scene : str, PathLike or Scene, optional
         As for `rhs`.
-    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : float
+    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : float
         As for `rhs`.
 
     Returns
@@ -158,7 +158,7 @@ def jacobian(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": stiffness_y,
-        "misalignment": misalignment,
+        "misalignment_deg": misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -303,7 +303,7 @@ def slip_problem(scene: DeckLike) -> SlipProblem:
     t_end = float(scene.scene.t_end or 0.0)
     parameters = scene_parameters(scene, with_velocity=False)
     slider = _slider(None, {**parameters, "velocity": velocities[0]})
-    angle = parameters["misalignment"] or 0.0
+    angle = np.radians(parameters["misalignment_deg"] or 0.0)
     along = np.array([np.cos(angle), np.sin(angle)])
     initial = scene.initial
     y0 = np.concatenate(
@@ -331,4 +331,6 @@ def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) ->
 def _slider(scene: DeckLike | None, given: Mapping[str, float | None]) -> NDArray[np.float64]:
     """The parameter vector of the core."""
     values = slider_parameters(scene, given)
-    return np.array([number(name, value, **LIMITS[name]) for name, value in values.items()])
+    return np.array(
+        [for_the_core(name, number(name, value, **LIMITS[name])) for name, value in values.items()]
+    )

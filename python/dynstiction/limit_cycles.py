@@ -103,7 +103,7 @@ class End(NamedTuple):
     """A limit of stick-slip."""
 
     at: float
-    """Misalignment [rad] or drive velocity [m/s]."""
+    """Misalignment [deg] or drive velocity [m/s]."""
     is_fold: bool
     """Whether a stable and an unstable cycle meet there; if not, the swing (peak to peak) of k_x u_x is 5 % of mu_0 W."""
     error: float
@@ -113,18 +113,18 @@ class End(NamedTuple):
 class StickSlipEnds(NamedTuple):
     """Limits of the stick-slip of the slow motion, where that stands for the full one. A limit that does not exist is None."""
 
-    critical_misalignment: float | None
-    """Misalignment at which steady sliding becomes stable at this velocity [rad]; None if friction does not weaken."""
+    critical_misalignment_deg: float | None
+    """Misalignment at which steady sliding becomes stable at this velocity [deg]; None if friction does not weaken."""
     is_supercritical: bool | None
     """Whether the small cycles that begin there are stable."""
-    misalignment: End | None
-    """Misalignment at which stick-slip ends at this velocity, `at` in rad."""
+    misalignment_deg: End | None
+    """Misalignment at which stick-slip ends at this velocity, `at` in deg."""
     critical_velocity: tuple[float | None, float | None] | None
     """Velocities between which steady sliding is unstable at the scene's misalignment [m/s]."""
     velocity: tuple[End | None, End | None]
     """Velocities between which there is stick-slip at the scene's misalignment, `at` in m/s."""
     bautin_point: tuple[float, float] | None
-    """V [m/s] and phi [rad] at which small cycles change from stable to unstable."""
+    """V [m/s] and phi [deg] at which small cycles change from stable to unstable."""
     model: Literal["low_frequency"]
     """Model of all limits: the slow motion, with a rigid stiff axis."""
     drive_velocity: float
@@ -224,6 +224,10 @@ def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
     """
     with _native.Ends(Scene(scene).source) as found:
         values = found.values
+
+    for name in ("critical_misalignment", "misalignment", "bautin_misalignment"):
+        if name in values:
+            values[name] = math.degrees(values[name])
 
     def end(name: str) -> End | None:
         if name not in values:

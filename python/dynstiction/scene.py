@@ -88,63 +88,13 @@ class Scene(SceneGroups):
             self._text, self._name, self._fields = written.text, written.name, written.fields
             return
         elif isinstance(deck, Mapping):
-            raise UsageError(
-                f"{shown(deck)}: a mapping is not a deck: write Scene.from_dict(groups), or Scene(**groups)"
-            )
+            raise UsageError(f"{shown(deck)}: a mapping is not a deck: write Scene(**groups)")
         elif isinstance(deck, str) and _is_text(deck):
             self._text, self._name = deck, "deck"
         else:
             self._name = path_name(deck)
             self._text = _read(self._name)
         self._settings.update(_settings(given))
-
-    @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Scene:
-        """Scene of the deck in a file.
-
-        Parameters
-        ----------
-        path : str or PathLike
-            The file.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be read.
-        """
-        return cls(Path(path_name(path)))
-
-    @classmethod
-    def from_deck(cls, deck: DeckLike) -> Scene:
-        """Scene of a deck, the same as ``Scene(deck)``.
-
-        Parameters
-        ----------
-        deck : str, PathLike or Scene
-            Path of a deck, text of a deck, or a scene.
-        """
-        return cls(deck)
-
-    @classmethod
-    def from_dict(cls, groups: Mapping[str, object]) -> Scene:
-        """Scene of a dictionary, as `groups` returns it, or as JSON, TOML or f90nml read it.
-
-        Parameters
-        ----------
-        groups : mapping
-            Mappings of keys by group, ``{"system": {"mass": 0.25}, …}``; also keys, ``{"system.mass": 0.25}`` or
-            ``{"mass": 0.25}``.
-
-        Raises
-        ------
-        UsageError
-            If `groups` is not a mapping, or a name in it is not a group or key.
-        """
-        if not isinstance(groups, Mapping) or not all(isinstance(name, str) for name in groups):
-            raise UsageError(
-                f"groups = {shown(groups)}: a mapping of the groups of a deck, {{'system': {{…}}}}"
-            )
-        return cls(**cast(Changes, dict(groups)))
 
     @classmethod
     def of_command(cls, path: str, settings: Iterable[str]) -> Scene:
@@ -162,7 +112,7 @@ class Scene(SceneGroups):
         FileError
             If the file cannot be read.
         """
-        scene = cls.read(path)
+        scene = cls(Path(path))
         scene._name = path
         for setting in settings:
             name, _, value = setting.partition("=")
@@ -245,7 +195,7 @@ class Scene(SceneGroups):
         Returns
         -------
         Stability
-            ``stable``, ``critical_misalignment`` [rad], ``eigenvalues`` [1/s].
+            ``stable``, ``critical_misalignment_deg``, ``eigenvalues`` [1/s].
 
         Raises
         ------

@@ -187,7 +187,7 @@ def creep_frequency(
     *,
     mass: ArrayLike,
     velocity: ArrayLike,
-    misalignment: ArrayLike,
+    misalignment_deg: ArrayLike,
     stiffness_x: ArrayLike,
     stiffness_y: ArrayLike,
     mu_0: ArrayLike,
@@ -201,8 +201,8 @@ def creep_frequency(
     ----------
     t : array_like
         Time [s] since the spring was relaxed, at least 0.
-    mass, velocity, misalignment, stiffness_x, stiffness_y, mu_0, normal_load : array_like
-        m [kg], V [m/s] > 0, phi [rad], k_x < k_y [N/m], friction coefficient, W [N].
+    mass, velocity, misalignment_deg, stiffness_x, stiffness_y, mu_0, normal_load : array_like
+        m [kg], V [m/s] > 0, phi [deg], k_x < k_y [N/m], friction coefficient, W [N].
 
     Returns
     -------
@@ -217,7 +217,7 @@ def creep_frequency(
     scaled = dimensionless(
         t,
         velocity=velocity,
-        misalignment=misalignment,
+        misalignment_deg=misalignment_deg,
         stiffness_x=stiffness_x,
         stiffness_y=reals("stiffness_y", stiffness_y, above=0.0, units="N/m"),
         mu_0=mu_0,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import reals, shape_of
-from ._slider import slider_parameters
+from ._slider import for_the_core, slider_parameters
 from .scene import DeckLike, Scene
 
 __all__ = [
@@ -39,13 +39,13 @@ class CriticalMisalignment(NamedTuple):
     """
 
     angle: NDArray[np.float64]
-    """Critical angles [rad] between 0 and pi/2, shape (..., 2); NaN where there is none."""
+    """Critical angles [deg] between 0 and 90, shape (..., 2); NaN where there is none."""
     frequency: NDArray[np.float64]
     """Angular frequency [rad/s] of the oscillation at the critical angles, shape (..., 2)."""
     window: NDArray[np.float64]
-    """Steady sliding is stable between these angles [rad], shape (..., 2); NaN where it is stable at no angle."""
+    """Steady sliding is stable between these angles [deg], shape (..., 2); NaN where it is stable at no angle."""
     limit: NDArray[np.float64]
-    """Critical angle [rad] of the slow mode in the limit of infinite ``k_y``, shape (...); 0 if friction does not weaken."""
+    """Critical angle [deg] of the slow mode in the limit of infinite ``k_y``, shape (...); 0 if friction does not weaken."""
 
 
 class CreepEnd(NamedTuple):
@@ -68,19 +68,19 @@ class Stability(NamedTuple):
     """Whether every disturbance decays, so that steady sliding can be seen."""
     velocity: float
     """Drive velocity |V| [m/s] of this analysis: the only one that the drive keeps and that is not 0."""
-    misalignment: float
-    """Misalignment of the scene [rad]."""
-    critical_misalignment: float
-    """Misalignment [rad] above which steady sliding is stable at this velocity; NaN if it is stable at no angle."""
+    misalignment_deg: float
+    """Misalignment of the scene [deg]."""
+    critical_misalignment_deg: float
+    """Misalignment [deg] above which steady sliding is stable at this velocity; NaN if it is stable at no angle."""
     eigenvalues: NDArray[np.complex128]
     """Eigenvalues of a small disturbance [1/s], by decreasing real part; shape (4,)."""
 
     def __str__(self) -> str:
         verdict = "stable" if self.stable else "unstable"
-        above = f"stable above {np.degrees(self.critical_misalignment):.4g} deg"
+        above = f"stable above {self.critical_misalignment_deg:.4g} deg"
         return (
-            f"steady sliding at V = {self.velocity:g} m/s, phi = {np.degrees(self.misalignment):g} deg is {verdict} "
-            f"({'stable at no angle' if np.isnan(self.critical_misalignment) else above})"
+            f"steady sliding at V = {self.velocity:g} m/s, phi = {self.misalignment_deg:g} deg is {verdict} "
+            f"({'stable at no angle' if np.isnan(self.critical_misalignment_deg) else above})"
         )
 
 
@@ -90,7 +90,7 @@ def stability(scene: Scene) -> Stability:
         return Stability(
             bool(np.all(found.eigenvalues.real < 0.0)),
             found.velocity,
-            found.misalignment,
+            float(np.degrees(found.misalignment)),
             float(_critical(found.critical).window[0]),
             found.eigenvalues,
         )
@@ -103,7 +103,7 @@ def steady_sliding_eigenvalues(
     mass: ArrayLike | None = None,
     stiffness_x: ArrayLike | None = None,
     stiffness_y: ArrayLike | None = None,
-    misalignment: ArrayLike | None = None,
+    misalignment_deg: ArrayLike | None = None,
     mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
@@ -124,8 +124,8 @@ def steady_sliding_eigenvalues(
     scene : str, PathLike or Scene, optional
         A deck or a scene, for the parameters that are not given. If its drive keeps several velocities, `velocity` must be given.
         Without keywords the scene may have any friction law, with keywords only constant or weakening friction.
-    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
-        As for `rhs`: m [kg], k_x, k_y [N/m], phi [rad], friction coefficients, v_f [m/s], W [N], V [m/s], which must not be
+    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
+        As for `rhs`: m [kg], k_x, k_y [N/m], phi [deg], friction coefficients, v_f [m/s], W [N], V [m/s], which must not be
         0, and the smoothing velocity [m/s].
     damping_x, damping_y : array_like
         c_x, c_y [N s/m] of the dampers parallel to the springs.
@@ -150,7 +150,7 @@ def steady_sliding_eigenvalues(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": stiffness_y,
-        "misalignment": misalignment,
+        "misalignment_deg": misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -175,7 +175,7 @@ def critical_misalignment(
     mass: ArrayLike | None = None,
     stiffness_x: ArrayLike | None = None,
     stiffness_y: ArrayLike | None = None,
-    misalignment: ArrayLike | None = None,
+    misalignment_deg: ArrayLike | None = None,
     mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
@@ -198,13 +198,13 @@ def critical_misalignment(
         As for `steady_sliding_eigenvalues`.
     mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : array_like
         As for `steady_sliding_eigenvalues`.
-    misalignment : array_like
+    misalignment_deg : array_like
         Has an effect on the shape only. It is accepted so that the same keywords can be used as for `steady_sliding_eigenvalues`.
 
     Returns
     -------
     CriticalMisalignment
-        Angles [rad], frequencies [rad/s], window [rad] and rigid limit [rad], from closed forms.
+        Angles [deg], frequencies [rad/s], window [deg] and rigid limit [deg], from closed forms.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def critical_misalignment(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": stiffness_y,
-        "misalignment": 0.0 if scene is None and misalignment is None else misalignment,
+        "misalignment_deg": 0.0 if scene is None and misalignment_deg is None else misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -236,10 +236,10 @@ def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
     """Critical misalignments (..., 9), from the core."""
     exists, angle, frequency, window, limit = np.split(values, [2, 4, 6, 8], axis=-1)
     return CriticalMisalignment(
-        np.where(exists == 1.0, angle, np.nan),
+        np.where(exists == 1.0, np.degrees(angle), np.nan),
         np.where(exists == 1.0, frequency, np.nan),
-        np.where(window[..., 1:] > window[..., :1], window, np.nan),
-        limit[..., 0].copy(),
+        np.where(window[..., 1:] > window[..., :1], np.degrees(window), np.nan),
+        np.degrees(limit[..., 0]),
     )
 
 
@@ -250,7 +250,7 @@ def creep_end(
     mass: ArrayLike | None = None,
     stiffness_x: ArrayLike | None = None,
     stiffness_y: ArrayLike | None = None,
-    misalignment: ArrayLike | None = None,
+    misalignment_deg: ArrayLike | None = None,
     mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
@@ -268,7 +268,7 @@ def creep_end(
     ----------
     scene : str, PathLike or Scene, optional
         As for `steady_sliding_eigenvalues`.
-    mass, stiffness_x, stiffness_y, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
+    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity : array_like
         As for `steady_sliding_eigenvalues`.
 
     Returns
@@ -286,7 +286,7 @@ def creep_end(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": stiffness_y,
-        "misalignment": misalignment,
+        "misalignment_deg": misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -306,7 +306,7 @@ def damping_ratio(
     mass: ArrayLike | None = None,
     stiffness_x: ArrayLike | None = None,
     stiffness_y: ArrayLike | None = None,
-    misalignment: ArrayLike | None = None,
+    misalignment_deg: ArrayLike | None = None,
     mu_0: ArrayLike | None = None,
     mu_inf: ArrayLike | None = None,
     v_f: ArrayLike | None = None,
@@ -325,7 +325,7 @@ def damping_ratio(
         Angle [rad] from the soft axis to the friction; broadcasts with the parameters.
     scene : str, PathLike or Scene, optional
         As for `steady_sliding_eigenvalues`.
-    mass, stiffness_x, misalignment, mu_0, mu_inf, v_f, normal_load, velocity : array_like
+    mass, stiffness_x, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity : array_like
         As for `steady_sliding_eigenvalues`; ``V sin(phi)`` must not be 0.
     stiffness_y : array_like
         Has an effect on the shape only: the stiff axis is taken as rigid.
@@ -345,7 +345,7 @@ def damping_ratio(
         "mass": mass,
         "stiffness_x": stiffness_x,
         "stiffness_y": 1.0 if stiffness_y is None else stiffness_y,
-        "misalignment": misalignment,
+        "misalignment_deg": misalignment_deg,
         "mu_0": mu_0,
         "mu_inf": mu_inf,
         "v_f": v_f,
@@ -364,7 +364,10 @@ def _sliders(
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Parameter rows of the core, and the shape that they and `others` broadcast to."""
     # The core checks the ranges.
-    parameters = {n: reals(n, v, checked=False) for n, v in slider_parameters(scene, given).items()}
+    parameters = {
+        name: for_the_core(name, reals(name, value, checked=False))
+        for name, value in slider_parameters(scene, given).items()
+    }
     shape = shape_of(**parameters, **others)
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)
     return np.ascontiguousarray(rows), shape

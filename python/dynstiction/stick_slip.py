@@ -197,7 +197,7 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
     if "velocity" in result.parameters:
         velocity = np.full(middle.shape, float(result.parameters["velocity"]))
     elif result.resolved_deck:
-        drive = Scene.from_deck(result.resolved_deck).groups()["drive"]
+        drive = Scene(result.resolved_deck).groups()["drive"]
         velocity = np.interp(middle, np.atleast_1d(drive["time"]), np.atleast_1d(drive["velocity"]))
     else:
         velocity = np.ones(middle.shape)

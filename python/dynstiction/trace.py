@@ -302,7 +302,7 @@ def _sense(result: Result) -> float:
     """-1 for a drive that moves only backwards."""
     velocity: object = result.parameters.get("velocity")
     if velocity is None and result.resolved_deck:
-        velocity = Scene.from_deck(result.resolved_deck).groups()["drive"]["velocity"]
+        velocity = Scene(result.resolved_deck).groups()["drive"]["velocity"]
     values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
     return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
 

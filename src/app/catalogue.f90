@@ -1,4 +1,4 @@
-!> All names that the program and its results use, as JSON: commands, options, exit statuses, keys of a deck, columns, summary
+!> All names that the executable and its results use, as JSON: commands, options, exit statuses, keys of a deck, columns, summary
 !> values, statistics. `dynstiction template --json` prints it; the manual page, the documentation and the Python package read it.
 module dst_catalogue
   use dst_command_line, only: usage_of
@@ -70,10 +70,9 @@ contains
     type(command_entry_t), intent(in) :: command
     character(:), allocatable :: text
 
-    text = '{"name": '//quoted(command%name)//', "by": '//quoted(trim(merge('Python     ', 'dynstiction', command%of_python)))// &
-      ', "operands": '//quoted(command%operands)//', "brief": '//quoted(command%brief)//', "meaning": '//quoted(command%meaning)// &
-      ', "usage": '//quoted(usage_of(command))//', "options": '//of_words(options_of(trim(command%name)))//', "examples": '// &
-      quoted(command%examples)//'}'
+    text = '{"name": '//quoted(command%name)//', "operands": '//quoted(command%operands)//', "brief": '//quoted(command%brief)// &
+      ', "meaning": '//quoted(command%meaning)//', "usage": '//quoted(usage_of(command))//', "options": '// &
+      of_words(options_of(trim(command%name)))//', "examples": '//quoted(command%examples)//'}'
   end function of_command
 
   function of_option(option) result(text)

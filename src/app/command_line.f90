@@ -11,7 +11,7 @@ module dst_command_line
   implicit none
   private
 
-  public :: argument_t, command_t, program_arguments, is_python_command, parse_arguments, takes_value, setting_list, help_text, &
+  public :: argument_t, command_t, program_arguments, is_own_command, parse_arguments, takes_value, setting_list, help_text, &
     usage_of, errors_topic
 
   !> One word of the command line.
@@ -58,13 +58,20 @@ contains
     end do
   end function program_arguments
 
-  !> Whether the command, which comes first, is one that Python carries out.
-  pure logical function is_python_command(arguments)
+  !> Whether the arguments, or the topic of help, are for the executable: any other word that comes first is a command of Python.
+  pure logical function is_own_command(arguments)
     type(argument_t), intent(in) :: arguments(:)
+    integer :: i
 
-    is_python_command = .false.
-    if (size(arguments) > 0) is_python_command = has_word(command_names(of_python=.true.), arguments(1)%text)
-  end function is_python_command
+    is_own_command = .true.
+    if (size(arguments) == 0) return
+    i = 1
+    if (arguments(1)%text == 'help' .and. size(arguments) == 2) i = 2
+    associate (text => arguments(i)%text)
+      is_own_command = starts_with(text, '-') .or. len_trim(text) == 0 .or. &
+        has_word(command_names()//' help '//errors_topic, text)
+    end associate
+  end function is_own_command
 
   !> Parse the arguments; a fault of usage goes to `error`.
   subroutine parse_arguments(arguments, command, error)
@@ -321,21 +328,18 @@ contains
   subroutine check_command(command, error)
     type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: all_commands
     integer :: k
 
-    all_commands = command_names(of_python=.false.)//' '//command_names(of_python=.true.)
     k = find_command(command%name)
     if (command%name == '') then
-      call raise(error, usage_error, 'no command: give one of '//alternatives(all_commands)//see_help)
+      call raise(error, usage_error, 'no command: give one of '//alternatives(command_names())//see_help)
     else if (command%name == 'version') then
       return
     else if (command%name == 'help') then
-      call check_topic(command, all_commands, error)
+      call check_topic(command, error)
     else if (k == 0) then
-      call raise(error, usage_error, unknown_text('command', command%name, all_commands))
-    else if (commands(k)%of_python) then
-      call raise(error, usage_error, "'"//command%name//"' comes first: write dynstiction "//command%name//' ...')
+      call raise(error, usage_error, unknown_text('command', command%name, command_names())// &
+        '; a command of the Python package comes first')
     else if (.not. command%has('--help')) then
       call check_options(command, error)
       if (.not. allocated(error)) call check_operands(command, commands(k), error)
@@ -343,17 +347,16 @@ contains
   end subroutine check_command
 
   !> The help is about a command, about errors, or about the program.
-  subroutine check_topic(command, all_commands, error)
+  subroutine check_topic(command, error)
     type(command_t), intent(in) :: command
-    character(*), intent(in) :: all_commands
     type(error_t), allocatable, intent(out) :: error
 
     if (size(command%operands) == 0) return
     associate (topic => command%operands(1)%text)
       if (size(command%operands) > 1) then
         call raise(error, usage_error, "'help' takes one command: '"//excerpt(command%operands(2)%text)//"' is too many")
-      else if (.not. has_word(all_commands//' '//errors_topic, topic)) then
-        call raise(error, usage_error, unknown_text('topic', topic, all_commands//' '//errors_topic))
+      else if (.not. has_word(command_names()//' '//errors_topic, topic)) then
+        call raise(error, usage_error, unknown_text('topic', topic, command_names()//' '//errors_topic))
       end if
     end associate
   end subroutine check_topic
@@ -470,20 +473,17 @@ contains
 
   pure function overview() result(text)
     character(:), allocatable :: text
-    logical :: of_python
     integer :: i
 
     text = 'dynstiction: '//trim(the_program%brief)//n//n//'Usage:'//n
-    of_python = .false.
     do i = 1, size(commands)
-      if (commands(i)%of_python .and. .not. of_python) then
-        text = text//'  dynstiction --version | --help | help COMMAND | help errors'//n//n// &
-          'By the Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable,'//n// &
-          'else that of PATH:'//n
-      end if
-      of_python = commands(i)%of_python
       call put_row(text, 'dynstiction '//trim(commands(i)%name)//' '//commands(i)%operands, commands(i)%brief, command_column)
     end do
+    text = text//'  dynstiction --version | --help | help COMMAND | help errors'//n//n
+    call put_words(text, 'Figures, reports, measured traces, the trade of accuracy for time, and any other COMMAND: by the '// &
+      'Python package, through the interpreter DYNSTICTION_PYTHON, else the python3 beside the executable, else that of PATH. '// &
+      'dynstiction help python lists them.', 0)
+    text = text//n
     text = text//n//trim(the_program%meaning)//n//one_per_line(trim(the_program%examples), '  ')
   end function overview
 

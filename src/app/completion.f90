@@ -5,20 +5,14 @@
 !> folders, and a candidate that ends in '=' is only the beginning of a word. So the shells need no list of commands, options or
 !> keys of their own.
 module dst_completion
-  use dst_columns, only: columns
   use dst_command_line, only: argument_t, takes_value
   use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of
   use dst_schema, only: schema, key_count, find_key, find_name, real_kind, reals_kind
-  use dst_summary, only: summary_quantities
   use dst_text, only: text_builder_t, starts_with, lower_case, has_word, with_blanks, word, word_count
   implicit none
   private
 
   public :: is_completion, completions
-
-  !> Kinds of figure: those of the Python package.
-  character(*), parameter :: kinds_of_figure = 'history velocities spectrogram damping creep path columns cycle_map '// &
-    'map lambda bifurcation'
 
 contains
 
@@ -36,11 +30,10 @@ contains
     character(:), allocatable :: text
     type(text_builder_t) :: builder
     character(:), allocatable :: command, option, typed
-    integer :: i, operands
+    integer :: i
 
     command = ''
     option = ''
-    operands = 0
     do i = 2, size(arguments) - 1
       ! A word is an option's value, an option, the command, or one of its operands.
       if (takes_value(option)) then
@@ -49,11 +42,7 @@ contains
         option = arguments(i)%text
       else
         option = ''
-        if (command == '') then
-          command = arguments(i)%text
-        else
-          operands = operands + 1
-        end if
+        if (command == '') command = arguments(i)%text
       end if
     end do
     typed = arguments(size(arguments))%text
@@ -62,23 +51,14 @@ contains
     else if (starts_with(typed, '--set=')) then
       call offer_settings(builder, '--set=', typed)
     else if (command == '') then
-      call offer(builder, command_names(of_python=.false.)//' '//command_names(of_python=.true.)//' --help --version', typed)
+      call offer(builder, command_names()//' --help --version', typed)
     else if (starts_with(typed, '-')) then
       call offer(builder, options_of(command)//' --help', typed)
     else if (find_command(command) > 0) then
-      call offer_operand(builder, operand_of(commands(find_command(command))), operands, typed)
+      call offer_kind(builder, operand_of(commands(find_command(command))), typed)
     end if
     text = builder%content()
   end function completions
-
-  !> If there are several operands of different kinds, the next one.
-  subroutine offer_operand(builder, kinds, given, typed)
-    type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: kinds, typed
-    integer, intent(in) :: given
-
-    if (kinds /= '') call offer_kind(builder, word(kinds, min(given + 1, word_count(kinds))), typed)
-  end subroutine offer_operand
 
   subroutine offer_values(builder, command, option, typed)
     type(text_builder_t), intent(inout) :: builder
@@ -87,12 +67,6 @@ contains
 
     if (option == '--set') then
       call offer_settings(builder, '', typed)
-    else if (option == '--quantity') then
-      do i = 1, size(summary_quantities)
-        call offer(builder, trim(summary_quantities(i)%name), typed)
-      end do
-    else if (option == '--unit') then
-      call offer(builder, 'time= force=', typed)
     else
       do i = 1, size(options)
         if (options(i)%name == option .and. is_option_of(options(i), command)) &
@@ -123,7 +97,7 @@ contains
     end do
   end subroutine offer_settings
 
-  !> The keys that can be fitted: real numbers of &system and &friction, several with commas between them.
+  !> The parameters of a motion: real numbers of &system and &friction, several with commas between them.
   subroutine offer_parameters(builder, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: typed
@@ -131,17 +105,9 @@ contains
 
     do i = 1, key_count
       if (schema(i)%kind /= real_kind .or. .not. has_word('system friction', trim(schema(i)%group))) cycle
-      call offer_in_list(builder, trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
+      call offer(builder, typed(:index(typed, ',', back=.true.))//trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
     end do
   end subroutine offer_parameters
-
-  !> A word of a list with commas, of which the last is being typed.
-  subroutine offer_in_list(builder, name, typed)
-    type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: name, typed
-
-    call offer(builder, typed(:index(typed, ',', back=.true.))//name, typed)
-  end subroutine offer_in_list
 
   !> GROUP.KEY= for the keys that a sweep can vary.
   subroutine offer_varied(builder, typed)
@@ -159,35 +125,14 @@ contains
   subroutine offer_kind(builder, kind, typed)
     type(text_builder_t), intent(inout) :: builder
     character(*), intent(in) :: kind, typed
-    integer :: i
 
     select case (kind)
-    case ('DECK', 'NML')
+    case ('DECK')
       call builder%line('*.nml')
     case ('FILE', 'FILE.h5')
       call builder%line('*.h5')
-    case ('TRACE')
-      call builder%line('*.csv')
-      call builder%line('*.h5')
-    case ('FIGURE')
-      call builder%line('*.png')
-    case ('OUT')
-      call builder%line('*.gif')
-      call builder%line('*.mp4')
-    case ('DIR')
-      call builder%line('*/')
-    case ('KIND')
-      call offer(builder, kinds_of_figure, typed)
-    case ('NAMES')
-      do i = 1, size(columns)
-        call offer_in_list(builder, trim(columns(i)%name), typed)
-      end do
     case ('KEYS')
       call offer_parameters(builder, typed)
-    case ('COMMAND')
-      call offer(builder, command_names(of_python=.false.)//' '//command_names(of_python=.true.), typed)
-    case ('PNG', 'HTML')
-      call builder%line('*.'//lower_case(kind))
     case ('MODEL')
       call offer(builder, schema(find_name('model'))%choices, typed)
     case default

@@ -58,8 +58,9 @@ contains
       words = words//own_arguments(i)%text//nul
     end do
     call c_become(words, int(3 + size(own_arguments), c_int))
-    call raise(error, file_error, interpreter//': no Python interpreter that can be started: install '// &
-      'Python 3.11 or later, or set '//variable//' to the one that has the package dynstiction')
+    call raise(error, file_error, interpreter//": no Python interpreter that can be started for '"//own_arguments(1)%text// &
+      "', which is no command of the executable: install Python 3.11 or later, or set "//variable// &
+      ' to the one that has the package dynstiction')
   end subroutine hand_over
 
   !> The program for Python. Nothing in the current folder is imported. Ctrl-C while modules are imported

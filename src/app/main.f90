@@ -11,7 +11,7 @@ module dst_main
   use dst_sampling, only: settle_interval
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
-  use dst_command_line, only: argument_t, command_t, program_arguments, is_python_command, parse_arguments, &
+  use dst_command_line, only: argument_t, command_t, program_arguments, is_own_command, parse_arguments, &
     setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
   use dst_completion, only: is_completion, completions
@@ -59,16 +59,21 @@ contains
     integer, intent(in) :: number
     type(argument_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
+    logical :: is_command, is_ours
 
     associate (unused => self, also_unused => number)
     end associate
     call listen_to_requests()
     allocate (arguments, source=program_arguments())
     if (is_completion(arguments)) then
-      call print_text(completions(arguments))
+      ! While the command itself is typed, the package adds its commands to those of the executable.
+      is_command = size(arguments) == 2
+      is_ours = is_own_command(arguments(2:))
+      if (is_ours .or. is_command) call print_text(completions(arguments))
+      if ((is_command .or. .not. is_ours) .and. status == result_done) call hand_over(arguments, error)
       return
     end if
-    if (is_python_command(arguments)) then
+    if (.not. is_own_command(arguments)) then
       call hand_over(arguments, error)
       call complain(error)
       return

@@ -48,7 +48,7 @@ MEMORY = 4 * 2**30
 DECK = TEXT.replace("t_end = 10.0", "t_end = 0.02")
 
 GOOD = {
-    **SLIDER, "misalignment": 0.02, "v_smooth": 1e-5, "theta": 0.3, "t": 0.5, "tau": 0.5, "phi": 0.1, "kappa": 1e-3,
+    **SLIDER, "misalignment_deg": 1.1, "v_smooth": 1e-5, "theta": 0.3, "t": 0.5, "tau": 0.5, "phi": 0.1, "kappa": 1e-3,
     "above": 10.0, "window": 0.01, "count": 20, "until": 0.01,
 }  # fmt: skip
 
@@ -335,7 +335,7 @@ def object_call(rng: random.Random, objects: Objects) -> tuple[str, Callable[[],
         (f"cycles[{short(other)}]", lambda: objects.cycles[other]),
         (f"stick_slip_statistics({short(other)})", lambda: ds.stick_slip_statistics(other)),
         (f"Described({short(other)})", lambda: ds.Described(other)),
-        (f"Scene.read({short(target)})", lambda: ds.Scene.read(target)),
+        (f"Scene({short(target)})", lambda: ds.Scene(target)),
         (f"Scene.replace({short(other)})", lambda: objects.scene.replace(system=other)),
         ("round trips", lambda: [round_trip(x) for x in (objects.result, objects.cycles, objects.spectrum, objects.scene)]),
         ("threads", threads),

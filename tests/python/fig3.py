@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import re
 
 from programs import INPUTS
@@ -21,7 +20,7 @@ SYSTEM, FRICTION, DRIVE = GROUPS["system"], GROUPS["friction"], GROUPS["drive"]
 CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
 """What makes friction constant."""
 SLIDER: dict[str, float] = {
-    key.removesuffix("_deg"): math.radians(value) if key.endswith("_deg") else value
+    key: value
     for group in (SYSTEM, FRICTION, DRIVE)
     for key, value in group.items()
     if key != "law"

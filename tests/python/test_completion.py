@@ -25,12 +25,17 @@ def offered(executable: Path, line: str) -> list[str]:
     return said.stdout.splitlines()
 
 
-def test_commands_are_those_of_the_table(executable, catalogue):
+def test_commands_are_those_of_both_tables(executable, catalogue, of_python):
     commands = [word for word in offered(executable, "dynstiction ") if not word.startswith("-")]
-    ours_first = sorted(catalogue["commands"], key=lambda command: command["by"] == "Python")
-    assert commands == [command["name"] for command in ours_first]
+    assert commands == [*(command["name"] for command in catalogue["commands"]), *of_python]
     assert offered(executable, "dynstiction mer") == ["merge"]
     assert offered(executable, "dynstiction nonsense") == []
+
+
+def test_options_of_python_s_commands_are_offered(executable, of_python):
+    for name, command in of_python.items():
+        options = [option.split()[0] for option, _ in command["options"]]
+        assert offered(executable, f"dynstiction {name} -") == [*options, "--help"]
 
 
 def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
@@ -39,7 +44,7 @@ def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
     for command in catalogue["commands"]:
         name = command["name"]
         assert offered(executable, f"dynstiction {name} -") == [*command["options"], "--help"]
-        for option in command["options"] if command["by"] == "dynstiction" else []:
+        for option in command["options"]:
             value = [values.get(option, "1")] if arguments[option] else []
             taken = Program((executable,))(name, "missing.nml", option, *value)
             assert "takes no -" not in taken.stderr
@@ -85,16 +90,17 @@ def test_operands(executable):
     assert offered(executable, "dynstiction paper --format p") == ["png", "pdf"]
 
 
-def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue):
+def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue, of_python):
     plot = pytest.importorskip("dynstiction.plot")
     kinds = offered(executable, "dynstiction plot own.h5 --kind ")
     assert kinds == [*plot.KINDS, *plot.SWEEP_KINDS]
+    assert set(kinds) <= set(re.findall(r"\w+", dict(of_python["plot"]["options"])["--kind KIND"]))
     assert offered(executable, "dynstiction plot --kind c") == ["creep", "columns", "cycle_map"]
     quantities = offered(executable, "dynstiction plot map.h5 --quantity ")
     assert quantities == [value["name"] for value in catalogue["summary"]]
 
 
-def test_arguments_of_python_s_commands(executable, catalogue):
+def test_arguments_of_python_s_commands(executable, of_python):
     assert offered(executable, "dynstiction fit a.nml a.csv --free system.misal") == ["system.misalignment_deg"]
     several = offered(executable, "dynstiction fit a.nml a.csv --free system.mass,friction.mu_i")
     assert several == ["system.mass,friction.mu_inf"]
@@ -105,13 +111,12 @@ def test_arguments_of_python_s_commands(executable, catalogue):
     assert offered(executable, "dynstiction compare a.nml --set friction.law=st") == ["friction.law=stribeck"]
     assert offered(executable, "dynstiction animate a.h5 -o ") == ["*.gif", "*.mp4"]
     assert offered(executable, "dynstiction paper -o ") == ["*/"]
-    # Words in capitals are kinds of arguments. Those that are not completed are numbers, and names that only a file or a person can give.
-    names = {"C", "COLUMN", "FILE", "I", "I/N", "N", "NAME", "S", "T", "A"}
-    for option in catalogue["options"]:
-        takes = option["argument"]
-        if takes and takes not in names:
-            command = (option["commands"] or [""])[0]
-            assert offered(executable, f"dynstiction {command} {option['name']} "), option
+    # Words in capitals are kinds of arguments. Those that are not completed are numbers, and names that only a file can give.
+    for name, command in of_python.items():
+        for entry, _ in command["options"]:
+            option, _, takes = entry.partition(" ")
+            if takes and takes not in {"C", "COLUMN", "N", "S", "T", "A"}:
+                assert offered(executable, f"dynstiction {name} {option} "), (name, option)
 
 
 LINES = {

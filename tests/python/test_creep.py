@@ -78,9 +78,9 @@ def test_full_model_creeps_as_the_closed_form(fig3: ds.Scene) -> None:
 def test_si_units() -> None:
     phi = np.radians(1.0)
     t = np.array([0.5, 1.0, 3.0])
-    rigid = ds.creep_velocity(t, misalignment=phi, **FIG3)
+    rigid = ds.creep_velocity(t, misalignment_deg=1.0, **FIG3)
     np.testing.assert_allclose(rigid, 1e-3 * ds.creep_exact(0.5 * t, phi).X_rate, rtol=1e-15)
-    finite = ds.creep_velocity(t, misalignment=phi, stiffness_y=1e7, **FIG3)
+    finite = ds.creep_velocity(t, misalignment_deg=1.0, stiffness_y=1e7, **FIG3)
     np.testing.assert_allclose(finite, 1e-3 * ds.creep_exact(0.5 * t, phi, 1e-4).X_rate, rtol=1e-15)
     assert finite[1] != rigid[1]
 
@@ -146,14 +146,14 @@ def test_out_of_range_of_the_expansions() -> None:
         ("mu_0", np.nan, "finite and in (0, inf)"),
         ("normal_load", np.inf, "finite and in (0, inf) N"),
         ("stiffness_y", 999.0, "in [0, 1)"),
-        ("misalignment", 1.6, "(-pi/2, pi/2) rad"),
+        ("misalignment_deg", 91.0, "in (-90, 90) deg"),
     ],
 )
 def test_out_of_range_in_si_units(name: str, value: float, valid: str) -> None:
     with pytest.raises(ds.UsageError, match=re.escape(valid)):
-        ds.creep_velocity([0.1, 1.0], **{"misalignment": 0.1, **FIG3, name: value})
+        ds.creep_velocity([0.1, 1.0], **{"misalignment_deg": 5.0, **FIG3, name: value})
     with pytest.raises(ds.UsageError, match=re.escape("t = -1")):
-        ds.creep_velocity([0.1, -1.0], misalignment=0.1, **FIG3)
+        ds.creep_velocity([0.1, -1.0], misalignment_deg=5.0, **FIG3)
 
 
 def test_speed() -> None:

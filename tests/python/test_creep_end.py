@@ -3,13 +3,8 @@
 import dynstiction as ds
 import numpy as np
 import pytest
-from fig3 import DRIVE, FRICTION, SYSTEM
+from fig3 import SLIDER
 from programs import INPUTS
-
-SLIDER = {
-    **{name: value for name, value in {**SYSTEM, **FRICTION, **DRIVE}.items() if name not in ("law", "misalignment_deg")},
-    "misalignment": np.radians(SYSTEM["misalignment_deg"]),
-}
 
 
 def test_the_oscillation_of_a_run_decays_as_sigma_says() -> None:
@@ -28,7 +23,7 @@ def test_the_oscillation_of_a_run_decays_as_sigma_says() -> None:
     bottoms = 1 + np.flatnonzero((inner < across[:-2]) & (inner <= across[2:]))
     amplitude = across[tops] - np.interp(time[tops], time[bottoms], across[bottoms])
 
-    drift = SLIDER["velocity"] * np.sin(SLIDER["misalignment"])
+    drift = SLIDER["velocity"] * np.sin(np.radians(SLIDER["misalignment_deg"]))
 
     def friction(theta: np.ndarray) -> np.ndarray:
         return 1.5 + 0.5 * np.exp(-drift / np.sin(theta) / 0.01)
@@ -49,9 +44,7 @@ def test_the_oscillation_of_a_run_decays_as_sigma_says() -> None:
 @pytest.mark.parametrize("change", [{}, {"misalignment_deg": 3.0}, {"stiffness_y": 1e6}, {"stiffness_y": 1e8}])
 def test_the_summary_has_it(change: dict[str, float]) -> None:
     summary = ds.run(INPUTS / "fig3.nml", scene={"t_end": 0.01}, system=change, output={"interval": 0.01}).summary
-    angle = np.radians(change.get("misalignment_deg", SYSTEM["misalignment_deg"]))
-    given = {name: value for name, value in change.items() if name != "misalignment_deg"}
-    assert summary["fast_decay"] == pytest.approx(ds.creep_end(**(SLIDER | given | {"misalignment": angle})).decay, rel=1e-13)
+    assert summary["fast_decay"] == pytest.approx(ds.creep_end(**(SLIDER | change)).decay, rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +70,7 @@ def test_scenes_without_it(change: dict[str, dict[str, object]]) -> None:
 
 def test_arrays_of_scenes() -> None:
     """Broadcast, and NaN where creep does not end."""
-    end = ds.creep_end(**(SLIDER | {"misalignment": np.radians([1.0, 3.0, 9.0, 0.0]), "stiffness_y": [[1e7], [1e8]]}))
+    end = ds.creep_end(**(SLIDER | {"misalignment_deg": [1.0, 3.0, 9.0, 0.0], "stiffness_y": [[1e7], [1e8]]}))
     assert end.decay.shape == (2, 4)
     assert np.isnan(np.array(end)[:, :, 2:]).all()
     assert end.decay[0, :2] == pytest.approx([10.3402141787, 88.588356007], rel=1e-9)

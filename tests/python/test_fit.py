@@ -211,7 +211,7 @@ def test_the_command_writes_a_deck_and_a_figure(program: Program, tmp_path: Path
     assert "system.misalignment_deg" in done.stdout
     assert "note: the model does not explain the trace" in done.stdout
     assert (tmp_path / "rig_fitted.png").stat().st_size > 10_000
-    assert ds.Scene.read(tmp_path / "rig_fitted.nml").system.mass == 0.4
+    assert ds.Scene(tmp_path / "rig_fitted.nml").system.mass == 0.4
     again = program("fit", INPUTS / "fig3.nml", "rig.csv", "--free", free, status=None)
     assert again.returncode != 0
     assert "--overwrite" in again.stderr

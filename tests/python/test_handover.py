@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import sys
@@ -27,13 +28,7 @@ def folder(tmp_path: Path, fig3: ds.Scene) -> Path:
     return tmp_path
 
 
-def of_python(catalogue: dict[str, Any]) -> list[str]:
-    commands = [command["name"] for command in catalogue["commands"] if command["by"] == "Python"]
-    assert "plot" in commands
-    return commands
-
-
-def test_commands_of_python_are_those_of_the_executable(program: Program, folder: Path, catalogue: dict[str, Any]) -> None:
+def test_commands_of_python_are_those_of_the_executable(program: Program, folder: Path, of_python: dict[str, Any]) -> None:
     name = "it's a run"
     program("plot", f"{name}.h5", "--kind", "path", status=0)
     program("report", f"{name}.h5", status=0)
@@ -41,10 +36,11 @@ def test_commands_of_python_are_those_of_the_executable(program: Program, folder
     assert export.stdout.count(".csv\n") == 3
     assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / f"{name}.html").exists()
-    for command in of_python(catalogue):
+    for command in of_python:
         helped = program(command, "--help")
+        assert program("help", command).stdout == helped.stdout
         assert (helped.returncode, helped.stderr) == (0, "")
-        assert helped.stdout.startswith(f"usage: dynstiction {command}")
+        assert helped.stdout.startswith(f"Usage: dynstiction {command}")
 
 
 def test_faults_have_the_exit_status_of_the_executable(program: Program, folder: Path) -> None:
@@ -53,7 +49,7 @@ def test_faults_have_the_exit_status_of_the_executable(program: Program, folder:
         (("plot", "it's a run.h5", "--kind", "hystory"), 1, "history"),
         (("export", "it's a run.h5", "--cvs"), 1, "see dynstiction export --help"),
         (("report", "--quiet", "plot.h5"), 1, "--quiet"),
-        (("--quiet", "plot", "it's a run.h5"), 1, "'plot' comes first"),
+        (("--quiet", "plot", "it's a run.h5"), 1, "a command of the Python package comes first"),
         (("plto", "it's a run.h5"), 1, "the nearest is 'plot'"),
     ):
         done = program(*arguments)
@@ -63,11 +59,11 @@ def test_faults_have_the_exit_status_of_the_executable(program: Program, folder:
         assert done.stderr.count("\n") == 1
 
 
-def test_help_lists_them(program: Program, catalogue: dict[str, Any]) -> None:
-    text = program("--help").stdout
-    for command in of_python(catalogue):
-        assert f"  dynstiction {command} " in text or f"  dynstiction {command}\n" in text
-    assert "DYNSTICTION_PYTHON" in text
+def test_help_lists_them(program: Program, of_python: dict[str, Any]) -> None:
+    text = program("help", "python").stdout
+    for name, command in of_python.items():
+        assert re.search(rf"^ +{name} +{command['brief']}$", text, re.MULTILINE), text
+    assert "dynstiction help python" in program("--help").stdout
 
 
 def test_without_interpreter_or_package_there_is_a_remedy(program: Program, folder: Path) -> None:

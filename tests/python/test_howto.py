@@ -71,7 +71,7 @@ def changed_program(source: Path, names: list[str]) -> Path:
             pytest.skip(f"{tool} is not installed")
     for part in ("meson.build", "meson.options"):
         shutil.copy(ROOT / part, source)
-    for part in ("src", "bench", "inputs", "tools"):
+    for part in ("src", "bench", "inputs", "tools", "python"):
         shutil.copytree(ROOT / part, source / part)
     (source / "docs").mkdir()
     shutil.copy(ROOT / "docs" / "errors.md", source / "docs")

@@ -121,17 +121,17 @@ def test_cycles_of_mirrored_scenes_are_the_same() -> None:
 @pytest.mark.parametrize(("velocity", "end"), ENDS.items())
 def test_ends_of_stick_slip_are_those_of_another_code(velocity: float, end: tuple[float, bool]) -> None:
     found = ds.stick_slip_ends(at(velocity, 8.0))
-    assert found.misalignment is not None
-    assert math.degrees(found.misalignment.at) == pytest.approx(end[0], rel=1e-10)
-    assert found.misalignment.is_fold == end[1]
+    assert found.misalignment_deg is not None
+    assert found.misalignment_deg.at == pytest.approx(end[0], rel=1e-10)
+    assert found.misalignment_deg.is_fold == end[1]
 
 
 def test_at_the_end_two_cycles_meet_or_the_swing_is_least() -> None:
     for velocity in (3e-3, 75e-3):
-        end = ds.stick_slip_ends(at(velocity, 8.0)).misalignment
+        end = ds.stick_slip_ends(at(velocity, 8.0)).misalignment_deg
         assert end is not None
         inside, beyond = (
-            ds.cycles(at(velocity, math.degrees(end.at * (1.0 + side * 1e-4))), model="low_frequency") for side in (-1, 1)
+            ds.cycles(at(velocity, end.at * (1.0 + side * 1e-4)), model="low_frequency") for side in (-1, 1)
         )
         if end.is_fold:
             assert ([cycle.stable for cycle in inside.cycles], beyond.cycles) == ([False, True], ())
@@ -147,16 +147,16 @@ def test_ends_in_velocity_are_those_in_the_angle() -> None:
     assert (low.is_fold, high.is_fold) == (False, True)
     assert low.at < 1e-3 < high.at
     for end in (low, high):
-        angle = ds.stick_slip_ends(at(end.at, 8.0)).misalignment
+        angle = ds.stick_slip_ends(at(end.at, 8.0)).misalignment_deg
         assert angle is not None
-        assert math.degrees(angle.at) == pytest.approx(3.5, rel=1e-8)
+        assert angle.at == pytest.approx(3.5, rel=1e-8)
 
 
 def test_bautin_point_parts_gradual_ends_from_folds() -> None:
     ends = ds.stick_slip_ends(at(1e-3, 8.0))
     assert ends.bautin_point is not None
     velocity, angle = ends.bautin_point
-    assert (velocity / 0.010, math.degrees(angle)) == pytest.approx((3.60403, 10.20385), rel=1e-5)
+    assert (velocity / 0.010, angle) == pytest.approx((3.60403, 10.20385), rel=1e-5)
     assert ds.stick_slip_ends(at(0.98 * velocity, 8.0)).is_supercritical
     assert not ds.stick_slip_ends(at(1.02 * velocity, 8.0)).is_supercritical
 
@@ -164,7 +164,7 @@ def test_bautin_point_parts_gradual_ends_from_folds() -> None:
 def test_constant_friction_has_no_stick_slip() -> None:
     constant = FIG3.replace(friction={"law": "constant", "mu_inf": None, "v_f": None})
     ends = ds.stick_slip_ends(constant)
-    assert (ends.critical_misalignment, ends.misalignment, ends.velocity) == (None, None, (None, None))
+    assert (ends.critical_misalignment_deg, ends.misalignment_deg, ends.velocity) == (None, None, (None, None))
     assert ds.cycles(constant, model="low_frequency").cycles == ()
 
 
@@ -204,14 +204,14 @@ def rig_at(name: str, ratio: float, velocity: float, angle: float = 1.0, **frict
     ],
 )
 def test_runs_of_the_full_model_end_within_the_stated_error(name: str, ratio: float, velocity: float) -> None:
-    end = ds.stick_slip_ends(rig_at(name, ratio, velocity)).misalignment
+    end = ds.stick_slip_ends(rig_at(name, ratio, velocity)).misalignment_deg
     assert end is not None
     assert 0.0 < end.error < 0.2
     limit = ds.critical_misalignment(rig_at(name, ratio, velocity))
     assert end.at < limit.window[1]
     swings = []
     for side in (-1, 1):
-        scene = rig_at(name, ratio, velocity, math.degrees(end.at * (1.0 + side * end.error)))
+        scene = rig_at(name, ratio, velocity, end.at * (1.0 + side * end.error))
         run = ds.run(
             scene,
             scene={"t_end": 8.0 + 12e-3 / velocity},
@@ -228,7 +228,7 @@ def test_where_the_slow_motion_does_not_hold_it_does_not_answer(name: str, veloc
     for ratio in (1.0, 2.0, 10.0, 100.0, 300.0):
         scene = rig_at(name, ratio, velocity, 9.0)
         ends = ds.stick_slip_ends(scene)
-        assert (ends.misalignment, ends.critical_misalignment) == (None, None)
+        assert (ends.misalignment_deg, ends.critical_misalignment_deg) == (None, None)
         assert ends.obstacles["misalignment"]
         with pytest.raises(ds.DeckError, match="model 'full'"):
             ds.cycles(scene, model="low_frequency")
@@ -242,19 +242,19 @@ def test_steady_sliding_that_is_stable_at_no_angle_has_no_end_of_stick_slip() ->
     for name, ratio, velocity in (("fig3", 390, 1e-3), ("fig3", 3e3, 1e-4), ("harder", 350, 0.5e-3), ("readme", 354, 0.3e-3)):
         scene = rig_at(name, ratio, velocity)
         assert np.isnan(ds.critical_misalignment(scene).window[1])
-        assert ds.stick_slip_ends(scene).misalignment is None
+        assert ds.stick_slip_ends(scene).misalignment_deg is None
 
 
 def test_a_static_limit_moves_no_end() -> None:
     """The slow motion never rests, and 5 % of mu_0 W is no share of mu_static W. With a larger one the full motion ends elsewhere."""
     plain, static = (ds.stick_slip_ends(rig_at("fig3", 1e4, 1e-3, **key)) for key in ({}, {"mu_static": 0.24}))
-    assert plain.misalignment is not None
+    assert plain.misalignment_deg is not None
     assert plain.velocity[1] is not None
-    assert static.misalignment is not None
-    assert static.misalignment.at == pytest.approx(plain.misalignment.at, rel=1e-11)
+    assert static.misalignment_deg is not None
+    assert static.misalignment_deg.at == pytest.approx(plain.misalignment_deg.at, rel=1e-11)
     assert static.velocity[1] is not None
     assert static.velocity[1].at == pytest.approx(plain.velocity[1].at, rel=1e-9)
-    assert ds.stick_slip_ends(rig_at("fig3", 1e4, 1e-3, mu_static=0.3)).misalignment is None
+    assert ds.stick_slip_ends(rig_at("fig3", 1e4, 1e-3, mu_static=0.3)).misalignment_deg is None
 
 
 def test_a_drive_with_several_velocities_has_no_single_answer() -> None:

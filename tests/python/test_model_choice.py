@@ -246,7 +246,7 @@ def test_stick_slip_depends_on_how_creep_ends(stiffness: float, least: float) ->
     scene = FIG3 | {"v_f": 0.2, "stiffness_y": stiffness, "mu_inf": 0.05, "misalignment_deg": 0.5}
     across, limit, softness = 1e-3 * np.sin(np.radians(0.5)), 2.0, 1e3 / stiffness
     end = ds.creep_end(
-        mass=0.25, stiffness_x=1e3, stiffness_y=stiffness, misalignment=np.radians(0.5),
+        mass=0.25, stiffness_x=1e3, stiffness_y=stiffness, misalignment_deg=0.5,
         mu_0=0.2, mu_inf=0.05, v_f=0.2, normal_load=10.0, velocity=1e-3,
     )  # fmt: skip
     assert least < end.decay < 4.0 * least
@@ -264,7 +264,7 @@ def test_where_the_fast_oscillation_sets_off_slip_it_is_full(change: dict[str, f
     """D < 1: slow cycles need not repeat, and no accuracy is promised."""
     assert choice_of(FIG3 | change, lengths, 1.0).startswith("full: low_frequency is not known to be that accurate here")
     given = {name: (FIG3 | change)[name] for name in ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "velocity")}
-    assert ds.creep_end(**given, normal_load=10.0, misalignment=np.radians(1.0)).decay < 1.0
+    assert ds.creep_end(**given, normal_load=10.0, misalignment_deg=1.0).decay < 1.0
 
 
 COLUMNS = tuple(name for name in ds.run(deck(FIG3, "full", 1e-4)) if name != "time")

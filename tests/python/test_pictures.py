@@ -445,7 +445,7 @@ def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
     critical = ds.critical_misalignment(
         mass=1.0, stiffness_x=5e3, stiffness_y=2e6, mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3
     )
-    degrees = np.degrees(critical.angle[0])
+    degrees = critical.angle[0]
     for quantity in ("swing", "period"):
         axis = plot.draw(angles, quantity=quantity).axes[0]
         upright = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2]

@@ -39,7 +39,7 @@ def test_path_text_and_scene_give_the_same_run(tmp_path: Path, fig3: ds.Scene, f
     others = {"scene": {"title": "it's Fig. 3", **SHORT}, "system": {"misalignment_deg": 1}, "friction": {"normal_load": 10}}
     groups = fig3_deck.changed(fig3_deck.GROUPS, others, {"initial": {"velocity_ratio": np.float64(1e-6)}})
     from_text = ds.run(fig3_text, scene=SHORT)
-    for deck in (str(path), path, fig3, ds.Scene.read(path), ds.Scene(path)):
+    for deck in (str(path), path, fig3, ds.Scene(path)):
         assert_same(ds.run(deck, scene=SHORT), from_text)
     assert_same(ds.run(ds.Scene(**groups)), from_text)
 
@@ -741,7 +741,8 @@ def numpy_rhs(state: np.ndarray, v_smooth: float = 0.0) -> np.ndarray:
     u, w = state[..., :2], state[..., 2:]
     v = np.linalg.norm(w, axis=-1, keepdims=True)
     force = (p["mu_inf"] + (p["mu_0"] - p["mu_inf"]) * np.exp(-v / p["v_f"])) * p["normal_load"]
-    along = np.array([np.cos(p["misalignment"]), np.sin(p["misalignment"])])
+    angle = np.radians(p["misalignment_deg"])
+    along = np.array([np.cos(angle), np.sin(angle)])
     stiffness = np.array([p["stiffness_x"], p["stiffness_y"]])
     acceleration = (stiffness * u - force * w / np.sqrt(v**2 + v_smooth**2)) / p["mass"]
     return np.concatenate([p["velocity"] * along - w, acceleration], axis=-1)

@@ -251,15 +251,12 @@ def test_every_key_can_be_a_keyword(fig3: ds.Scene) -> None:
 
 
 def test_scenes_of_dictionaries(fig3: ds.Scene) -> None:
-    assert ds.Scene.from_dict(fig3.groups()) == fig3
+    assert ds.Scene(**fig3.groups()) == fig3
     flat = {f"{group}.{key}": value for group, keys in fig3.groups().items() for key, value in keys.items()}
-    assert ds.Scene.from_dict(flat) == fig3
-    assert ds.Scene.from_dict(json.loads(json.dumps(fig3.groups()))) == fig3
-    for wrong in (3, None, "x", {1: {}}):
-        with pytest.raises(ds.UsageError, match="a mapping of the groups"):
-            ds.Scene.from_dict(wrong)
+    assert ds.Scene(**flat) == fig3
+    assert ds.Scene(**json.loads(json.dumps(fig3.groups()))) == fig3
     for call in (ds.Scene, ds.run, ds.Simulation):
-        with pytest.raises(ds.UsageError, match=r"a mapping is not a deck: write Scene\.from_dict"):
+        with pytest.raises(ds.UsageError, match=r"a mapping is not a deck: write Scene\(\*\*groups\)"):
             call(fig3.groups())
 
 
@@ -289,7 +286,7 @@ def test_scenes_are_copied_pickled_and_replaced(fig3: ds.Scene) -> None:
     with pytest.raises(ds.DeckError, match=r"^system\.mass: "):
         broken.groups()
     assert pickle.loads(pickle.dumps(fig3.system)) == fig3.system
-    assert ds.Scene.from_deck(fig3) == ds.Scene.from_deck(fig3.text) == fig3
+    assert ds.Scene(fig3) == ds.Scene(fig3.text) == fig3
 
 
 def test_equality_is_of_values(fig3: ds.Scene, fig3_text: str) -> None:

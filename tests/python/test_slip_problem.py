@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 
 import dynstiction as ds
 import numpy as np
@@ -161,11 +160,11 @@ def test_the_velocity_is_that_of_the_command(profile: tuple[list[float], list[fl
 def test_stability_of_a_scene(angle: float, stable: bool, fig3: ds.Scene, program: Program) -> None:
     found = fig3.replace(misalignment_deg=angle).stability()
     assert found.stable is stable and found.velocity == 1e-3
-    assert found.misalignment == pytest.approx(math.radians(angle), rel=1e-14)
-    assert found.critical_misalignment == pytest.approx(ds.critical_misalignment(**SLIDER).angle[0], rel=1e-12)
+    assert found.misalignment_deg == pytest.approx(angle, rel=1e-14)
+    assert found.critical_misalignment_deg == pytest.approx(ds.critical_misalignment(**SLIDER).angle[0], rel=1e-12)
     assert f"phi = {angle:g} deg is {'stable' if stable else 'unstable'} (stable above 8.656 deg)" in str(found)
     (program.folder / "deck.nml").write_text(fig3.text)
     printed = program("stability", "deck.nml", settings=[f"system.misalignment_deg={angle}"], status=0).stdout
     assert ("not stable" in printed) is not stable
     constant = fig3.replace(law="constant", mu_inf=None, v_f=None).stability()
-    assert constant.stable and constant.critical_misalignment == 0.0
+    assert constant.stable and constant.critical_misalignment_deg == 0.0

@@ -104,7 +104,7 @@ def test_prediction_is_the_circle_for_small_misalignment() -> None:
     errors = []
     for phi in (1e-2, 1e-3):
         # A rigid stiff axis: both stiffnesses and the mass scaled, so that k_x/k_y does not show.
-        slider = FIG4 | {"misalignment": phi, "stiffness_y": 1e11, "mass": 2.5e3}
+        slider = FIG4 | {"misalignment_deg": np.degrees(phi), "stiffness_y": 1e11, "mass": 2.5e3}
         errors.append(np.max(np.abs(ds.creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
     assert errors[0] < 0.05
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.15)

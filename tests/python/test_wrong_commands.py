@@ -17,7 +17,7 @@ COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("", USAGE, ("no command", "run | sweep", "dynstiction --help")),
     ("rnu own.nml", USAGE, ("unknown command 'rnu'", "the nearest is 'run'")),
     ("info run.h5", USAGE, ("unknown command 'info'", "show", "dynstiction --help")),
-    ("help rnu", USAGE, ("unknown topic 'rnu'", "the nearest is 'run'")),
+    ("help rnu", USAGE, ("unknown command 'rnu'", "the nearest is 'run'")),
     ("help run show", USAGE, ("'help' takes one command", "'show' is too many")),
     ("run", USAGE, ("'run' without a deck", "write dynstiction run DECK")),
     ("run own.nml --out x.h5", USAGE, ("unknown option '--out'", "'--output'")),

@@ -192,7 +192,7 @@ def test_a_job_is_requeued_until_its_cases_are_done(limited_jobs):
         f"job {job.number}_1",
         "start 1",
         "start 2",
-        "dynstiction 0",
+        Program((executable(),))("--version", status=0).stdout.splitlines()[0],
         "m.2-of-2.h5",
         "thread",
     ):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -288,7 +287,7 @@ def _is_stable(slider: dict[str, Floats]) -> NDArray[np.bool_]:
         **(others | ({"stiffness_y": 1e6 * others["stiffness_x"]} if is_rigid else {}))
     )
     # An angle and its mirror images are equivalent.
-    angle = np.radians(90.0 - np.abs(90.0 - np.mod(slider["misalignment_deg"], 180.0)))
+    angle = 90.0 - np.abs(90.0 - np.mod(slider["misalignment_deg"], 180.0))
     if is_rigid:
         return np.asarray(angle > critical.limit)
     with np.errstate(invalid="ignore"):
@@ -377,14 +376,11 @@ def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
         ends = stick_slip_ends(str(table.data.attrs["deck"]))
     except (Error, KeyError):
         return
-    if side.name == "velocity":
-        found = [(end, end.at) for end in ends.velocity if end]
-    else:
-        found = [(end, math.degrees(end.at)) for end in (ends.misalignment,) if end]
-    for end, value in found:
-        yield VerticalLine(
-            value, "fold of cycles at" if end.is_fold else "peak to peak 5 % of $F_0$ at", VERMILION
-        )
+    for end in ends.velocity if side.name == "velocity" else (ends.misalignment_deg,):
+        if end:
+            yield VerticalLine(
+                end.at, "fold of cycles at" if end.is_fold else "peak to peak 5 % of $F_0$ at", VERMILION
+            )
 
 
 def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:

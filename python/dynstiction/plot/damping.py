@@ -49,8 +49,8 @@ def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> Non
     sliders = [_slider(result) for result in results]
     constant = [{n: v for n, v in each.items() if n not in ("mu_inf", "v_f")} for each in sliders]
     ratios = [float(damping_ratio(0.5 * np.pi, **each)) for each in constant]
-    ends = [float(np.arcsin(abs(np.sin(each["misalignment"])))) for each in sliders]
-    axis = one_axes(canvas, 72.0)
+    ends = [float(np.arcsin(abs(np.sin(np.radians(each["misalignment_deg"]))))) for each in sliders]
+    axis = one_axes(canvas, 82.0)
     axis.set(xscale="log", yscale="log")
     axis.set_xlim(min(SHOWN[0], 0.3 * min(ratios)), max(SHOWN[1], 3.0 * max(ratios)))
     axis.set_ylim(min(LEAST_ANGLE, 0.5 * np.degrees(min(ends))), 90.0)
@@ -58,7 +58,7 @@ def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> Non
     for result, parameters, plain, ratio, end, dashes in zip(
         results, sliders, constant, ratios, ends, DASHES, strict=False
     ):
-        label = rf"{MISALIGNMENT} = {np.degrees(parameters['misalignment']):.4g}°, $\Lambda$ = {ratio:.4g}"
+        label = rf"{MISALIGNMENT} = {parameters['misalignment_deg']:.4g}°, $\Lambda$ = {ratio:.4g}"
         axis.plot(
             [ratio] * 2, [90.0, np.degrees(end)], color=BLACK, linestyle=dashes, linewidth=1.0, label=label
         )
@@ -73,17 +73,25 @@ def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> Non
         axis.plot(
             [], [], "o", color=BLACK, markersize=4.0, fillstyle="none", label=r"$\zeta=1$ with weakening"
         )
-    axis.set(xlabel=r"$\Lambda$", ylabel=r"angle of friction to the soft axis, $\theta$ [deg]")
+    axis.set(xlabel=r"$\Lambda$", ylabel=r"angle of friction $\theta$ [deg]")
     _label_degrees(axis)
     # Ticks inside would not be visible on the colours.
     axis.tick_params(which="both", direction="out", top=False, right=False)
-    axis.legend(loc="best", handlelength=1.8, frameon=True, edgecolor="none")
+    # Above the axes, where nothing is covered.
+    axis.legend(
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=2,
+        handlelength=1.2,
+        columnspacing=0.6,
+        frameon=False,
+    )
 
 
 def _slider(result: Result) -> dict[str, float]:
     parameters = slider(result)
     parameters["velocity"] = abs(parameters["velocity"])
-    turning = parameters["velocity"] * np.sin(parameters["misalignment"])
+    turning = parameters["velocity"] * np.sin(np.radians(parameters["misalignment_deg"]))
     if turning * parameters["mu_0"] * parameters["normal_load"] == 0.0:
         raise UsageError(
             "without misalignment, drive or friction nothing turns the friction vector and there is no damping ratio: "

@@ -234,7 +234,7 @@ def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
         given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
         given |= {name: table.numbers[name] for name in (*SLIDER, *DAMPERS) if name in table.numbers}
         critical = critical_misalignment(**(given | {right.name: values}))
-        (slow, fast), rigid = np.degrees(critical.angle).T, np.degrees(critical.limit)
+        (slow, fast), rigid = critical.angle.T, critical.limit
         if table.has("stiffness_y"):
             axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
             axis.plot(shown, fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")

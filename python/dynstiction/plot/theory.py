@@ -41,7 +41,6 @@ def is_exponential(values: Mapping[str, object]) -> bool:
 def slider(result: Result) -> dict[str, float]:
     """Keywords of `damping_ratio` and others [SI], for the friction law of the deck; a `UsageError` if one is missing."""
     parameters = _numbers(result, *ALWAYS, "misalignment_deg")
-    parameters["misalignment"] = np.radians(parameters.pop("misalignment_deg"))
     # With another law only the curve for constant friction mu_0 W is drawn.
     if is_exponential(result.parameters) and all(name in result.parameters for name in WEAKENING):
         parameters |= _numbers(result, *WEAKENING)
@@ -113,7 +112,7 @@ def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
     if "velocity" in result.parameters or not result.resolved_deck:
         return None
     try:
-        drive = Scene.from_deck(result.resolved_deck).groups()["drive"]
+        drive = Scene(result.resolved_deck).groups()["drive"]
         time, velocity = (
             np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
         )

@@ -133,12 +133,12 @@ def _set_keys(result: Result) -> dict[str, dict[str, object]]:
     if not (result.deck and result.resolved_deck):
         return {}
     try:
-        deck = Scene.from_deck(result.deck)
-        given, used = deck.groups(), Scene.from_deck(result.resolved_deck).groups()
+        deck = Scene(result.deck)
+        given, used = deck.groups(), Scene(result.resolved_deck).groups()
     except Error:
         return {}
     try:
-        alone = Scene.from_deck(deck.check()).groups()
+        alone = Scene(deck.check()).groups()
     except Error:
         # Without the other settings the text is not a deck.
         alone = used

@@ -1,0 +1,88 @@
+"""Candidates for the word that is being typed in a shell, after a command that Python carries out.
+
+They have the form of those of the executable, which calls this (src/app/completion.f90).
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+from ._commands import argument_of
+from ._native import catalogue
+
+__all__ = ["completions"]
+
+FILES = {
+    "DECK": ("*.nml",),
+    "NML": ("*.nml",),
+    "FILE.h5": ("*.h5",),
+    "TRACE": ("*.csv", "*.h5"),
+    "FIGURE": ("*.png",),
+    "HTML": ("*.html",),
+    "OUT": ("*.gif", "*.mp4"),
+    "DIR": ("*/",),
+}
+"""Endings of the files that an argument names."""
+
+
+def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
+    """Candidates for the last of the words after the program's name."""
+    *before, typed = words or [""]
+    if not before:
+        return [name for name in commands if name.startswith(typed)]
+    if before[0] not in commands:
+        return []
+    actions = commands[before[0]]._actions
+    options = {name: action for action in actions for name in action.option_strings}
+    last = options.get(before[-1])
+    if last is not None and last.nargs != 0:
+        return _values(last, typed)
+    if typed.startswith("-"):
+        offered = [
+            action.option_strings[0] for action in actions if action.option_strings and action.dest != "help"
+        ]
+        return [name for name in [*offered, "--help"] if name.startswith(typed)]
+    operands = [action for action in actions if not action.option_strings]
+    given = sum(
+        not word.startswith("-") and not (previous in options and options[previous].nargs != 0)
+        for previous, word in pairwise(before)
+    )
+    return _values(operands[min(given, len(operands) - 1)], typed) if operands else []
+
+
+def _values(action: argparse.Action, typed: str) -> list[str]:
+    kind = argument_of(action) if action.option_strings else str(action.metavar)
+    if kind in FILES:
+        return list(FILES[kind])
+    # The last word of a list with commas is being typed.
+    first = typed[: typed.rfind(",") + 1] if kind in ("COLUMNS", "KEYS", "NAMES") else ""
+    return [first + word for word in _words(kind, typed) if (first + word).startswith(typed)]
+
+
+def _words(kind: str, typed: str) -> Iterator[str]:
+    names = catalogue()
+    if kind == "KIND":
+        from .plot import KINDS, SWEEP_KINDS  # noqa: PLC0415
+
+        yield from (*KINDS, *SWEEP_KINDS)
+    elif kind in ("NAME", "NAMES"):
+        yield from (entry["name"] for entry in names["summary"])
+    elif kind == "COLUMNS":
+        yield from (entry["name"] for entry in names["columns"])
+    elif kind == "KEYS":
+        # What can be fitted.
+        yield from (
+            f"{k['group']}.{k['name']}"
+            for k in names["keys"]
+            if k["kind"] == "real" and k["group"] in ("system", "friction")
+        )
+    elif kind == "GROUP.KEY=VALUE":
+        for key in names["keys"]:
+            name = f"{key['group']}.{key['name']}="
+            yield from (f"{name}{choice}" for choice in key["choices"]) if typed.startswith(name) else (name,)
+    elif kind == "QUANTITY=UNIT":
+        yield from ("time=", "force=")
+    elif "|" in kind:
+        yield from kind.split("|")
