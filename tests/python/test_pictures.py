@@ -410,7 +410,7 @@ def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
     axis.text(*place, "hidden", transform=figure.transFigure).set_in_layout(False)
     axis.text(0.9, 0.5, "beyond", transform=figure.transFigure).set_in_layout(False)
     found = overprinted(figure)
-    assert (r"angle of friction to the soft axis, $\theta$ [deg]", "hidden") in found
+    assert (r"angle of friction $\theta$ [deg]", "hidden") in found
     assert ("beyond", "the edge") in found
 
 
