@@ -54,7 +54,7 @@ ROOT = {
 
 GROUPS = {
     "deck": "The deck.",
-    "parameters": "Every key with a number, as used. In SI units; angles are in degrees if the name says so.",
+    "parameters": "Every [key of the deck](deck.md) with a number, as used, with its unit and meaning.",
     "time_series": "The columns that `output.fields` names, one value for each sample.",
     "events": "Every stick and slip, whether or not a sample is near. Where a motion repeats with more than 100 000 of them, they are a block: successive rows that "
     "occur `occurs` times, each time a `period` later, all of them before all of them again. `result.events_between` gives each event of an interval.",
@@ -94,11 +94,12 @@ def main() -> None:
         with h5py.File(run) as file, h5py.File(sweep) as cases:
             parts = [INTRODUCTION, root(file)]
             for name, meaning in GROUPS.items():
-                parts.append(group(file, name, meaning))
+                parts.append(f"## /{name}\n\n{meaning}\n\n{rows(file[name]) if name != 'parameters' else ''}")
             parts += [
                 SWEEP,
                 rows(cases["sweep"], skip=("velocity",)),
-                rows(cases["sweep/summary"], "summary/"),
+                "`summary/NAME` has the values of `/summary`, and\n",
+                rows(cases["sweep/summary"], "summary/", skip=tuple(file["summary"])),
                 rows(cases["sweep/cycles"], "cycles/"),
                 ELSEWHERE,
             ]
@@ -116,10 +117,6 @@ def root(file: h5py.File) -> str:
         sys.exit(f"attributes without a meaning in ROOT: {', '.join(sorted(missing))}")
     lines = ["## Attributes of the file", "", "| attribute | meaning |", "| --- | --- |"]
     return "\n".join([*lines, *(f"| `{name}` | {meaning} |" for name, meaning in ROOT.items()), ""])
-
-
-def group(file: h5py.File, name: str, meaning: str) -> str:
-    return "\n".join([f"## /{name}", "", meaning, "", rows(file[name])])
 
 
 def rows(found: h5py.Group, prefix: str = "", skip: tuple[str, ...] = ()) -> str:

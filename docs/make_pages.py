@@ -41,8 +41,6 @@ to that of `PATH`. `dynstiction help python` lists them.
 | `columns`, `summary`, `statistics` | columns and values of results: `name`, `units`, `long_name` |
 
 Further members are `version`, and `program` with the description of the program in the help.
-
-## Commands
 """
 
 DECK = """\
@@ -102,19 +100,18 @@ def main() -> None:
 
 def command_line(catalogue: dict[str, Any]) -> list[str]:
     commands = all_commands(catalogue)
-    listed = [(code(c["name"]), c["brief"], "Python" if c["is_python"] else "") for c in commands]
-    parts = [COMMAND_LINE, table(("command", "meaning", "by"), listed)]
+    parts = [COMMAND_LINE]
+    takers: dict[tuple[str, str], list[str]] = {}
     for command in commands:
-        rows = [(code(option), meaning) for option, meaning in command["options"]]
+        for option in command["options"]:
+            takers.setdefault(tuple(option), []).append(command["name"])
         parts += [
             f"## {command['name']}{' (Python)' if command['is_python'] else ''}\n",
-            block(command["usage"]),
             command["meaning"].replace("*", r"\*") + "\n",
-            *([table(("option", "meaning"), rows)] if rows else []),
-            block(command["examples"]),
+            block(f"dynstiction {command['name']} {command['operands']} [OPTION]...\n\n{command['examples']}"),
         ]
-    statuses = [(s["status"], s["meaning"]) for s in catalogue["exit_statuses"]]
-    return [*parts, "## Exit statuses\n", table(("status", "meaning"), statuses)]
+    rows = [(code(option), meaning, ", ".join(names)) for (option, meaning), names in sorted(takers.items())]
+    return [*parts, "## Options\n", table(("option", "meaning", "of"), rows)]
 
 
 def deck(keys: list[dict[str, Any]]) -> list[str]:

@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ._arguments import names_in
-from ._commands import Layout, add_commands
-from ._hdf5 import PROGRAM
+from ._commands import PROGRAM, Layout, add_commands
 from ._native import catalogue
 from ._output import check_outputs, put
 from .errors import (

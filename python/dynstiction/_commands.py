@@ -11,7 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Layout", "add_commands", "argument_of", "described"]
+__all__ = ["PROGRAM", "Layout", "add_commands", "argument_of", "described"]
+
+PROGRAM = "dynstiction"
+"""Name of the executable, and of what wrote a result."""
 
 WIDTH = 110
 """Columns of the help."""

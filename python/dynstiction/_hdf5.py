@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
+from ._commands import PROGRAM
 from ._open import dataset_in, info_of, open_file, own_datasets, values_in
 from .errors import FileError, IncompleteWarning
 from .record import EVENTS, LOG_DTYPE, Described, Info, Record
@@ -19,9 +20,8 @@ from .record import EVENTS, LOG_DTYPE, Described, Info, Record
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["PROGRAM", "read"]
+__all__ = ["read"]
 
-PROGRAM = "dynstiction"
 COUNTS = ("complete", "result_code", "threads")
 """Attributes that are Python integers, as in a run in memory; every other one is what h5py reads, also what others have added."""
 

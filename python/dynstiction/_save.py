@@ -16,7 +16,7 @@ import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from ._hdf5 import PROGRAM
+from ._commands import PROGRAM
 from ._open import SEAL, open_file
 from ._output import check_outputs, put
 from .errors import FileError

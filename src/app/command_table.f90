@@ -101,8 +101,8 @@ module dst_command_table
   type(option_t), parameter :: options(*) = [ &
     option_t('-o', 'FILE', 'run sweep merge', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
-      'use VALUE in place of the deck''s; may be repeated; text needs no quotes', 'a setting: write --set GROUP.KEY=VALUE'), &
-    option_t('--set', 'GROUP.KEY=', takes_settings, '*', 'remove the key from the deck: its default is used', ''), &
+      'use VALUE in place of the deck''s, without VALUE its default; may be repeated; text needs no quotes', &
+      'a setting: write --set GROUP.KEY=VALUE'), &
     option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep merge', '*', &
       'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
       'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &

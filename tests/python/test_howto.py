@@ -7,8 +7,10 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import sys
 from pathlib import Path
 
+import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
@@ -135,3 +137,12 @@ def test_the_tour_works(toured: Path, tmp_path: Path) -> None:
 
     done = Program((toured / "dynstiction",), tmp_path)("limits", ROOT / "inputs" / "fig3.nml", status=0)
     assert "static limit 2.0 N" in done.stdout
+
+    # The package as it is installed, with the files of the tour.
+    package, source = tmp_path / "dynstiction", toured.parents[1] / "python" / "dynstiction"
+    shutil.copytree(Path(ds.__file__).parent, package)
+    for name in ("_commands.py", "__main__.py"):
+        shutil.copy(source / name, package)
+    command = Program((sys.executable, "-m", "dynstiction", "periods"), tmp_path, {"PYTHONPATH": str(tmp_path)})
+    assert command("result.h5", status=0).stdout == ""
+    assert '.SS "periods"' in (toured / "dynstiction.1").read_text(encoding="utf-8")
