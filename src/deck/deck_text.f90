@@ -118,7 +118,8 @@ contains
       call builder%line('')
       call builder%line('&'//group)
       do i = 1, key_count
-        if (schema(i)%group == group .and. has_model(i, model)) call add_template_entry(builder, schema(i), model)
+        if (schema(i)%group == group .and. has_model(i, model)) &
+          call add_template_entry(builder, schema(i), template_value(i, model))
       end do
       call builder%line('/')
     end do
@@ -163,15 +164,28 @@ contains
     end do
   end function has_model
 
-  subroutine add_template_entry(builder, key, model)
+  !> The value of key `i` in the template of `model`: that of Fig. 3, or the default where Fig. 3 does not use the key.
+  pure recursive function template_value(i, model) result(value)
+    integer, intent(in) :: i
+    character(*), intent(in) :: model
+    character(:), allocatable :: value
+    integer :: n
+
+    value = trim(schema(i)%sample)
+    do n = 1, condition_count(schema(i))
+      if (.not. has_word(schema(i)%used_by(n)%choices, template_value(find_name(schema(i)%used_by(n)%on), model))) value = ''
+    end do
+    if (value == '') value = trim(schema(i)%default)
+    if (schema(i)%name == 'model') value = model
+  end function template_value
+
+  subroutine add_template_entry(builder, key, value)
     type(text_builder_t), intent(inout) :: builder
     type(key_t), intent(in) :: key
-    character(*), intent(in) :: model
+    character(*), intent(in) :: value
     character(:), allocatable :: shown, meaning
 
-    shown = trim(key%sample)
-    if (shown == '') shown = trim(key%default)
-    if (key%name == 'model') shown = model
+    shown = value
     if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
     shown = '  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)

@@ -165,7 +165,7 @@ def look(
             verdict.column, verdict.time, verdict.error = name, float(time[k]), float(over[k])
             verdict.raw, verdict.found, verdict.right = float(raw[k]), float(found[k]), float(right[k])
 
-    for name in (name for name in result.columns if name not in {"time", "sticking"}):
+    for name in (name for name in result.columns if name in case.columns and name != "sticking"):
         with np.errstate(invalid="ignore"):
             raw = np.nan_to_num(tr.differences(name, result[name], case.columns[name]) / case.scales[name], nan=0.0)
         if name in tr.JUMPING:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 import random
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -36,13 +37,22 @@ UNITS = {
     "m": LENGTH,
     "s": TIME,
     "kg": MASS,
-    "m/s": (1, -1, 0),
+    "Hz": (0, -1, 0),
     "N": (1, -2, 1),
     "J": (2, -2, 1),
-    "s/m": (-1, 1, 0),
-    "N/m": (0, -2, 1),
-    "N s/m": (0, -1, 1),
+    "W": (2, -3, 1),
 }
+
+
+def powers_of(unit: str) -> tuple[int, ...]:
+    """Powers of a product of units over another one, like 'N s/m' or 'm/s2'."""
+    found = np.zeros(3, dtype=int)
+    for sign, product in zip((1, -1), unit.split("/"), strict=False):
+        for name, power in re.findall(r"([A-Za-z]+|\b1\b)(\d*)", product):
+            found += sign * int(power or 1) * np.array(UNITS[name])
+    return tuple(found)
+
+
 ACROSS = ("u_y", "w_y", "Y", "Y_rate", "spring_force_y", "theta", "psi")
 SOFT = ("u_x", "w_x", "spring_force_x")
 STIFF = ("u_y", "w_y", "spring_force_y")
@@ -79,7 +89,7 @@ class Image:
     """Columns and summary values that have no image."""
 
     def factor(self, unit: str) -> float:
-        return 2.0 ** sum(d * p for d, p in zip(UNITS[unit], self.powers, strict=True))
+        return 2.0 ** sum(d * p for d, p in zip(powers_of(unit), self.powers, strict=True))
 
     def columns(self, result: ds.Result) -> dict[str, np.ndarray]:
         found = {name: values * self.factor(result.columns.units[name]) for name, values in mo.columns_of(result).items()}

@@ -172,7 +172,7 @@ def column_scales(groups: Groups, columns: dict[str, np.ndarray]) -> dict[str, n
         **dict.fromkeys(("theta", "psi"), np.where(told, 1.0, np.inf)),
         "zeta": np.where(told, largest.get("zeta", 0.0), np.inf),
     }
-    return {name: np.maximum(found[name], 1e-300) * np.ones_like(speed) for name in columns}
+    return {name: np.maximum(found.get(name, largest[name]), 1e-300) * np.ones_like(speed) for name in columns}
 
 
 @dataclass

@@ -143,8 +143,8 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "field twice": (GOOD + "&output fields = 'u_x', 'u_x' /\n", 19, "'u_x'", "once"),
     "v_f with constant": (with_line("v_f", " law = 'constant'"), 13, "'v_f'", "law weakening"),
     "v_smooth with exact": (with_line("v_f", " v_smooth = 1e-6"), 14, "'v_smooth'", "contact smoothed"),
-    "step with radau13": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "method rk4"),
-    "v_cut with radau13": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "method dopri5 | dop853"),
+    "step with radau13": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "only with method "),
+    "v_cut with radau13": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "only with method "),
     "smoothed without v_smooth": (with_line("v_f", " contact = 'smoothed'"), 11, "'v_smooth'", "add v_smooth"),
     "rk4 with exact": (GOOD + "&integrator method = 'rk4' step = 1e-6 /\n", 19, "'rk4'", "contact = 'smoothed'"),
     "missing key": (instead("  mass = 0.25\n", ""), 5, "'mass'", "add mass = VALUE in kg"),
@@ -395,7 +395,7 @@ def same(ours: dict, theirs: dict) -> bool:
 
 
 @pytest.mark.parametrize("source", [*DECKS, "template"], ids=lambda s: s if isinstance(s, str) else s.stem)
-def test_f90nml_reads_the_same(source, program, tmp_path):
+def test_f90nml_reads_the_same(source, program, tmp_path, catalogue):
     f90nml = pytest.importorskip("f90nml", reason="pip install f90nml")
     text = program("template").stdout if source == "template" else source.read_text()
     for points in INPUTS.glob("*.csv"):
@@ -403,7 +403,7 @@ def test_f90nml_reads_the_same(source, program, tmp_path):
     used = f90nml.reads(resolved(program, text))
     given = f90nml.reads(text)
     # Keys that are switched off are in the template but are not used, nor are those of other laws.
-    law = {"exponent", "viscous", "table_speed", "table_mu", "table"}
+    law = {key["name"] for key in catalogue["keys"] if "law" in key["used_by"]}
     for group, keys in given.items():
         for key in [k for k in keys if k not in used[group]]:
             assert key in {"v_smooth", "step", "v_cut", *law}

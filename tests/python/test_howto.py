@@ -75,6 +75,7 @@ def changed_program(source: Path, names: list[str]) -> Path:
         shutil.copy(ROOT / part, source)
     for part in ("src", "bench", "inputs", "tools", "python"):
         shutil.copytree(ROOT / part, source / part)
+    shutil.copytree(ROOT / "tests" / "invariance", source / "tests" / "invariance")
     (source / "docs").mkdir()
     shutil.copy(ROOT / "docs" / "errors.md", source / "docs")
     for name in names:
@@ -137,6 +138,12 @@ def test_the_tour_works(toured: Path, tmp_path: Path) -> None:
 
     done = Program((toured / "dynstiction",), tmp_path)("limits", ROOT / "inputs" / "fig3.nml", status=0)
     assert "static limit 2.0 N" in done.stdout
+
+    # No test of the executable lists what there is.
+    quick = [f"test_{name}.py" for name in ("decks", "sizes", "error_codes", "manual", "completion", "sampling")]
+    suite = Program((sys.executable, "-m", "pytest", "-q", "-m", "not full", "-p", "no:cacheprovider", *quick), Path(__file__).parent)
+    tested = suite(env={"DYNSTICTION_EXE": str(toured / "dynstiction")})
+    assert tested.returncode == 0, tested.stdout
 
     # The package as it is installed, with the files of the tour.
     package, source = tmp_path / "dynstiction", toured.parents[1] / "python" / "dynstiction"
