@@ -77,7 +77,8 @@ contains
       'try:'//n// &
       '    from dynstiction.__main__ import main'//n// &
       'except ImportError as error:'//n// &
-      '    print(f"dynstiction: {sys.executable}: {error}: install the package there (pip install .), '// &
+      '    print(f"dynstiction: {sys.argv[1]!r} is no command of the executable, and other commands need its Python package: '// &
+      '{sys.executable}: {error}: install the package there (pip install .), '// &
       'or set '//variable//' to an interpreter that has it", file=sys.stderr)'//n// &
       '    sys.exit(3)'//n// &
       'sys.exit(main(program="dynstiction"))'//n

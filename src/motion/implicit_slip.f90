@@ -97,7 +97,7 @@ contains
     if (ended) call self%finish(stopping, to)
   end subroutine end_slow_slip
 
-  !> Whether the springs hardly pull and friction hardly weakens. Then nothing turns the slip, and at its end it has no equation for
+  !> Whether the springs hardly pull and friction hardly changes. Then nothing turns the slip, and at its end it has no equation for
   !> the direction; the error of the closed form is proportional to the square of this share of the static limit.
   pure logical function is_unloaded(self, state)
     class(implicit_slip_t), intent(in) :: self
@@ -110,7 +110,7 @@ contains
         is_unloaded = maxval(self%slider%damping)*state%y(1) <= self%cut_share*limit
       if (.not. is_unloaded) return
       call self%slider%law%evaluate(1, state%y(1:1), friction, slope)
-      is_unloaded = limit - friction(1) <= self%cut_share*limit
+      is_unloaded = max(abs(limit - friction(1)), abs(slope(1))*state%y(1)) <= self%cut_share*limit
     end associate
   end function is_unloaded
 

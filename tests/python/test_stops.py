@@ -193,3 +193,37 @@ def test_a_sample_before_a_turn_has_the_direction_of_then():
     speed = np.abs(runs[0]["w_y"]).max()
     for result in runs[1:]:
         assert np.abs(result["w_y"] - runs[0]["w_y"]).max() < 1e-3 * speed
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("velocity_ratio", [-1.25, 3.0, 300.0])
+@pytest.mark.parametrize(
+    "friction",
+    [
+        {"law": "weakening", "mu_0": 0.6, "mu_inf": 0.8, "v_f": 5e-3},
+        {"law": "weakening", "mu_0": 0.6, "mu_inf": 0.4, "v_f": 5e-3},
+        {"law": "stribeck", "mu_0": 0.6, "mu_inf": 0.6, "v_f": 5e-3, "viscous": 5.0},
+        {"law": "constant", "mu_0": 0.6},
+    ],
+    ids=str,
+)
+def test_a_start_in_motion_stops_after_its_kinetic_energy_is_spent(friction, velocity_ratio, method):
+    """Springs hardly pull until then: the distance is that of the friction alone, whether it falls or rises with the speed."""
+    mass, load, drive, rtol = 7e-4, 12.0, 7e-5, 1e-8
+    groups = {
+        "system": {"mass": mass, "stiffness_x": 6.0, "stiffness_y": 10.0, "misalignment_deg": 1.0},
+        "friction": {"normal_load": load, **friction},
+    }
+    result = run(groups, 1e-3, drive, method, rtol, velocity_ratio=velocity_ratio)
+
+    def force(v):
+        if friction["law"] == "constant":
+            return load * friction["mu_0"] + 0.0 * v
+        fall = (friction["mu_0"] - friction["mu_inf"]) * np.exp(-v / friction["v_f"])
+        return load * (friction["mu_inf"] + fall + friction.get("viscous", 0.0) * v)
+
+    node, weight = np.polynomial.legendre.leggauss(30)
+    begun = abs(velocity_ratio) * drive
+    v = 0.5 * begun * (node + 1.0)
+    way = 0.5 * begun * np.sum(weight * mass * v / force(v))
+    assert result["X"][-1] == pytest.approx(np.sign(velocity_ratio) * way, rel=30 * rtol)
