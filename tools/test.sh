@@ -15,7 +15,7 @@
 #   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
 #                with --full also recipes of distributors, hostile environments, and every compiler
 #   --bench      the short forms of all benchmarks
-#   --mutation   2 small changes of the core that the tests must notice, with --full 25
+#   --mutation   4 small changes of the core that the tests must notice, with --full 25
 #
 # The output of each set of tests is in build/tests. See tests/README.md.
 
@@ -48,7 +48,7 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3 [mutation]=2)
+declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3 [mutation]=4)
 
 say_how_long() {
   local part total first=0 second=0
@@ -196,7 +196,7 @@ manual_tests() {
 
 mutation_tests() {
   run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
-    python "$checkout/tests/mutation/mutate.py" --count "$([[ $level == full ]] && printf 25 || printf 2)" --jobs "$(nproc)"
+    python "$checkout/tests/mutation/mutate.py" --count "$([[ $level == full ]] && printf 25 || printf 4)" --jobs "$(nproc)"
 }
 
 tests_with_checks() {

@@ -207,11 +207,10 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     _output(add, "FIGURE", "default: TRACE with _fitted.png, in the current folder; also .pdf, .svg")
 
 
-def described(program: str = "dynstiction") -> Iterator[dict[str, Any]]:
+def described() -> Iterator[dict[str, Any]]:
     """Each command as an entry of ``dynstiction template --json``: its options are pairs of name and meaning."""
-    found = argparse.ArgumentParser(prog=program).add_subparsers()
+    found = argparse.ArgumentParser(prog=PROGRAM).add_subparsers()
     add_commands(found)
-    # pylint: disable=protected-access
     briefs = {choice.dest: choice.help for choice in found._choices_actions}
     for name, parser in found.choices.items():
         actions = [action for action in parser._actions if action.dest != "help"]

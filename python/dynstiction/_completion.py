@@ -53,7 +53,7 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
 
 
 def _values(action: argparse.Action, typed: str) -> list[str]:
-    kind = argument_of(action) if action.option_strings else str(action.metavar)
+    kind = argument_of(action)
     if kind in FILES:
         return list(FILES[kind])
     # The last word of a list with commas is being typed.

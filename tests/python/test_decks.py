@@ -143,8 +143,8 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "field twice": (GOOD + "&output fields = 'u_x', 'u_x' /\n", 19, "'u_x'", "once"),
     "v_f with constant": (with_line("v_f", " law = 'constant'"), 13, "'v_f'", "law weakening"),
     "v_smooth with exact": (with_line("v_f", " v_smooth = 1e-6"), 14, "'v_smooth'", "contact smoothed"),
-    "step with radau13": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "only with method "),
-    "v_cut with radau13": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "only with method "),
+    "step with radau13": (GOOD + "&integrator step = 1e-6 /\n", 19, "'step'", "only with method {methods}"),
+    "v_cut with radau13": (GOOD + "&integrator v_cut = 1e-6 /\n", 19, "'v_cut'", "only with method {methods}"),
     "smoothed without v_smooth": (with_line("v_f", " contact = 'smoothed'"), 11, "'v_smooth'", "add v_smooth"),
     "rk4 with exact": (GOOD + "&integrator method = 'rk4' step = 1e-6 /\n", 19, "'rk4'", "contact = 'smoothed'"),
     "missing key": (instead("  mass = 0.25\n", ""), 5, "'mass'", "add mass = VALUE in kg"),
@@ -159,9 +159,11 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_deck(name, program, tmp_path):
+def test_bad_deck(name, program, tmp_path, catalogue):
     """Exit status 2; file, line, offending word and remedy in one message; nothing written, nothing overwritten."""
     content, line, word, remedy = BAD[name]
+    methods = {key["name"]: key["used_by"].get("method", []) for key in catalogue["keys"]}
+    remedy = remedy.replace("{methods}", " | ".join(methods.get(word.strip("'"), [])))
     deck = write(tmp_path, content)
     kept = b"results of last year"
     (tmp_path / "old.h5").write_bytes(kept)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import pickle
+import re
 import signal
 import sys
 import threading
@@ -286,7 +287,7 @@ def test_units_have_one_grammar_and_counts_are_integers(fig3_result: ds.Result) 
     assert type(fig3_result.parameters["max_steps"]) is int
     lines = repr(fig3_result).splitlines()
     assert "  cycles = 8" in lines
-    assert "w_x [m/s]" in lines[1] and "sticking, zeta" in lines[1]
+    assert "w_x [m/s]" in lines[1] and "sticking, zeta" in lines[1] and re.search(rf", {list(fig3_result)[-1]}( \[\S+\])?$", lines[1])
     assert "model = full" in repr(fig3_result.parameters).splitlines()
     assert not [line for line in repr(fig3_result.parameters).splitlines() if line.endswith(" 1") and "=" not in line[-4:]]
 
