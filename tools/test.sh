@@ -15,7 +15,7 @@
 #   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
 #                with --full also recipes of distributors, hostile environments, and every compiler
 #   --bench      the short forms of all benchmarks
-#   --mutation   4 small changes of the core that the tests must notice, with --full 25
+#   --mutation   2 small changes of the core that the tests must notice, with --full 25
 #
 # The output of each set of tests is in build/tests. See tests/README.md.
 
@@ -196,7 +196,7 @@ manual_tests() {
 
 mutation_tests() {
   run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
-    python "$checkout/tests/mutation/mutate.py" --count "$([[ $level == full ]] && printf 25 || printf 4)" --jobs "$(nproc)"
+    python "$checkout/tests/mutation/mutate.py" --count "$([[ $level == full ]] && printf 25 || printf 2)" --jobs "$(nproc)"
 }
 
 tests_with_checks() {

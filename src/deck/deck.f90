@@ -15,6 +15,7 @@ module dst_deck
   use dst_deck_text, only: resolved, template, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   use dst_friction_table, only: take_friction_table
+  use dst_text_file, only: read_text
   use dst_units, only: factor_of
   implicit none
   private
@@ -22,7 +23,8 @@ module dst_deck
   public :: deck_t, read_deck, parse_deck, resolved, template, has_model
 
   !> A file with more bytes is not a deck.
-  integer(int64), parameter :: largest_deck = 1000000_int64
+  integer, parameter :: largest_deck = 1000000
+  character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
 contains
 
@@ -34,65 +36,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text, problem
 
-    call read_text(file_name, text, problem)
-    if (len(problem) > 0) then
-      call raise(error, deck_error, file_name//': '//problem)
+    call read_text(file_name, largest_deck, text, problem)
+    if (index(text, hdf5_signature) == 1) then
+      call raise(error, deck_error, file_name// &
+        ': is a result or another HDF5 file, not a deck: see dynstiction show, plot or resume')
+    else if (problem /= '') then
+      call raise(error, deck_error, file_name//': '//problem//': a deck is a text file with at least &scene; dynstiction '// &
+        'template > my.nml writes one')
     else
       call parse_deck(text, file_name, settings, deck, error)
     end if
   end subroutine read_deck
-
-  !> The bytes of a regular file of acceptable size; `problem` is '' or says why they cannot be read.
-  subroutine read_text(file_name, text, problem)
-    character(*), intent(in) :: file_name
-    character(:), allocatable, intent(out) :: text, problem
-    character(256) :: message
-    integer(int64) :: bytes
-    integer :: unit, ios
-    logical :: exists
-
-    text = ''
-    problem = ''
-    bytes = 0_int64
-    exists = len_trim(file_name) > 0
-    if (exists) inquire (file=file_name, exist=exists, size=bytes)
-    if (.not. exists) then
-      problem = 'no such file: give the path of a deck; dynstiction template > my.nml writes one'
-    else if (is_hdf5_file(file_name, bytes)) then
-      problem = 'is a result or another HDF5 file, not a deck: see dynstiction show, plot or resume'
-    else if (bytes > largest_deck) then
-      problem = integer_text(bytes)//' bytes are too many for a deck: at most '//integer_text(largest_deck)//' are read'
-    else if (bytes <= 0) then
-      ! Pipes and devices have no size either, and opening one could wait forever.
-      problem = 'is empty or not a regular file: a deck is a text file with at least &scene'
-    end if
-    if (len(problem) > 0) return
-    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old', action='read', &
-          iostat=ios, iomsg=message)
-    if (ios == 0) then
-      text = repeat(' ', int(bytes))
-      read (unit, iostat=ios, iomsg=message) text
-      close (unit)
-    end if
-    if (ios /= 0) problem = 'cannot be read ('//trim(message)//'): give a readable text file'
-  end subroutine read_text
-
-  !> Whether a regular file begins as HDF5 files do.
-  logical function is_hdf5_file(file_name, bytes)
-    character(*), intent(in) :: file_name
-    integer(int64), intent(in) :: bytes
-    character(*), parameter :: signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
-    character(len(signature)) :: beginning
-    integer :: unit, ios
-
-    is_hdf5_file = .false.
-    if (bytes < len(signature)) return
-    open (newunit=unit, file=file_name, access='stream', form='unformatted', status='old', action='read', iostat=ios)
-    if (ios /= 0) return
-    read (unit, iostat=ios) beginning
-    is_hdf5_file = ios == 0 .and. beginning == signature
-    close (unit)
-  end function is_hdf5_file
 
   !> Read a deck from memory; `name` is used as the file's name in messages. With `alone` each value is checked against its own key
   !> only: a part of a deck is not refused because keys are missing, or because values do not fit together. With `is_varied` the

@@ -3,12 +3,13 @@
 !> The file has two columns, slip velocity [m/s] and friction coefficient, and may name them in its first line: table_speed and
 !> table_mu. Its numbers become values of these keys, so that the resolved deck contains the points and the file is read once.
 module dst_friction_table
-  use dst_csv, only: blanks, find_fields, find_line, first_byte, line_end_of, separator_of
+  use dst_csv, only: csv_table_t, read_csv
   use dst_deck_values, only: deck_t, usage, used
   use dst_faults, only: place_t
-  use dst_kinds, only: wp, int64
+  use dst_kinds, only: wp
   use dst_schema, only: find_key
-  use dst_text, only: excerpt, integer_text, lower_case, read_real, real_text
+  use dst_text, only: excerpt, integer_text, lower_case, real_text
+  use dst_text_file, only: path_beside, read_text
   implicit none
   private
 
@@ -46,9 +47,8 @@ contains
         call deck%faults%add(place, "'table' beside 'table_speed' or 'table_mu': give the file, or the points themselves")
         return
       end if
-      path = deck%text_of('friction', 'table')
-      if (path(1:1) /= '/') path = deck%name(:index(deck%name, '/', back=.true.))//path
-      call read_table(path, deck%value(speed)%reals, deck%value(mu)%reals, problem)
+      path = path_beside(deck%name, deck%text_of('friction', 'table'))
+      call read_points(path, deck%value(speed)%reals, deck%value(mu)%reals, problem)
       if (problem /= '') then
         call deck%faults%add(place, 'friction.table: '//problem)
         return
@@ -109,130 +109,78 @@ contains
   end subroutine check_points
 
   !> The points in a CSV file; `problem` is '' or names the file, the line, and what to do.
-  subroutine read_table(path, speed, mu, problem)
+  subroutine read_points(path, speed, mu, problem)
     character(*), intent(in) :: path
     real(wp), allocatable, intent(inout) :: speed(:), mu(:)
     character(:), allocatable, intent(out) :: problem
+    type(csv_table_t) :: table
     character(:), allocatable :: text
-    real(wp) :: row(2), point(2, most_points)
-    character :: separator, line_end
-    integer :: first, last, next, line, n
-    logical :: begins, is_point
+    integer :: line
 
-    call read_text(path, text, problem)
-    if (problem /= '') return
-    line_end = line_end_of(text)
-    next = first_byte(text)
-    line = 0
-    n = 0
-    begins = .true.
-    do while (next <= len(text))
-      call find_line(text, line_end, next, first, last)
-      line = line + 1
-      if (verify(text(first:last), blanks) == 0) cycle
-      if (begins) separator = separator_of(text(first:last))
-      call read_row(text(first:last), separator, begins, row, is_point, problem)
-      begins = .false.
-      if (problem == '' .and. is_point .and. n == most_points) problem = 'more than '//integer_text(most_points)// &
-        ' points: give fewer'
-      if (problem == '' .and. is_point .and. n > 0) then
-        if (.not. row(1) > point(1, n)) problem = 'slip velocity '//real_text(row(1))//' m/s is not above the one ahead of it, '// &
-          real_text(point(1, n))//' m/s: slip velocities must increase'
-      end if
-      if (problem == '' .and. is_point .and. any(row < 0.0_wp)) &
-        problem = real_text(minval(row))//' is negative: slip velocities and friction coefficients must be >= 0'
-      if (problem /= '') then
-        problem = path//':'//integer_text(line)//': '//problem
-        return
-      end if
-      if (.not. is_point) cycle
-      n = n + 1
-      point(:, n) = row
-    end do
-    if (n < least_points) then
-      problem = path//': '//integer_text(n)//' point(s): give at least '//integer_text(least_points)//', a row for each: '//columns
+    call read_text(path, most_bytes, text, problem)
+    if (problem /= '') then
+      problem = path//': '//problem//': give the path of a CSV file with the columns '//columns
       return
     end if
-    speed = point(1, :n)
-    mu = point(2, :n)
-  end subroutine read_table
+    call read_csv(text, table, problem)
+    if (problem == '') then
+      call check_table(table, line, problem)
+      if (problem /= '' .and. line > 0) problem = ':'//integer_text(line)//': '//problem
+      if (problem /= '' .and. line == 0) problem = ': '//problem
+    end if
+    if (problem /= '') then
+      problem = path//problem
+      return
+    end if
+    speed = table%values(1, :)
+    mu = table%values(2, :)
+  end subroutine read_points
 
-  !> A line of the file: a point, or the names of the columns if it is the first.
-  subroutine read_row(line, separator, begins, row, is_point, problem)
-    character(*), intent(in) :: line
-    character, intent(in) :: separator
-    logical, intent(in) :: begins
-    real(wp), intent(out) :: row(2)
-    logical, intent(out) :: is_point
+  !> What is wrong with a table of points, and in which line if it is in one; else '' and 0.
+  subroutine check_table(table, line, problem)
+    type(csv_table_t), intent(in) :: table
+    integer, intent(out) :: line
     character(:), allocatable, intent(out) :: problem
-    integer, allocatable :: bounds(:, :)
-    integer :: i
-    logical :: is_named(2)
+    integer :: n
 
-    row = 0.0_wp
     problem = ''
-    call find_fields(line, separator, bounds)
-    is_point = .true.
-    if (size(bounds, 2) /= 2) then
-      problem = integer_text(size(bounds, 2))//' value(s): give two in each row, '//columns
-      return
+    line = table%first_line
+    if (line > 0) then
+      if (size(table%names) /= 2) then
+        problem = integer_text(size(table%names))//' value(s): give two in each row, '//columns
+      else if (table%has_names .and. .not. (is_name(1, 'table_speed') .and. is_name(2, 'table_mu'))) then
+        problem = "'"//excerpt(trim(table%names(1)))//"', '"//excerpt(trim(table%names(2)))// &
+          "' are neither two finite real numbers nor their names: name the columns in the first line: "//columns
+      end if
+      if (problem /= '') return
     end if
-    if (begins) then
-      is_named = [is_name(1, 'table_speed'), is_name(2, 'table_mu')]
-      is_point = .not. all(is_named)
-      if (.not. is_point) return
-    end if
-    do i = 1, 2
-      associate (field => line(bounds(1, i):bounds(2, i)))
-        call read_real(field, row(i), problem)
-        if (problem == '') cycle
-        problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
-        if (begins) problem = problem//', or name the columns in the first line: '//columns
-        return
+    do n = 1, size(table%line)
+      line = table%line(n)
+      associate (row => table%values(:, n))
+        if (n > most_points) then
+          problem = 'more than '//integer_text(most_points)//' points: give fewer'
+        else if (any(row < 0.0_wp)) then
+          problem = real_text(minval(row))//' is negative: slip velocities and friction coefficients must be >= 0'
+        else if (n > 1) then
+          if (.not. row(1) > table%values(1, n - 1)) problem = 'slip velocity '//real_text(row(1))// &
+            ' m/s is not above the one ahead of it, '//real_text(table%values(1, n - 1))//' m/s: slip velocities must increase'
+        end if
       end associate
+      if (problem /= '') return
     end do
+    line = 0
+    n = size(table%line)
+    if (n < least_points) problem = integer_text(n)//' point(s): give at least '//integer_text(least_points)// &
+      ', a row for each: '//columns
 
   contains
 
-    !> Whether field `k` is this name, with its group or without.
+    !> Whether column `k` has this name, with its group or without.
     logical function is_name(k, name)
       integer, intent(in) :: k
       character(*), intent(in) :: name
-      character(:), allocatable :: field
 
-      field = lower_case(line(bounds(1, k):bounds(2, k)))
-      is_name = field == name .or. field == 'friction.'//name
+      is_name = lower_case(table%names(k)) == name .or. lower_case(table%names(k)) == 'friction.'//name
     end function is_name
-  end subroutine read_row
-
-  !> The bytes of a regular file of acceptable size; `problem` is '' or says why they cannot be read.
-  subroutine read_text(path, text, problem)
-    character(*), intent(in) :: path
-    character(:), allocatable, intent(out) :: text, problem
-    character(256) :: message
-    integer(int64) :: bytes
-    integer :: unit, ios
-    logical :: exists
-
-    text = ''
-    problem = ''
-    bytes = 0_int64
-    inquire (file=path, exist=exists, size=bytes)
-    if (.not. exists) then
-      problem = path//': no such file: give the path of a CSV file with the columns '//columns
-    else if (bytes > most_bytes) then
-      problem = path//': '//integer_text(bytes)//' bytes are too many: give at most '//integer_text(most_points)//' points'
-    else if (bytes <= 0) then
-      ! Pipes and devices have no size either, and opening one could wait forever.
-      problem = path//': is empty or not a regular file: give a CSV file with the columns '//columns
-    end if
-    if (problem /= '') return
-    open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=ios, iomsg=message)
-    if (ios == 0) then
-      text = repeat(' ', int(bytes))
-      read (unit, iostat=ios, iomsg=message) text
-      close (unit)
-    end if
-    if (ios /= 0) problem = path//': cannot be read ('//trim(message)//'): give a readable CSV file'
-  end subroutine read_text
+  end subroutine check_table
 end module dst_friction_table

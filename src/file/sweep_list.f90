@@ -8,7 +8,7 @@ module dst_sweep_list
   use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, names_in, read_list
   use dst_hdf5_origin, only: is_hdf5
   use dst_sweep, only: axis_t
-  use dst_sweep_points, only: path_of_points, read_csv, name_axis
+  use dst_sweep_points, only: path_of_points, points_of_csv, name_axis
   use dst_text, only: integer_text
   implicit none
   private
@@ -26,7 +26,7 @@ contains
     if (is_hdf5(path_of_points(deck))) then
       call read_datasets(deck, path_of_points(deck), axes, error)
     else
-      call read_csv(deck, axes, error)
+      call points_of_csv(deck, axes, error)
     end if
   end subroutine read_points
 

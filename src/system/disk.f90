@@ -14,7 +14,7 @@ module dst_disk
 
   public :: identity_t, identity_of, operator(==)
   public :: free_space, move_file, place_file, delete_file, delete_own_file
-  public :: read_bytes, read_at, write_bytes, create_file, make_durable, make_name_durable
+  public :: read_at, write_bytes, create_file, make_durable, make_name_durable
   public :: lock_new_file, is_locked, keep_mode, open_for_reading, close_descriptor
   public :: system_reason, with_remedy
   ! From other modules.
@@ -274,41 +274,6 @@ contains
 
     if (c_fsync(descriptor) /= 0) reason = system_reason()
   end subroutine make_durable
-
-  !> All bytes of a file of at most `most` bytes.
-  subroutine read_bytes(file_name, most, bytes, reason)
-    character(*), intent(in) :: file_name
-    integer, intent(in) :: most
-    character(:), allocatable, intent(out) :: bytes, reason   !! reason: unallocated on success
-    integer(int64) :: length, done
-    integer(c_int) :: descriptor
-
-    bytes = ''
-    length = file_size(file_name)
-    if (.not. file_exists(file_name)) then
-      reason = 'there is no such file'
-    else if (is_folder(file_name)) then
-      reason = 'it is a folder'
-    else if (length <= 0) then
-      reason = 'it is empty or not a regular file'
-    else if (length > most) then
-      reason = 'it is too long'
-    end if
-    if (allocated(reason)) return
-    descriptor = c_open(file_name//nul, dst_o_rdonly)
-    if (descriptor < 0) then
-      reason = system_reason()
-      return
-    end if
-    bytes = repeat(' ', int(length))
-    done = c_read(descriptor, bytes, length, 0_int64)
-    if (done < 0) then
-      reason = system_reason()
-    else if (done < length) then
-      reason = 'End of file'
-    end if
-    call close_descriptor(descriptor)
-  end subroutine read_bytes
 
   !> Why the last system call failed, and what to do.
   function system_reason() result(reason)

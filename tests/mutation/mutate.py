@@ -76,7 +76,7 @@ class Check:
 
     name: str
     command: list[str]
-    seconds: float = 0.0
+    seconds: float | None = None
     reaches: frozenset[int] = frozenset()
     kills: dict[str, int] = field(default_factory=dict)
 
@@ -216,34 +216,41 @@ def run(check: Check, mutant: int, limit: int, reached: Path | None = None) -> s
     return failed[1][:100] if failed else f"exit status {process.returncode}"
 
 
-def prepare(checks: list[Check]) -> None:
-    """Run the checks without a mutant: they must pass. Note what they take and reach."""
-    for check in checks:
-        reached = FOLDER / "reached.txt"
-        reached.unlink(missing_ok=True)
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        failure = run(check, 0, 900, reached)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        check.seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        check.reaches = frozenset(map(int, reached.read_text().split())) if reached.exists() else frozenset()
-        print(f"  {check.name}: {check.seconds:.1f} s, reaches {len(check.reaches)} mutants", flush=True)
-        if failure:
-            sys.exit(f"{check.name} fails without a mutant: {failure}")
+def measure(check: Check) -> float:
+    """Run it without a mutant: it must pass. Note which mutants it reaches, and return what it took [s]."""
+    reached = FOLDER / "reached.txt"
+    reached.unlink(missing_ok=True)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    failure = run(check, 0, 900, reached)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    check.seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    check.reaches = frozenset(map(int, reached.read_text().split())) if reached.exists() else frozenset()
+    print(f"  {check.name}: {check.seconds:.1f} s, reaches {len(check.reaches)} mutants", flush=True)
+    if failure:
+        sys.exit(f"{check.name} fails without a mutant: {failure}")
+    return check.seconds
 
 
 def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
-    """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first."""
+    """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first.
+    One that has not run yet comes last, and is measured only if the mutant is alive then."""
 
     def promise(check: Check) -> float:
+        if check.seconds is None:
+            return 0.0
         return (0.2 + check.kills.get(mutant.file, 0) + 0.1 * sum(check.kills.values())) / max(check.seconds, 0.01)
 
-    reaching = [check for check in checks if mutant.number in check.reaches]
-    for check in sorted(reaching, key=promise, reverse=True):
-        failure = run(check, mutant.number, int(3.0 * check.seconds + 5.0))
+    is_reached = False
+    for check in sorted(checks, key=promise, reverse=True):
+        seconds = measure(check) if check.seconds is None else check.seconds
+        if mutant.number not in check.reaches:
+            continue
+        is_reached = True
+        failure = run(check, mutant.number, int(3.0 * seconds + 5.0))
         if failure:
             check.kills[mutant.file] = check.kills.get(mutant.file, 0) + 1
             return "killed", f"{check.name}: {failure}"
-    return "survived", "" if reaching else "not reached"
+    return "survived", "" if is_reached else "not reached"
 
 
 def is_killed(mutant: Mutant, checks: list[Check], results: Table) -> bool:
@@ -315,7 +322,6 @@ def main() -> int:
             break
         print(f"{name} round, {len(alive)} mutants", flush=True)
         checks = checks_of(name)
-        prepare(checks)
         alive = [mutant for mutant in alive if not is_killed(mutant, checks, results)]
     for mutant in alive:
         print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}")

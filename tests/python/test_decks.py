@@ -514,7 +514,7 @@ def test_a_deck_of_100_MB_is_refused_by_its_size(executable, tmp_path):
             stream.write((GOOD + "!" * 10**6)[: 10**6].encode())
     status, words, seconds = bounded(executable, tmp_path, 90, "run", "deck.nml")
     assert (status, words.count("\n")) == (2, 1)
-    assert "100000000 bytes are too many for a deck" in words
+    assert "100000000 bytes are too many, at most 1000000 are read" in words
     assert seconds < 1.0
 
 

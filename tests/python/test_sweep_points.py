@@ -76,16 +76,16 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "place", "words"),
     [
-        ("", "", "it is empty"),
+        ("", "", "is empty"),
         (NAMES + "\n", "", "holds no points"),
         ("system.stiffness_y\n1\n", ":1:", "'system.stiffness_y' is not used with"),
         ("drive.velocity\n1e-3\n\n\nfast\n", ":5:", "'fast' is not a real number"),
         ("drive.velocity\n1e-3\nnan\n", ":3:", "'nan' is not a real number"),
         ("system.misalignment_deg\n\n1e3\n", ":3:", "out of range for misalignment_deg"),
-        (NAMES + "\n1,1e-3\n2\n", ":3:", "1 value(s), but the first line names 2"),
-        (NAMES + "\n1,,1e-3\n", ":2:", "3 value(s), but the first line names 2"),
+        (NAMES + "\n1,1e-3\n2\n", ":3:", "1 value(s), but the first line has 2"),
+        (NAMES + "\n1,,1e-3\n", ":2:", "3 value(s), but the first line has 2"),
         (NAMES + "\n1,\n", ":2:", "'' is not a real number"),
-        (NAMES + ",\n1,1e-3,\n", ":1:", "there is no key ''"),
+        (NAMES + ",\n1,1e-3,\n", ":1:", "an empty field: give each column a name"),
         ("drive.velocity,Drive.Velocity\n1,1\n", ":1:", "named twice"),
         ("drive.speed\n1\n", ":1:", "there is no key 'drive.speed'"),
         ("output.interval\n1\n", ":1:", "cannot be varied"),
@@ -106,9 +106,9 @@ def test_faults_have_their_place(sweep, tmp_path, text, place, words):
 
 def test_a_missing_file_and_a_folder(sweep, tmp_path):
     done = sweep.run("a.h5")
-    assert done.returncode == 3 and f"{tmp_path}/cases.csv: cannot be read: there is no such file" in done.stderr
+    assert done.returncode == 3 and f"{tmp_path}/cases.csv: no such file" in done.stderr
     (tmp_path / "cases.csv").mkdir()
-    assert "it is a folder" in sweep.run("a.h5").stderr
+    assert "is a folder" in sweep.run("a.h5").stderr
 
 
 def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp_path):
