@@ -68,6 +68,10 @@ _MODULE_OF = {
     "Statistic": "trace_comparison",
     "TraceComparison": "trace_comparison",
     "compare": "trace_comparison",
+    "CreepFit": "creep_fit",
+    "fit_creep": "creep_fit",
+    "FrictionFit": "friction_fit",
+    "fit_friction_law": "friction_fit",
     "CreepTest": "trace_creep",
     "creep_test": "trace_creep",
     "Derivatives": "tangents",
@@ -87,6 +91,8 @@ _MODULE_OF = {
 if _TYPE_CHECKING:
     from ._plotting import plot as plot
     from ._trade import Trade, trade
+    from .creep_fit import CreepFit, fit_creep
+    from .friction_fit import FrictionFit, fit_friction_law
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
     from .trace_comparison import Statistic, TraceComparison, compare
@@ -101,6 +107,7 @@ __all__ = [
     "ColumnError",
     "Creep",
     "CreepEnd",
+    "CreepFit",
     "CreepTest",
     "CriticalMisalignment",
     "Cycles",
@@ -114,6 +121,7 @@ __all__ = [
     "FitWarning",
     "FittedParameter",
     "Friction",
+    "FrictionFit",
     "IncompleteWarning",
     "Initial",
     "Integrator",
@@ -156,6 +164,8 @@ __all__ = [
     "derivatives",
     "find_cycles",
     "fit",
+    "fit_creep",
+    "fit_friction_law",
     "jacobian",
     "mean_slip",
     "mean_waveform",

@@ -1,4 +1,4 @@
-"""Measured traces in files: tables of text, HDF5."""
+"""Measured traces and friction coefficients in files: tables of text, HDF5."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .trace import QUANTITIES, Trace
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["UNITS", "Column", "Units", "read_trace", "unit_factor"]
+__all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace", "unit_factor"]
 
 _Floats = NDArray[np.float64]
 
@@ -34,15 +34,19 @@ UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
     "force": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kN": 1e3},
     "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
+    "speed": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6},
+    "mu": {"1": 1.0, "-": 1.0, "%": 1e-2},
 }
-"""Names of the units in the file of a trace, and their factors to SI."""
+"""Names of the units in the file of a trace or of friction coefficients, and their factors to SI."""
 UNITS["lateral_force"] = UNITS["force"]
 
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "time_series/time"),
     "force": ("force", "f", "pull_force", "friction_force"),
+    "speed": ("speed", "velocity", "v", "table_speed"),
+    "mu": ("mu", "friction", "friction_coefficient", "table_mu"),
 }
-"""Column names by which time and force are found if the user gives none."""
+"""Column names by which these are found if the user gives none."""
 
 HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512, 1024, 2048)
@@ -160,6 +164,23 @@ def read_trace(
     return _read_table(name, wanted, factors, delimiter, interval)
 
 
+def read_friction(
+    path: str | os.PathLike[str], *, units: Units | None = None, delimiter: str | None = None
+) -> tuple[_Floats, _Floats]:
+    """Slip speeds [m/s] and friction coefficients from a table of text; arguments and errors as for `read_trace`."""
+    name = path_name(path)
+    factors = {
+        quantity: unit_factor(quantity, unit)
+        for quantity, unit in dict(units or {}).items()
+        if quantity in ("speed", "mu")
+    }
+    if len(factors) < len(units or {}):
+        raise UsageError("units: a table of friction has speed and mu")
+    _is_hdf5(name)
+    values = _columns(_split_table(name, delimiter), {}, factors, ("speed", "mu"))
+    return values["speed"], values["mu"]
+
+
 def _filled(fields: Sequence[str]) -> int:
     """Number of fields up to the last one that is not empty."""
     return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
@@ -232,25 +253,29 @@ def _read_table(
     interval: float | None,
 ) -> Trace:
     table = _split_table(name, delimiter)
-    columns: dict[str, int] = {}
-    for quantity, column in wanted.items():
-        if column is not None:
-            columns[quantity] = _find(table, quantity, column)
-    for quantity, usual in (("time", 0), ("force", 1)):
-        if quantity not in columns and not (quantity == "time" and interval is not None):
-            columns[quantity] = _usual(
-                table, quantity, 0 if interval is not None else usual, set(columns.values())
-            )
-    twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
-    if twice:
-        raise UsageError(
-            f"{name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
-        )
+    values = _columns(table, wanted, factors, ("time", "force") if interval is None else ("force",))
     lines = np.array([line for line, _ in table.rows], dtype=np.int64)
-    values = {q: _numbers(table, q, c) * _factor(table, q, c, factors) for q, c in columns.items()}
     if interval is not None:
         values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
     return _trace(values, name, lines)
+
+
+def _columns(
+    table: _Table, wanted: Mapping[str, Column | None], factors: Mapping[str, float], required: Sequence[str]
+) -> dict[str, _Floats]:
+    """The wanted columns in SI units. A required one that is not named is the one with a usual name, else that at its place."""
+    columns = {
+        quantity: _find(table, quantity, column) for quantity, column in wanted.items() if column is not None
+    }
+    for usual, quantity in enumerate(required):
+        if quantity not in columns:
+            columns[quantity] = _usual(table, quantity, usual, set(columns.values()))
+    twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
+    if twice:
+        raise UsageError(
+            f"{table.name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
+        )
+    return {q: _numbers(table, q, c) * _factor(table, q, c, factors) for q, c in columns.items()}
 
 
 def _split_table(name: str, delimiter: str | None) -> _Table:

@@ -266,7 +266,8 @@ def fit(
     Warns
     -----
     FitWarning
-        If the model does not explain the trace, or the trace does not determine a parameter.
+        If the model does not explain the trace, the trace does not determine a parameter, or it has a displacement, which
+        `fit_creep` uses.
 
     Notes
     -----
@@ -276,6 +277,8 @@ def fit(
     """
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
+    if trace.displacement is not None:
+        warnings.warn("the displacement of the trace is not used: give one stick of it to fit_creep", FitWarning, stacklevel=2)
     problem = _problem(Scene(scene), trace, free)
     with progress_bar(progress, 1.0, BAR) as show:
         return problem.solve(starts, generator(rng), show)

@@ -24,6 +24,8 @@ PAGES = (
     "howto/read_files",
     "howto/measured_traces",
     "howto/fit_a_trace",
+    "howto/fit_creep",
+    "howto/fit_friction_law",
 )
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}
 
