@@ -233,7 +233,8 @@ def measure(check: Check) -> float:
 
 def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     """The checks that reach it, in the order in which they are likely to kill soon: those of the same file, and fast ones, first.
-    One that has not run yet comes last, and is measured only if the mutant is alive then."""
+    One that has not run yet comes last, and is measured only if the mutant is alive then.
+    """
 
     def promise(check: Check) -> float:
         if check.seconds is None:
