@@ -74,6 +74,9 @@ _MODULE_OF = {
     "fit_friction_law": "friction_fit",
     "CreepTest": "trace_creep",
     "creep_test": "trace_creep",
+    "KeyRange": "ranges",
+    "StickSlipRange": "ranges",
+    "stick_slip_range": "ranges",
     "Derivatives": "tangents",
     "derivatives": "tangents",
     "Sensitivity": "tangents",
@@ -93,6 +96,7 @@ if _TYPE_CHECKING:
     from ._trade import Trade, trade
     from .creep_fit import CreepFit, fit_creep
     from .friction_fit import FrictionFit, fit_friction_law
+    from .ranges import KeyRange, StickSlipRange, stick_slip_range
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
     from .trace_comparison import Statistic, TraceComparison, compare
@@ -125,6 +129,7 @@ __all__ = [
     "IncompleteWarning",
     "Initial",
     "Integrator",
+    "KeyRange",
     "LimitCycle",
     "OutOfMemoryError",
     "Output",
@@ -142,6 +147,7 @@ __all__ = [
     "Statistic",
     "StickSlip",
     "StickSlipEnds",
+    "StickSlipRange",
     "StiffnessWarning",
     "Sweep",
     "System",
@@ -180,6 +186,7 @@ __all__ = [
     "spectrogram",
     "steady_sliding_eigenvalues",
     "stick_slip_ends",
+    "stick_slip_range",
     "stick_slip_statistics",
     "sweep",
     "trade",

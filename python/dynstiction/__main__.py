@@ -379,6 +379,12 @@ def _trade(options: argparse.Namespace) -> None:
     _say(found.recommend(options.accuracy)[1], end="")
 
 
+def _range(options: argparse.Namespace) -> None:
+    from .ranges import KEYS, stick_slip_range  # noqa: PLC0415
+
+    _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.key or KEYS))
+
+
 def _paper(options: argparse.Namespace) -> None:
     from .plot.paper import draw_paper  # noqa: PLC0415
 
@@ -447,6 +453,7 @@ COMMANDS = {
     "animate": _animate,
     "paper": _paper,
     "trade": _trade,
+    "range": _range,
     "compare": _compare,
     "fit": _fit,
 }

@@ -160,6 +160,25 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     _output(add, "FIGURE", "default: DECK with _trade.png, in the current folder; also .pdf, .svg")
 
     add = command(
+        "range",
+        "where stick-slip begins and ends",
+        """Say whether a scene has stick-slip and whether its steady sliding is stable, and where both change in numbers of the deck: by
+        runs of the scene's own model, with its friction law and dampers. Prints a table.""",
+        "range my.nml",
+        "range my.nml --key system.damping_x --key drive.velocity",
+    )
+    add("deck", metavar="DECK")
+    _settings(add)
+    add(
+        "--key",
+        metavar="GROUP.KEY",
+        action="append",
+        default=[],
+        help="number of &system, &friction or &drive; may be repeated; default: misalignment_deg, velocity, damping_x, mass, "
+        "stiffness_x and normal_load",
+    )
+
+    add = command(
         "compare",
         "compare a measured trace with a scene",
         """Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep before

@@ -25,6 +25,7 @@ PAGES = (
     "howto/measured_traces",
     "howto/fit_a_trace",
     "howto/fit_creep",
+    "howto/stick_slip_range",
     "howto/fit_friction_law",
 )
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}

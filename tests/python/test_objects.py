@@ -417,6 +417,7 @@ def test_every_numerical_function_is_tried() -> None:
         "derivatives",
         "sensitivity",
         "stick_slip_ends",
+        "stick_slip_range",
         "slip_problem",
     }
     others |= {"read_trace", "find_cycles", "mean_waveform", "mean_slip", "compare", "fit", "fit_creep", "fit_friction_law", "creep_test"}
