@@ -165,17 +165,15 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
         """Say whether a scene has stick-slip and whether its steady sliding is stable, and where both change in numbers of the deck: by
         runs of the scene's own model, with its friction law and dampers. Prints a table.""",
         "range my.nml",
-        "range my.nml --key system.damping_x --key drive.velocity",
+        "range my.nml --keys system.damping_x,drive.velocity",
     )
     add("deck", metavar="DECK")
     _settings(add)
     add(
-        "--key",
-        metavar="GROUP.KEY",
-        action="append",
-        default=[],
-        help="number of &system, &friction or &drive; may be repeated; default: misalignment_deg, velocity, damping_x, mass, "
-        "stiffness_x and normal_load",
+        "--keys",
+        metavar="KEYS",
+        help="numbers GROUP.KEY of &system, &friction and &drive, with commas between them; default: misalignment_deg, velocity, "
+        "damping_x, mass, stiffness_x and normal_load",
     )
 
     add = command(

@@ -38,20 +38,30 @@ STEEPEST = 10.0
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """The simplest law of a deck that explains measured points; standard errors (one sigma) from their scatter."""
+    """The simplest law of a deck that explains measured points; ``print`` shows the lines of the deck.
+
+    Attributes
+    ----------
+    law : str
+        'constant', 'weakening' or 'stribeck'.
+    values : mapping
+        Its coefficients by the keys of the deck.
+    covariance : ndarray, shape (p, p)
+        Of the coefficients, in the order of `values`, from the scatter of the points.
+    scatter : float
+        Root mean square of the differences between measured and fitted friction coefficient.
+    speed : ndarray, shape (n,)
+        The measured slip speeds [m/s], ascending.
+    turns : int
+        How many times a line through the points rises or falls where the law does not.
+    """
 
     law: str
-    """'constant', 'weakening' or 'stribeck'."""
     values: Mapping[str, float]
-    """Its coefficients by the keys of the deck."""
     covariance: _Floats
-    """Of the coefficients, in the order of `values`."""
     scatter: float
-    """Root mean square of the differences between measured and fitted friction coefficient."""
     speed: _Floats
-    """The measured slip speeds [m/s], ascending."""
     turns: int
-    """How many times a line through the points changes between rising and falling where the law does not."""
 
     @property
     def errors(self) -> dict[str, float]:
@@ -59,12 +69,24 @@ class FrictionFit:
         return dict(zip(self.values, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def mu(self, speed: ArrayLike) -> _Floats:
-        """Friction coefficient at slip speeds [m/s]."""
+        """Friction coefficient of the law.
+
+        Parameters
+        ----------
+        speed : array_like
+            Slip speeds [m/s], at least 0.
+        """
         return _friction(self.values, reals("speed", speed, least=0.0, units="m/s"))
 
     def slope(self, speed: float) -> tuple[float, float]:
-        """Slope of the friction coefficient [s/m] at a slip speed [m/s], and its standard error. Where it is negative, steady
-        sliding without damping is unstable.
+        """Slope of the friction coefficient [s/m], and its standard error.
+
+        Where it is negative, steady sliding without damping is unstable.
+
+        Parameters
+        ----------
+        speed : float
+            Slip speed [m/s], at least 0.
         """
         v = number("speed", speed, least=0.0, units="m/s")
         slope = _slope(self.values, v)

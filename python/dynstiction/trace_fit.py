@@ -278,7 +278,11 @@ def fit(
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
     if trace.displacement is not None:
-        warnings.warn("the displacement of the trace is not used: give one stick of it to fit_creep", FitWarning, stacklevel=2)
+        warnings.warn(
+            "the displacement of the trace is not used: give one stick of it to fit_creep",
+            FitWarning,
+            stacklevel=2,
+        )
     problem = _problem(Scene(scene), trace, free)
     with progress_bar(progress, 1.0, BAR) as show:
         return problem.solve(starts, generator(rng), show)

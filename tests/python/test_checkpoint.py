@@ -179,7 +179,7 @@ def stopped_inside_a_leap(file: Path) -> bool:
 
 # Of the scenes with the cycle map one is enough here; tests/unit/test_resume.f90 has the others in short.
 LONG = ("cycles leapt, dopri5", "cycles leapt, knots", "stepped, settled", "passages leapt, irregular", "few cycles, irregular",
-        "every step, also of leaps")  # fmt: skip
+        "every step, also of leaps", "several seconds")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in SCENES])

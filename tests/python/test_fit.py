@@ -202,6 +202,8 @@ def test_constant_friction_has_no_start(trace: ds.Trace) -> None:
         ds.fit(scene, trace, "friction.mu_0")
 
 
+# The page howto/fit_a_trace, which test_docs.py runs, has the command in short.
+@pytest.mark.full
 def test_the_command_writes_a_deck_and_a_figure(program: Program, tmp_path: Path, trace: ds.Trace) -> None:
     table = np.column_stack([1e3 * (trace.time - trace.time[0]), 1e3 * trace.force])
     np.savetxt(tmp_path / "rig.csv", table, delimiter=";", header="t [ms];F [mN]", comments="", fmt="%.7g")

@@ -85,7 +85,7 @@ def test_no_output_replaces_an_input(folder: Path, command: tuple[str, ...]) -> 
         (("report", "rig.h5"), "rig.html"),
         (("export", "rig.h5"), "rig_time_series.csv"),
         (("compare", "rig.nml", "trace.csv"), "trace_compared.png"),
-        (("fit", "rig.nml", "trace.csv", *FREE), "trace_fitted.png"),
+        pytest.param(("fit", "rig.nml", "trace.csv", *FREE), "trace_fitted.png", marks=pytest.mark.full),
         (("animate", "rig.h5", "-o", "rig.gif", "--seconds", "0.2"), "rig.gif"),
     ],
 )

@@ -89,8 +89,8 @@ def test_wrong_use(scene: Any, keys: str, told: str) -> None:
 
 
 def test_the_command(program: Program) -> None:
-    done = program("range", INPUTS / "fig3.nml", "--key", "system.damping_x", "--set", "system.misalignment_deg=2", status=0)
+    done = program("range", INPUTS / "fig3.nml", "--keys", "system.damping_x", "--set", "system.misalignment_deg=2", status=0)
     lines = done.stdout.splitlines()
     assert lines[0].startswith("at V = 0.001 m/s: stick-slip with a swing of 0.79") and lines[0].endswith("is not stable")
     assert lines[-1].startswith("system.damping_x [N s/m]") and "above" in lines[-1]
-    assert "GROUP.KEY" in program("range", INPUTS / "fig3.nml", "--key", "mass", status=1).stderr
+    assert "GROUP.KEY" in program("range", INPUTS / "fig3.nml", "--keys", "mass", status=1).stderr

@@ -64,7 +64,7 @@ def test_what_the_executable_cannot_print(program, command):
     assert done.returncode == -signal.SIGPIPE and not complaint(done), done
 
 
-@pytest.mark.parametrize("command", PYTHON)
+@pytest.mark.parametrize("command", [pytest.param(name, marks=pytest.mark.full if name == "trade" else ()) for name in PYTHON])
 def test_what_python_cannot_print(program, package, command):
     pytest.importorskip("h5py")
     program("run", DECK, "-o", "x.h5", "--quiet", "--set", "scene.t_end=0.01", status=0)
