@@ -127,12 +127,12 @@ def fit_creep(
             along = creep_path(since, min(phi, 1.5), length, speed, kappa, law)
         else:
             along = _asymptotic(speed * since / length, phi, form) * length
-        return along / scale + parameters[2]
+        return np.asarray(along / scale + parameters[2])
 
     measured = x / scale
 
     def differences(parameters: _Floats) -> _Floats:
-        return path(parameters) - measured
+        return np.subtract(path(parameters), measured)
 
     starts = [
         np.array(
@@ -197,16 +197,16 @@ def creep_path(
     change = friction * s * beyond + c * CubicSpline(GRID, friction)(GRID, 1)
     rate = length / velocity * compliance / (s * np.sin(beyond)) * change
     # Friction that weakens may no longer balance the load: there creep ends.
-    last = int(np.argmax(rate <= 0.0)) or GRID.size
+    last = int(np.argmax(rate <= 0.0)) if np.any(rate <= 0.0) else GRID.size
     release = length / velocity / np.hypot(np.cos(phi), np.sin(phi) / kappa if kappa > 0.0 else np.inf)
     passed = release + CubicSpline(GRID, rate).antiderivative()(GRID)
     x = velocity * passed - length * friction * (c * np.cos(phi) + kappa * s * np.sin(phi))
     x_rate = v * np.cos(beyond)
+    if last < 2:
+        return velocity * np.maximum(since - release, 0.0)
     end = passed[last - 1]
-    inside = np.clip(since, release, end)
-    return CubicHermiteSpline(passed[:last], x[:last], x_rate[:last])(inside) + velocity * np.maximum(
-        since - end, 0.0
-    )
+    creep = CubicHermiteSpline(passed[:last], x[:last], x_rate[:last])(np.clip(since, release, end))
+    return np.asarray(creep + velocity * np.maximum(since - end, 0.0))
 
 
 def _asymptotic(tau: _Floats, phi: float, form: Form) -> _Floats:

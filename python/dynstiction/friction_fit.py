@@ -168,7 +168,8 @@ def fit_friction_law(
         speed, mu = read_friction(cast("str | os.PathLike[str]", speed), units=units, delimiter=delimiter)
     elif units is not None or delimiter is not None:
         raise UsageError("units and delimiter are those of a table: give arrays in SI units")
-    v, f = reals("speed", speed, least=0.0, units="m/s"), reals("mu", mu, least=0.0)
+    v = reals("speed", cast("ArrayLike", speed), least=0.0, units="m/s")
+    f = reals("mu", mu, least=0.0)
     if v.ndim != 1 or v.shape != f.shape or v.size < len(KEYS):
         raise UsageError(f"speed and mu: give at least {len(KEYS)} points, each with both")
     order = np.argsort(v, kind="stable")

@@ -9,7 +9,7 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -173,11 +173,25 @@ def stick_slip_range(
                 show(done)
             return found
 
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        pool = ThreadPoolExecutor(os.cpu_count() or 1)
+        try:
             found = dict(zip(sides, pool.map(search, sides), strict=True))
+        finally:
+            # After Ctrl-C searches end with the run that they are in.
+            rig.stopped = True
+            pool.shutdown(cancel_futures=True)
     ranges = [
-        KeyRange(name, rig.units(name), starts[name][0], *zip(found[name, -1], found[name, 1], strict=True))
+        KeyRange(
+            name,
+            rig.units(name),
+            starts[name][0],
+            (low.stick_slip, high.stick_slip),
+            (low.jumps, high.jumps),
+            (low.sliding, high.sliding),
+            (low.searched, high.searched),
+        )
         for name in wanted
+        for low, high in [(found[name, -1], found[name, 1])]
     ]
     return StickSlipRange(rig.velocity, swing * rig.limit, rig.limit, sliding, tuple(ranges))
 
@@ -193,6 +207,7 @@ class _Rig:
     """A scene as a function of its keys: what its motion from rest comes to."""
 
     def __init__(self, scene: Scene) -> None:
+        self.stopped = False
         self.velocity = held_velocity(scene)
         if scene.scene.model not in ("full", "auto"):
             raise UsageError(
@@ -228,8 +243,10 @@ class _Rig:
             raise UsageError(f"{name} = {value:g}: ranges are found around positive values: give a small one")
         return value, value
 
-    def swing(self, change: Mapping[str, float]) -> float:
+    def swing(self, change: Mapping[str, Any]) -> float:
         """Swing over F_0 of the motion from rest."""
+        if self.stopped:
+            raise KeyboardInterrupt
         number = {key: self.number(key) for key in ("mu_0", "normal_load", "stiffness_x", "mass")}
         number |= {"velocity": self.velocity} | {
             name.partition(".")[2]: value for name, value in change.items()
@@ -251,7 +268,7 @@ class _Rig:
                 break
         return float(result.summary["swing"]) / limit
 
-    def slides(self, change: Mapping[str, float]) -> bool:
+    def slides(self, change: Mapping[str, Any]) -> bool:
         """Whether steady sliding is stable."""
         return bool(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real) < 0.0)
 
