@@ -25,6 +25,8 @@ START_DEGREES, START_TAU = (0.1, 0.5, 2.0, 8.0), (0.5, 0.8, 0.98)
 GRID = np.linspace(0.0, 15.0, 1501)
 """-ln of the angle between friction and its limit, over the angle at release. At the end of it the slip is steady."""
 LEAST_SAMPLES = 10
+PATH_ERROR = 1e-6
+"""Of `creep_path`, relative to the distance; what differs by less is explained."""
 
 
 class CreepFit(NamedTuple):
@@ -166,7 +168,7 @@ def fit_creep(
         float(np.exp(p[1]) * errors[1]), float(p[2] * scale), start - (p[3] * duration if relaxed_at is None else 0.0),
         float(spread * scale), misfit,
     )  # fmt: skip
-    if misfit > 1.0 + 3.0 / np.sqrt(t.size):
+    if misfit > 1.0 + 3.0 / np.sqrt(t.size) and found.residual > PATH_ERROR * np.ptp(x):
         warnings.warn(
             f"creep does not explain the displacement: the differences are {misfit:.3g} times its noise, and the errors are too "
             "small: leave out the slips, give the law of friction or the stiffness ratio",
