@@ -1,10 +1,9 @@
-"""The HTML page of a run: complete, self-contained, and alive in a browser."""
+"""The HTML page of a run: complete, self-contained, without a fault in a browser."""
 
 from __future__ import annotations
 
 import base64
 import io
-import json
 import re
 import shutil
 from dataclasses import replace
@@ -15,7 +14,7 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction.__main__ import main
-from dynstiction.report import FRAMES, _with_scatter, report
+from dynstiction.report import _with_scatter, report
 from matplotlib import image
 from programs import Program
 
@@ -78,23 +77,6 @@ def test_the_figures_are_those_of_plot(page: str) -> None:
         pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
         assert pixels.shape[1] > 700
         assert np.ptp(pixels) > 0.5
-
-
-def test_the_animation_has_the_friction_vector(page: str, fig3_result: ds.Result) -> None:
-    frames = json.loads(re.search(r'id="frames">(.*?)</script>', page)[1])
-    assert {len(values) for name, values in frames.items() if name not in ("span", "range")} == {FRAMES}
-    assert frames["span"] == [0.0, 10.0]
-    # Of all samples: means over a frame miss the peaks.
-    force = fig3_result["spring_force_x"]
-    assert frames["range"] == [pytest.approx(force.min(), abs=1e-5), pytest.approx(force.max(), rel=1e-5)]
-    assert max(frames["force"]) < frames["range"][1]
-    x, y = np.array(frames["x"]), np.array(frames["y"])
-    # The first creep: across the pull, then against it; never with it.
-    assert (x[1], y[1]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-2.0, abs=0.05))
-    assert x.min() == pytest.approx(-2.0, abs=0.03)
-    assert x.max() < 0.1
-    assert np.hypot(x, y).max() <= 2.0 * (1 + 1e-5)
-    assert max(frames["position"]) == pytest.approx(1e3 * fig3_result["X"].max(), rel=0.01)
 
 
 def test_what_the_user_has_set_comes_first(page: str, fig3: ds.Scene) -> None:
@@ -198,24 +180,8 @@ def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, caps
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
-# Frames by the browser's virtual time, whatever else the machine does.
-PLAY = """<script>
-window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 20);
-const shown = () => document.getElementById("clock").textContent;
-const frame = document.getElementById("frame");
-const before = shown();
-frame.value = frame.max; frame.dispatchEvent(new Event("input"));
-const last = shown();
-frame.value = 300; frame.dispatchEvent(new Event("input"));
-document.getElementById("play").click();
-setTimeout(() => {
-  document.body.dataset.clocks = [before, last, shown(), document.getElementById("play").textContent].join("|");
-}, 3000);
-</script></body>"""
-
-
 def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
-    """The page's elements after its scripts, and what it wrote on the console: errors, and loads that failed."""
+    """The page's elements, and what it wrote on the console: errors, and loads that failed."""
     assert BROWSER is not None
     (folder / "page.html").write_text(page, encoding="utf-8")
     browser = Program(
@@ -228,16 +194,9 @@ def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
 
 @pytest.mark.full
 @pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
-def test_the_page_is_alive_in_a_browser(page: str, tmp_path: Path) -> None:
-    elements, console = browse(page.replace("</body>", PLAY), tmp_path, "--dump-dom")
-    assert console == []
-    before, last, playing, button = re.search(r'data-clocks="([^"]*)"', elements)[1].split("|")
-    times = [float(re.fullmatch(r"t = ([\d.]+) s", clock)[1]) for clock in (before, last, playing)]
-    assert times[0] == pytest.approx(1.26, abs=0.02)
-    assert times[1] == pytest.approx(10.0, abs=0.02)
-    assert 5.0 < times[2] < 9.0
-    assert button == "Pause"
-    assert len(re.search(r'id="trace" points="([^"]*)"', elements)[1].split()) == FRAMES
+def test_the_page_has_no_fault(page: str, tmp_path: Path) -> None:
+    elements, console = browse(page, tmp_path, "--dump-dom")
+    assert console == [] and elements.count("<figure>") == 7
 
 
 @pytest.mark.full

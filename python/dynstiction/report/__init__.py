@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import os
 from html import escape
 from importlib.resources import files
@@ -30,9 +29,6 @@ __all__ = ["report", "write_report"]
 
 DOTS_PER_INCH = 220
 """Resolution for screens with two dots for each pixel."""
-
-FRAMES = 600
-"""Frames of the animation."""
 
 MOST_CYCLES = 50
 """Largest number of rows in the table of cycles."""
@@ -67,7 +63,7 @@ CAPTIONS = {
 
 
 def report(result: Result, name: str) -> str:
-    """HTML page of a run: summary, figures, animation of the friction vector, parameters, statistics, provenance.
+    """HTML page of a run: summary, figures, parameters, statistics, provenance.
 
     The name identifies the run, for example by its file. The page loads nothing, and its security policy does not allow it.
     """
@@ -86,7 +82,6 @@ def report(result: Result, name: str) -> str:
         samples=_samples(result),
         figures="\n".join(figures) or "<p>Too few samples for a figure.</p>",
         missing=_missing(missing),
-        animation=_animation(result, pieces.joinpath("animation.js").read_text(encoding="utf-8")),
         cycles=_cycles(result),
         parameters=_described(result.parameters),
         statistics=_described(result.statistics),
@@ -267,35 +262,3 @@ def _with_scatter(mean: float, scatter: float | None) -> str:
     if digits <= 0 or digits > MOST_DIGITS:
         return f"{mean:.6g} ± {scatter:.2g}"
     return f"{mean:.{digits}f} ± {scatter:.{digits}f}"
-
-
-def _animation(result: Result, script: str) -> str:
-    needed = ("psi", "friction", "spring_force_x", "X")
-    if result.time.size < 2 or any(name not in result for name in needed):
-        return f"<p>The file lacks the columns for it: {', '.join(needed)}.</p>"
-    page = Template(files(__name__).joinpath("animation.html").read_text(encoding="utf-8"))
-    return page.substitute(data=json.dumps(_frames(result)), script=script)
-
-
-def _frames(result: Result) -> dict[str, list[float]]:
-    """Means over equal intervals of time: a frame does not show single periods of the fast oscillation."""
-    result = view_of(result).result
-    force = result["spring_force_x"]
-    edges = np.linspace(result.time[0], result.time[-1], FRAMES + 1)
-    starts = np.unique(np.searchsorted(result.time, edges[:-1]))
-    counts = np.diff(np.append(starts, result.time.size))
-
-    def means(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[float]:
-        return [float(f"{value:.6g}") for value in np.add.reduceat(values, starts) / counts]
-
-    # Friction acts against the slip.
-    return {
-        "span": [float(result.time[0]), float(result.time[-1])],
-        # From all samples: a mean of several samples is not a peak.
-        "range": [float(f"{force.min():.6g}"), float(f"{force.max():.6g}")],
-        "time": means(result.time),
-        "x": means(-result["friction"] * np.cos(result["psi"])),
-        "y": means(-result["friction"] * np.sin(result["psi"])),
-        "force": means(result["spring_force_x"]),
-        "position": means(1e3 * result["X"]),
-    }
