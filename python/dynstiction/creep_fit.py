@@ -25,6 +25,8 @@ START_DEGREES, START_TAU = (0.1, 0.5, 2.0, 8.0), (0.5, 0.8, 0.98)
 GRID = np.linspace(0.0, 15.0, 1501)
 """-ln of the angle between friction and its limit, over the angle at release. At the end of it the slip is steady."""
 LEAST_SAMPLES = 10
+NO_CREEP = 30.0
+"""Creep must explain more than this many variances of the noise, or it is none: noise alone gives up to 15 in 1000 samples."""
 PATH_ERROR = 1e-6
 """Of `creep_path`, relative to the distance; what differs by less is explained."""
 
@@ -93,7 +95,7 @@ def fit_creep(
     Warns
     -----
     FitWarning
-        If the differences are not those of noise alone.
+        If the differences are not those of noise alone; or if no creep is seen: then the values are NaN.
 
     Raises
     ------
@@ -157,6 +159,15 @@ def fit_creep(
         key=lambda each: each.cost,
     )
     p, rest = best.x, best.fun
+    at_rest = np.sum((measured - measured.mean()) ** 2)
+    if at_rest - 2.0 * best.cost < NO_CREEP * 2.0 * best.cost / max(t.size - p.size, 1):
+        scatter = float(np.std(x, ddof=1))
+        warnings.warn(
+            f"no creep is seen above the noise of {scatter:.2g} m: the object rests, or the misalignment is too small for this "
+            "sensor", FitWarning, stacklevel=2,
+        )  # fmt: skip
+        nan, inf = np.nan, np.inf
+        return CreepFit(nan, inf, nan, inf, float(x.mean()), start, scatter, 1.0)
     spread = np.sqrt(2.0 * best.cost / max(t.size - p.size, 1))
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * spread**2
     errors = np.sqrt(np.diag(covariance))

@@ -92,6 +92,16 @@ def test_errors_hold() -> None:
     assert 0.88 <= np.mean(inside) <= 0.99
 
 
+@pytest.mark.parametrize("rng", range(8))
+def test_an_object_at_rest_has_no_angle(rng: int) -> None:
+    """As under k_y/k_x = 70 at 0.4 deg, where it really sticks."""
+    time = np.linspace(0.0, 0.9, 555)
+    with pytest.warns(ds.FitWarning, match="no creep is seen above the noise"):
+        found = ds.fit_creep(time, noisy(np.zeros(555), 1e-7, rng), velocity=1e-3, stiffness_ratio=1.0 / 70.0, law=law)
+    assert np.isnan([found.misalignment_deg, found.length]).all() and np.isinf([found.misalignment_error, found.length_error]).all()
+    assert found.residual == pytest.approx(1e-7, rel=0.15)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(1e-3, 1e3), st.floats(-5.0, 5.0), st.floats(-1.0, 1.0))
 def test_units_and_origins_do_not_matter(unit: float, later: float, shift: float) -> None:
