@@ -98,11 +98,11 @@ class StickSlipRange(NamedTuple):
         lines = [f"at V = {self.velocity:.6g} m/s: {motion}; steady sliding is {stable}", ""]
         change = "ends" if self.has_stick_slip else "begins"
         other = "is stable" if not self.sliding_is_stable else "is unstable"
-        lines.append(f"{'key':28}{'value':>12}  {f'stick-slip {change}':34}  sliding {other}")
+        lines.append(f"{'key':28}{'value':>12}  {f'stick-slip {change}':40}  sliding {other}")
         for each in self.keys:
             name = f"{each.key} [{each.units}]" if each.units != "1" else each.key
             lines.append(
-                f"{name:28}{each.value:>12.6g}  {_ends(each.stick_slip, each.jumps):34}  {_ends(each.sliding, (False, False))}".rstrip()
+                f"{name:28}{each.value:>12.6g}  {_ends(each.stick_slip, each.jumps):40}  {_ends(each.sliding, (False, False))}".rstrip()
             )
         return "\n".join(lines)
 
