@@ -26,6 +26,8 @@ module dst_csv
   !> Characters that may surround a field.
   character(*), parameter :: blanks = ' '//tab
   character(*), parameter :: separators = ';,'//tab//' '
+  !> More columns are no table of keys; what is longer is no name of one.
+  integer, parameter :: most_columns = 1000, longest_name = 200
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
 contains
@@ -57,17 +59,20 @@ contains
         if (columns == 0) then
           columns = size(bounds, 2)
           table%first_line = line
-          allocate (character(maxval(bounds(2, :) - bounds(1, :)) + 1) :: table%names(columns))
+          if (columns > most_columns) problem = integer_text(columns)//' columns: give at most '//integer_text(most_columns)
+          if (any(bounds(2, :) < bounds(1, :))) problem = 'an empty field: give each column a name'
+          if (problem /= '') then
+            problem = ':'//integer_text(line)//': '//problem
+            return
+          end if
+          allocate (character(min(maxval(bounds(2, :) - bounds(1, :)) + 1, longest_name)) :: table%names(columns))
           do i = 1, columns
             table%names(i) = row(bounds(1, i):bounds(2, i))
           end do
-          if (any(bounds(2, :) < bounds(1, :))) then
-            problem = ':'//integer_text(line)//': an empty field: give each column a name'
-            return
-          end if
           table%has_names = .not. all([(is_number(row(bounds(1, i):bounds(2, i))), i=1, columns)])
           deallocate (table%values, table%line)
-          i = line_count(text(first:), line_end)
+          ! A row has two characters for each number, or it is too short.
+          i = min(line_count(text(first:), line_end), (len(text) - first)/(2*columns) + 2)
           allocate (table%values(columns, i), table%line(i))
           if (table%has_names) cycle
         end if

@@ -9,7 +9,8 @@ module dst_text_file
 
 contains
 
-  !> The bytes of a regular file with at most `most` of them; `problem` is '' or says why they cannot be read.
+  !> The bytes of a regular file; `problem` is '' or says why they cannot be read. Of a file with more than `most` bytes these are read,
+  !> which may tell what it is.
   subroutine read_text(path, most, text, problem)
     character(*), intent(in) :: path
     integer, intent(in) :: most
@@ -32,13 +33,12 @@ contains
     else if (bytes <= 0) then
       ! Pipes and devices have no size either, and opening one could wait forever.
       problem = 'is empty or not a regular file'
-    else if (bytes > most) then
-      problem = integer_text(bytes)//' bytes are too many, at most '//integer_text(most)//' are read'
     end if
     if (problem /= '') return
+    if (bytes > most) problem = integer_text(bytes)//' bytes are too many, at most '//integer_text(most)//' are read'
     open (newunit=unit, file=path, access='stream', form='unformatted', status='old', action='read', iostat=ios, iomsg=message)
     if (ios == 0) then
-      text = repeat(' ', int(bytes))
+      text = repeat(' ', int(min(bytes, int(most, int64))))
       read (unit, iostat=ios, iomsg=message) text
       close (unit)
     end if

@@ -129,6 +129,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "NUL": (GOOD.encode() + b"\0", 19, "NUL", "plain UTF-8 text"),
     "binary": (b"MZ\n" + bytes(range(1, 256)), 2, "control characters", "plain UTF-8 text"),
     "result": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), 0, "is a result or another HDF5 file", "dynstiction show"),
+    "long result": (b"\x89HDF\r\n\x1a\n" + bytes(2_000_000), 0, "is a result or another HDF5 file", "dynstiction show"),
     "UTF-16": (GOOD.encode("utf-16"), 1, "NUL", "plain UTF-8 text"),
     "Latin-1": (instead("a test", "für").encode("latin-1"), 2, "not UTF-8", "save the deck as UTF-8"),
     "control character": (instead("a test", "a\x07test"), 2, "control characters", "plain UTF-8 text"),

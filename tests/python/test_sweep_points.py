@@ -92,6 +92,9 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
         ("drive.velocity\n1,5\n", ":2:", "'1,5' is not a real number"),
         ("drive.velocity\n\0\n", ":2:", "'?' is not a real number"),
         ("integrator.max_steps\n1.5\n", ":2:", "takes integers"),
+        # A line that would need gigabytes if each field had room for the longest.
+        (",".join(["1" * 200_000, *["1"] * 200_000]) + "\n1\n", ":1:", "200001 columns: give at most 1000"),
+        ("x" * 300_000 + "\n" + "\n" * 300_000, "", "holds no points"),
     ],
 )
 def test_faults_have_their_place(sweep, tmp_path, text, place, words):
