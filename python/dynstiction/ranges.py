@@ -158,12 +158,15 @@ def stick_slip_range(
     >>> print(stick_slip_range("inputs/fig3.nml", "system.damping_x"))         # doctest: +SKIP
     """
     rig = _Rig(Scene(scene))
-    wanted = names_in("keys", keys)
+    wanted = [name.lower() for name in names_in("keys", keys)]
     starts = {name: rig.start(name) for name in wanted}
     swing, sliding = rig.swing({}), rig.slides({})
     sides = [(name, side) for name in wanted for side in (-1, 1)]
     done, lock = 0, threading.Lock()
-    with progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}") as show:
+    bar = progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}")
+    # Here, because threads share the filter of warnings.
+    with bar as show, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
 
         def search(place: tuple[str, int]) -> _Side:
             nonlocal done
@@ -226,12 +229,12 @@ class _Rig:
 
     @staticmethod
     def units(name: str) -> str:
-        group, _, key = name.lower().partition(".")
+        group, _, key = name.partition(".")
         return _native.key_info(group, key).units or "1"
 
     def start(self, name: str) -> tuple[float, float]:
         """The value of a key in the scene, and one from which a search begins: of a damper that is 0, a share of the critical one."""
-        group, _, key = name.lower().partition(".")
+        group, _, key = name.partition(".")
         if group not in GROUPS or _native.group_of(name) != group:
             raise UsageError(
                 f"no range of {name!r}: name numbers of &system, &friction and &drive as GROUP.KEY"
@@ -256,11 +259,9 @@ class _Rig:
         length = loading + 2.0 * math.pi * math.sqrt(number["mass"] / number["stiffness_x"])
         scene, verdict = self.scene.replace(**change), UNDECIDED
         for lengths in (LENGTHS, LONGER):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                result = run(scene, scene={"t_end": lengths[verdict] * length, "settle": 1e-6}, initial={"velocity_ratio": 0.0},
-                             integrator={"method": "radau13", "rtol": 1e-6, "max_steps": MOST_STEPS},
-                             output={"interval": 0.0, "fields": ["u_x"]})  # fmt: skip
+            result = run(scene, scene={"t_end": lengths[verdict] * length, "settle": 1e-6}, initial={"velocity_ratio": 0.0},
+                         integrator={"method": "radau13", "rtol": 1e-6, "max_steps": MOST_STEPS},
+                         output={"interval": 0.0, "fields": ["u_x"]})  # fmt: skip
             verdict = int(result.summary.get("regularity", UNDECIDED))
             if verdict in (STEADY_SLIDING, RINGS_DOWN):
                 return 0.0
@@ -279,7 +280,7 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks:
     if value == 0.0 and side < 0:
         return _Side(math.nan, False, math.nan, 0.0)
     swings: dict[float, float] = {}
-    is_angle = name.lower() == KEYS[0]
+    is_angle = name == KEYS[0]
 
     def stops(at: float) -> bool:
         swings[at] = rig.swing({name: at})
@@ -303,20 +304,20 @@ def _nearest(
 ) -> tuple[float, float]:
     """The nearest change on one side of a value, NaN if there is none, and how far was searched; beyond 90 deg is the mirror image."""
     ratio, last = FIRST_STEP if value else 1.0, value
-    for count in itertools.count(2):
-        at = begin * ratio**side
-        try:
+    try:
+        for count in itertools.count(2):
+            at = begin * ratio**side
             if ratio >= MOST or (is_angle and at >= 90.0):
                 return math.nan, last
             if has_changed(at):
                 break
-        except (DeckError, SolverError, UsageError):
-            # Beyond what the key may be, or what the solver can do.
-            return math.nan, last
-        last = at
-        ratio *= FIRST_STEP**count
-    before, after = last, at
-    while abs(after - before) > ACCURACY * after:
-        middle = math.sqrt(before * after) if before > 0.0 else 0.5 * after
-        before, after = (before, middle) if has_changed(middle) else (middle, after)
+            last = at
+            ratio *= FIRST_STEP**count
+        before, after = last, at
+        while abs(after - before) > ACCURACY * after:
+            middle = math.sqrt(before * after) if before > 0.0 else 0.5 * after
+            before, after = (before, middle) if has_changed(middle) else (middle, after)
+    except (DeckError, SolverError, UsageError):
+        # Beyond what the key may be, or what the solver can do.
+        return math.nan, last
     return 0.5 * (before + after), at

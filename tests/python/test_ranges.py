@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Any
 
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction import ranges
 from programs import INPUTS, Program
 from scipy.optimize import brentq
 
@@ -86,6 +88,22 @@ def test_a_jump_is_told() -> None:
 def test_wrong_use(scene: Any, keys: str, told: str) -> None:
     with pytest.raises(ds.UsageError, match=told):
         ds.stick_slip_range(scene, keys)
+
+
+def test_a_value_that_the_solver_gives_up_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the ends of the search and between two values of which one has the change."""
+    swing_of = ranges._Rig.swing
+
+    def limited(self: Any, change: Any) -> float:
+        if 8.0 < change.get("system.misalignment_deg", 0.0) < 8.1:
+            raise ds.SolverError("too many steps", 42)
+        return swing_of(self, change)
+
+    monkeypatch.setattr(ranges._Rig, "swing", limited)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (one,) = ds.stick_slip_range(FIG3, "System.Misalignment_deg").keys
+    assert one.key == "system.misalignment_deg" and math.isnan(one.stick_slip[1]) and one.sliding[1] > 8.6
 
 
 def test_the_command(program: Program) -> None:
