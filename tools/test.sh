@@ -232,6 +232,11 @@ tests_with_sanitizers() {
   unit_tests 'Threads with ThreadSanitizer' "$threaded" threads
 }
 
+tests_with_other_builds() {
+  tests_with_sanitizers
+  [[ $level != standard && $level != full ]] || tests_with_checks
+}
+
 checks_more() { [[ $level == standard || $level == full || $level == sanitize ]]; }
 
 # Sweeps on a cluster use little processor time, but need it at once. Compilations have a lower priority.
@@ -239,7 +244,7 @@ first_list() {
   ! is_wanted cluster || cluster_tests
   ! is_wanted mutation || mutation_tests
   ! is_wanted bench || benchmarks
-  ! checks_more || tests_with_sanitizers
+  ! checks_more || tests_with_other_builds
 }
 second_list() {
   renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
@@ -305,9 +310,8 @@ main() {
   if ((${#extras[@]} > 0)); then
     together first_list second_list
   elif checks_more; then
-    tests_with_sanitizers
+    tests_with_other_builds
   fi
-  [[ $level != standard && $level != full ]] || tests_with_checks
 
   printf '\n'
   sort -s -k1,1n "$results/summary.txt" | cut -f 2,3 | sed 's/\t/: /'
