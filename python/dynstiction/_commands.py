@@ -89,7 +89,8 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
     add = command(
         "report",
         "one HTML page with all contents of a result file",
-        """Write one HTML page: summary, figures, cycles, parameters, solver statistics, provenance, deck. It needs neither network nor other files. Prints the file it wrote.""",
+        """Write one HTML page: summary, figures, cycles, parameters, solver statistics, provenance, deck. It needs neither network
+        nor other files. Prints the file it wrote.""",
         "report fig3.h5",
     )
     add("file", metavar="FILE.h5", type=Path)

@@ -193,7 +193,7 @@ def creep_path(
 ) -> _Floats:
     """Distance along the drive in slow creep [m], at times since the spring was relaxed [s]; steady sliding where it has ended.
 
-    The friction angle theta is the variable (NUMERICS of Eq. 7, docs/theory.md): the slip speed is
+    The friction angle theta is the variable, as in Eq. (7) (docs/theory.md): the slip speed is
     ``v = V (kappa c cos(phi) + s sin(phi))/D``, the spring forces are ``k_x u_x = F(v) c``, ``k_y u_y = F(v) s``, and
     ``dt = (l_x/V) D/(s sin(theta - phi)) d(F c/F_0)``, with c, s of theta and ``D = kappa c^2 + s^2``. With constant friction this
     is `creep_exact`; with a law it leaves out ``dF/dv dv/dt`` against ``k_y v``.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares  # type: ignore[import-untyped]
 
+from . import _native
 from ._arguments import number, reals
 from .errors import FitWarning, UsageError
 from .trace_file import Units, read_friction
@@ -21,7 +22,6 @@ __all__ = ["FrictionFit", "fit_friction_law"]
 _Floats = NDArray[np.float64]
 
 KEYS = ("mu_0", "mu_inf", "v_f", "exponent", "viscous")
-UNITS = {"mu_0": "", "mu_inf": "", "v_f": "m/s", "exponent": "", "viscous": "s/m"}
 LAWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("constant", ("mu_0",)),
     ("weakening", ("mu_0", "mu_inf", "v_f")),
@@ -102,8 +102,10 @@ class FrictionFit:
         """The lines of a deck, with the errors as comments; the normal load is missing."""
         lines = [f"  law = '{self.law}'"]
         for key, value in self.values.items():
-            unit = f" {UNITS[key]}" if UNITS[key] else ""
-            lines.append(f"  {key} = {value:.10g}  ! ± {self.errors[key]:.2g}{unit}")
+            units = _native.key_info("friction", key).units
+            lines.append(
+                f"  {key} = {value:.10g}  ! ± {self.errors[key]:.2g}{'' if units == '1' else ' ' + units}"
+            )
         return "&friction\n" + "\n".join(lines) + "\n/\n"
 
     def __str__(self) -> str:

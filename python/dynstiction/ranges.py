@@ -1,4 +1,4 @@
-"""Where stick-slip begins and ends in any number of a deck, for the scene as it is (docs/howto/where_stick_slip_ends.md)."""
+"""Where stick-slip begins and ends in any number of a deck, for the scene as it is (docs/howto/stick_slip_range.md)."""
 
 from __future__ import annotations
 

@@ -176,7 +176,8 @@ def read_friction(
     }
     if len(factors) < len(units or {}):
         raise UsageError("units: a table of friction has speed and mu")
-    _is_hdf5(name)
+    if _is_hdf5(name):
+        raise FileError(f"{name}: is an HDF5 file: give a table of text, or arrays")
     values = _columns(_split_table(name, delimiter), {}, factors, ("speed", "mu"))
     return values["speed"], values["mu"]
 

@@ -5,7 +5,10 @@ module dst_text_file
   implicit none
   private
 
-  public :: read_text, path_beside
+  public :: read_text, path_beside, hdf5_signature
+
+  !> The first bytes of a file that is no text: a result, or another HDF5 file.
+  character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
 contains
 

@@ -15,7 +15,7 @@ module dst_deck
   use dst_deck_text, only: resolved, template, has_model, has_other_condition
   use dst_deck_sweep, only: check_sweep
   use dst_friction_table, only: take_friction_table
-  use dst_text_file, only: read_text
+  use dst_text_file, only: read_text, hdf5_signature
   use dst_units, only: factor_of
   implicit none
   private
@@ -24,7 +24,6 @@ module dst_deck
 
   !> A file with more bytes is not a deck.
   integer, parameter :: largest_deck = 1000000
-  character(*), parameter :: hdf5_signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
 
 contains
 

@@ -11,6 +11,7 @@ module dst_hdf5_origin
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text, printable, has_word
+  use dst_text_file, only: hdf5_signature
   implicit none
   private
 
@@ -59,16 +60,15 @@ contains
   !> Whether a file begins as HDF5 files do.
   logical function is_hdf5(file_name)
     character(*), intent(in) :: file_name
-    character(*), parameter :: signature = char(137)//'HDF'//char(13)//char(10)//char(26)//char(10)
-    character(len(signature)) :: beginning
+    character(len(hdf5_signature)) :: beginning
     integer :: unit, io_status
 
     is_hdf5 = .false.
-    if (file_size(file_name) < len(signature)) return
+    if (file_size(file_name) < len(hdf5_signature)) return
     open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
     if (io_status /= 0) return
     read (unit, iostat=io_status) beginning
-    is_hdf5 = io_status == 0 .and. beginning == signature
+    is_hdf5 = io_status == 0 .and. beginning == hdf5_signature
     close (unit)
   end function is_hdf5
 

@@ -9,13 +9,11 @@ module dst_sweep_points
   use dst_schema, only: schema, sweep_group
   use dst_sweep, only: axis_t
   use dst_text, only: integer_text
-  use dst_text_file, only: path_beside, read_text
+  use dst_text_file, only: path_beside, read_text, hdf5_signature
   implicit none
   private
 
   public :: path_of_points, points_of_csv, name_axis
-
-  character(*), parameter :: hdf5_signature = char(137)//'HDF'
 
   integer, parameter :: most_bytes = 2**28
 
