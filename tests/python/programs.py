@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import pty
 import resource
@@ -15,11 +16,23 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 import h5py
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def script(path: Path) -> ModuleType:
+    """A script outside the package, as a module. Its dataclasses and named tuples look for it among the modules."""
+    specification = importlib.util.spec_from_file_location(path.stem, path)
+    assert specification and specification.loader
+    sys.modules[path.stem] = module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
 INPUTS = ROOT / "inputs"
 DONE, FILE_ERROR, STOPPED = 0, 3, 75
 """Exit statuses: docs/errors.md."""

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from programs import ROOT
+from programs import ROOT, script
 
 
 @pytest.fixture(scope="module")
 def architecture() -> ModuleType:
-    found = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "architecture.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
+    return script(ROOT / "docs" / "architecture.py")
 
 
 def test_rooms_use_what_they_name(architecture: ModuleType) -> None:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import sys
 
 import pytest
-from programs import ROOT
+from programs import ROOT, script
 
-specification = importlib.util.spec_from_file_location("replicate", ROOT / "tools" / "replicate.py")
-assert specification and specification.loader
-replicate = importlib.util.module_from_spec(specification)
-sys.modules["replicate"] = replicate
-specification.loader.exec_module(replicate)
+replicate = script(ROOT / "tools" / "replicate.py")
 
 
 @pytest.mark.parametrize("claim", replicate.CLAIMS, ids=range(len(replicate.CLAIMS)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import re
 import shutil
@@ -11,6 +10,7 @@ import sys
 from pathlib import Path
 
 import dynstiction as ds
+import programs
 import pytest
 from pages import DOCS, blocks, first_missing, run_page
 
@@ -67,11 +67,7 @@ def test_outputs_are_compared() -> None:
 
 @pytest.mark.parametrize("script", GENERATED)
 def test_generated_pages(script: str, executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    specification = importlib.util.spec_from_file_location(script, DOCS / f"{script}.py")
-    assert specification and specification.loader
-    module = importlib.util.module_from_spec(specification)
-    monkeypatch.setitem(sys.modules, script, module)
-    specification.loader.exec_module(module)
+    module = programs.script(DOCS / f"{script}.py")
     monkeypatch.setattr(module, "FOLDER", tmp_path)
     monkeypatch.setattr(sys, "argv", [script, str(executable)])
     module.main()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
 import pytest
-from programs import ROOT, Program
+from programs import ROOT, Program, script
 
 FOLDER = ROOT / "bench" / "simulators"
 
@@ -30,10 +29,7 @@ def test_a_wrong_file_is_found(tmp_path: Path) -> None:
 
 def test_a_simulator_agrees_with_a_stiff_contact() -> None:
     pytest.importorskip("mujoco", reason="pip install mujoco")
-    specification = importlib.util.spec_from_file_location("mujoco_peer", FOLDER / "mujoco_peer.py")
-    assert specification and specification.loader
-    mujoco_peer = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(mujoco_peer)
+    mujoco_peer = script(FOLDER / "mujoco_peer.py")
     keys, knots, table = mujoco_peer.read(FOLDER / "creep.csv")
     x = mujoco_peer.advance(keys, knots, table, 1e-5, "elliptic", 100, 0, 0.002)
     assert abs(x[-1] / table[-1, 1] - 1.0) < 0.02
