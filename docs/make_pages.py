@@ -77,9 +77,9 @@ drive loads the soft spring to the static limit. A run has at most 10⁶ samples
 `keep = 'series'` the interval follows from the deck itself and is the same in all cases.
 
 The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
-k_y u_y sin φ without dampers, positive if it pulls the object forward. A load cell between drive and springs measures it.
+k_y u_y sin φ without dampers, positive if it pulls the object along X. A load cell between drive and springs measures it.
 `theta_deg` is `theta` in degrees. `u_x_rate` = V cos φ − w_x and `u_y_rate` = V sin φ − w_y are the rates of the elongations (v_x, v_y in the
-preprint). These four are written if `fields` names them.
+preprint). These three are written if `fields` names them.
 """
 
 KINDS = {"reals": "list of reals", "texts": "list of texts"}

@@ -181,7 +181,7 @@ module dst_schema
     key_t('output', 'interval', real_kind, 's', non_negative, may, 'auto', '', 'auto', always, &
           'time between samples; auto = shows all motion, in up to 1e6 samples; 0 = every accepted step'), &
     key_t('output', 'fields', texts_kind, '', any_real, may, 'default', '', columns, always, &
-          'columns of the time series; default: all but pull_force, theta_deg, u_x_rate, u_y_rate'), &
+          'columns of the time series; default: all but theta_deg, u_x_rate, u_y_rate'), &
     key_t('output', 'checkpoint_interval', real_kind, 's', non_negative, may, '600.0', '', '', always, &
           'least wall time between interim files, which resume continues; 0 = only when the run is stopped'), &
     key_t('output', 'wall_limit', real_kind, 's', non_negative, may, '0.0', '', '', always, &

@@ -13,14 +13,22 @@ module dst_observation
   implicit none
   private
 
-  public :: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, first_turn
+  public :: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, pull, first_turn
 
-  !> The numbers: the time at rest or in creep [s], the largest |X'| [m/s], and load [N], time [s] and X [m] at the points at which the
-  !> load turns back. A passage with more of them is none of several that are alike. Convention.
-  integer, parameter :: creep_time = 1, largest_rate = 2, first_turn = 3, most_turns = 5, observed = 2 + 3*most_turns
+  !> The numbers: the time at rest or in creep [s], the largest |X'| [m/s], the pull force [N], positive if
+  !> the drive pulls, at its peak and at the valley that follows, with their times [s], and load [N], time [s] and X [m] at the points at which the load turns back. A passage with more of them is none
+  !> of several that are alike. Convention.
+  integer, parameter :: creep_time = 1, largest_rate = 2, pull = 3, first_turn = 7, most_turns = 5
+  integer, parameter :: observed = first_turn - 1 + 3*most_turns
   !> Permitted error of an interpolated number, relative to the largest one: this share of rtol, but no less than the second; and
   !> that of X relative to the elongation of the spring, from which it is found. Conventions; a tenth: no change of Fig. 3.
   real(wp), parameter :: share = 0.1_wp, smooth = 1.0e-8_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
+  !> Permitted relative error of the times of the pull force, of which only a frequency is made. Convention.
+  real(wp), parameter :: rough = 1.0e-3_wp
+  !> Most values of it that are compared.
+  integer, parameter :: most_pulls = 512
+  !> A pull force turns back otherwise if it does so by more than this share of its size. Convention.
+  real(wp), parameter :: flat = 1.0e-7_wp
 
   !> A passage as it is seen from outside. Times and X count from its beginning.
   type :: observation_t
@@ -85,6 +93,7 @@ contains
     self%permitted = max(share*rtol, smooth)*maxval(abs(self%coefficient), dim=1)
     self%like%rate_error = self%permitted(largest_rate)
     self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
+    self%permitted(pull + 1:pull + 3:2) = rough*maxval(abs(self%coefficient(:, pull + 1:pull + 3:2)))
     self%coefficient = chebyshev_coefficients(self%coefficient)
   end subroutine settle
 
@@ -120,9 +129,10 @@ contains
     type(piece_t), target :: piece
     type(piece_view_t) :: view
     type(moment_t) :: last, turn
-    real(wp) :: load(0:max_degree), places(most_places), creep
-    integer :: degree, count, i, k
+    real(wp) :: load(0:max_degree), places(most_places), creep, force(most_pulls), time(most_pulls)
+    integer :: degree, count, pulls, i, k
 
+    pulls = 0
     do i = 1, recording%count
       call recording%get(i, state_t(), piece)
       call view%show(motion, piece)
@@ -141,9 +151,64 @@ contains
       seen%value(creep_time) = seen%value(creep_time) + creep
       seen%value(largest_rate) = view%largest_rate(motion%closed_form%grid, seen%value(largest_rate))
       if (.not. seen%begins_to_slip) seen%begins_to_slip = view%slip_begins_at(motion%closed_form%grid, load(:degree)) < nowhere
+      call view%pull_polynomial(degree, load)
+      call view%pull_turns(degree, load, places, count)
+      call keep_pull(0.0_wp)
+      do k = 1, count
+        call keep_pull(places(k))
+      end do
+      call keep_pull(1.0_wp)
     end do
+    call tell_pull()
 
   contains
+
+    !> The pull force at a place of the piece.
+    subroutine keep_pull(place)
+      real(wp), intent(in) :: place
+
+      pulls = pulls + 1
+      if (pulls > most_pulls) return
+      force(pulls) = view%pull_at(place)
+      time(pulls) = view%first%time + place*view%duration()
+    end subroutine keep_pull
+
+    !> The pull force rises to a peak, falls to a valley, and rises: those of its largest fall.
+    subroutine tell_pull()
+      integer :: top, peak, valley
+
+      if (pulls > most_pulls) then
+        seen%turns = most_turns + 1
+        return
+      end if
+      force(:pulls) = sign(1.0_wp, view%last%drive_velocity)*force(:pulls)
+      top = 1
+      peak = 1
+      valley = 1
+      do k = 2, pulls
+        if (force(k) > force(top)) top = k
+        if (force(top) - force(k) <= force(peak) - force(valley)) cycle
+        peak = top
+        valley = k
+      end do
+      seen%value(pull:pull + 3) = [force(peak), time(peak), force(valley), time(valley)]
+      if (max(way_back(force(:peak)), way_back(-force(peak:valley)), way_back(force(valley:pulls))) &
+        > flat*maxval(abs(force(:pulls)))) seen%turns = most_turns + 1
+    end subroutine tell_pull
+
+    !> The largest fall of a force that rises.
+    pure real(wp) function way_back(force)
+      real(wp), intent(in) :: force(:)
+      real(wp) :: highest
+      integer :: j
+
+      way_back = 0.0_wp
+      highest = force(1)
+      do j = 2, size(force)
+        highest = max(highest, force(j))
+        way_back = max(way_back, highest - force(j))
+      end do
+    end function way_back
 
     !> The load has come here without turning back; the last such place is a turn, if it turns back now.
     subroutine pass(here)

@@ -1,5 +1,6 @@
 !> A piece of a motion as a stretch of which a summary is made.
 module dst_piece_view
+  use dst_bernstein, only: sign_changes
   use dst_dense_output, only: column_u, column_y
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp, pi
@@ -11,7 +12,10 @@ module dst_piece_view
   implicit none
   private
 
-  public :: piece_view_t, moment_of, friction_of
+  public :: piece_view_t, moment_of, friction_of, most_pull_turns
+
+  !> Most points of a piece at which the pull force turns back.
+  integer, parameter :: most_pull_turns = max_degree
 
   !> A piece: the last one, or one that was kept.
   type, extends(stretch_t) :: piece_view_t
@@ -22,6 +26,9 @@ module dst_piece_view
     procedure :: at
     procedure :: friction
     procedure :: load
+    procedure :: pull_polynomial
+    procedure :: pull_turns
+    procedure :: pull_at
     procedure :: fastest
     procedure :: least_friction
   end type piece_view_t
@@ -94,34 +101,129 @@ contains
     least_friction = self%motion%slider%law%least_force
   end function least_friction
 
-  !> The elongation is that of the nodes, and the displacement of the drive, which is quadratic in time.
   subroutine load(self, degree, coefficient)
     class(piece_view_t), intent(in) :: self
     integer, intent(out) :: degree
     real(wp), intent(out) :: coefficient(0:max_degree)
-    real(wp) :: step, straight, curved
+
+    call force_polynomial(self, self%motion%slider%stiffness*[1.0_wp, 0.0_wp], .false., degree, coefficient)
+  end subroutine load
+
+  !> Degree and Bernstein coefficients of the pull force [N]. In slip with dampers, or along a rigid spring, it is interpolated.
+  subroutine pull_polynomial(self, degree, coefficient)
+    class(piece_view_t), intent(in) :: self
+    integer, intent(out) :: degree
+    real(wp), intent(out) :: coefficient(0:max_degree)
+
+    associate (slider => self%motion%slider)
+      call force_polynomial(self, slider%stiffness*slider%along, slider%is_damped() .or. is_led(self), degree, coefficient)
+    end associate
+  end subroutine pull_polynomial
+
+  !> The places, in their order, at which the pull force, with these Bernstein coefficients, turns back.
+  subroutine pull_turns(self, degree, coefficient, places, count)
+    class(piece_view_t), intent(in) :: self
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: coefficient(0:)
+    real(wp), intent(out) :: places(most_pull_turns)
+    integer, intent(out) :: count
+
+    associate (unused => self%sticking)
+    end associate
+    call sign_changes(degree - 1, coefficient(1:degree) - coefficient(:degree - 1), places, count)
+  end subroutine pull_turns
+
+  !> The pull force at a place [N].
+  real(wp) function pull_at(self, place)
+    class(piece_view_t), intent(in) :: self
+    real(wp), intent(in) :: place
+
+    if (place <= 0.0_wp) then
+      pull_at = pull_in(self, self%piece%from)
+    else if (place >= 1.0_wp) then
+      pull_at = pull_in(self, self%piece%to)
+    else if (self%sticking) then
+      pull_at = pull_in(self, self%piece%at(self%first%time + place*self%duration()))
+    else
+      pull_at = pull_in(self, self%piece%inside(place))
+    end if
+  end function pull_at
+
+  !> The pull force in a state of the piece [N].
+  pure real(wp) function pull_in(self, state)
+    class(piece_view_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: force(2), velocity(2), speed
+
+    associate (slider => self%motion%slider, drive => self%piece%drive)
+      force = slider%stiffness*state%u
+      velocity = 0.0_wp
+      if (.not. self%sticking) velocity = self%motion%velocity(state)
+      if (is_led(self)) then
+        speed = hypot(velocity(1), velocity(2))
+        force(2) = friction_of(self%motion, speed)*velocity(2)/sqrt(max(tiny(speed), speed**2 + slider%smoothing)) &
+          + slider%mass*slider%along(2)*drive%acceleration
+      end if
+      pull_in = slider%pull_force(force, drive%velocity_at(state%time), velocity)
+    end associate
+  end function pull_in
+
+  !> Whether the drive leads the object along the stiff axis: a rigid spring has the force that this needs.
+  pure logical function is_led(self)
+    class(piece_view_t), intent(in) :: self
+
+    is_led = .not. self%sticking .and. self%piece%held == 2
+  end function is_led
+
+  !> Degree and Bernstein coefficients of a sum of forces [N] that are proportional to the elongations, by the factors `per_length`
+  !> [N/m]; or of the pull force, interpolated at the nodes of a slip. An elongation is that of the nodes, and the displacement of the
+  !> drive, which is quadratic in time.
+  subroutine force_polynomial(self, per_length, is_pull, degree, coefficient)
+    class(piece_view_t), intent(in) :: self
+    real(wp), intent(in) :: per_length(2)
+    logical, intent(in) :: is_pull
+    integer, intent(out) :: degree
+    real(wp), intent(out) :: coefficient(0:max_degree)
+    real(wp) :: free(2), value(0:max_degree), step, straight, curved
     integer :: i
 
-    associate (piece => self%piece, grid => self%piece%path%grid, k => self%motion%slider%stiffness(1))
-      coefficient = k*piece%from%u(1)
+    associate (piece => self%piece, grid => self%piece%path%grid)
+      coefficient = dot_product(per_length, piece%from%u)
       degree = 2
-      if (piece%held == 1) return
+      free = per_length
+      if (piece%held > 0 .and. .not. is_pull) free(piece%held) = 0.0_wp
+      if (.not. any(abs(free) > 0.0_wp)) return
       step = piece%from%until(piece%to%time)
+      value = 0.0_wp
       if (.not. self%sticking) then
         step = piece%path%step
         degree = grid%degree
-        call grid%bernstein_coefficients(k*piece%path%nodal(:, column_u), coefficient)
+        if (is_pull) then
+          value(:degree) = [(pull_in(self, piece%inside(grid%node(i))), i=0, degree)]
+        else
+          value = free(1)*piece%path%nodal(:, column_u)
+          if (abs(free(2)) > 0.0_wp) value = value + free(2)*piece%path%nodal(:, column_u + 1)
+          if (piece%held > 0) value = value + per_length(piece%held)*piece%from%u(piece%held)
+        end if
+        call grid%bernstein_coefficients(value, coefficient)
         if (degree == 1) coefficient(0:2) = [coefficient(0), 0.5_wp*(coefficient(0) + coefficient(1)), coefficient(1)]
         degree = max(2, degree)
+        if (is_pull) return
       end if
-      straight = k*piece%drive_coupling(1)*step*piece%drive%velocity_at(piece%from%time)
-      curved = k*piece%drive_coupling(1)*0.5_wp*step**2*piece%drive%acceleration
+      straight = dot_product(free, piece%drive_coupling)*step*piece%drive%velocity_at(piece%from%time)
+      curved = dot_product(free, piece%drive_coupling)*0.5_wp*step**2*piece%drive%acceleration
       associate (n => real(degree, wp))
         coefficient(0:degree) = coefficient(0:degree) &
           + [(real(i, wp)*straight/n + real(i*(i - 1), wp)*curved/(n*(n - 1.0_wp)), i=0, degree)]
       end associate
+      if (.not. is_pull) return
+      ! At rest the force of the dampers follows the velocity of the drive.
+      associate (damped => dot_product(self%motion%slider%damping, self%motion%slider%along**2), drive => piece%drive)
+        coefficient(0:2) = coefficient(0:2) &
+          + damped*(drive%velocity_at(piece%from%time) + [0.0_wp, 0.5_wp, 1.0_wp]*step*drive%acceleration)
+      end associate
     end associate
-  end subroutine load
+  end subroutine force_polynomial
 
   !> An upper bound of |X'| [m/s]. In polar unknowns, X' = v cos(theta - phi), from the ranges of v and theta.
   real(wp) function fastest(self, enough)

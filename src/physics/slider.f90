@@ -33,6 +33,7 @@ module dst_slider
     procedure :: drive_coupling
     procedure :: elongation_at_limit
     procedure :: held_force
+    procedure :: pull_force
     procedure :: acceleration_noise
     procedure :: frequency
     procedure :: radian_time
@@ -107,6 +108,15 @@ contains
 
     u = (self%law%static_limit*[cos(theta), sin(theta)] - self%force_at_rest([0.0_wp, 0.0_wp], drive_velocity))/self%stiffness
   end function elongation_at_limit
+
+  !> Force of springs and dampers [N] on the object along the drive: what a load cell measures. The springs lengthen with the velocity
+  !> of the drive minus that of the object [m/s].
+  pure real(wp) function pull_force(self, spring_force, drive_velocity, slip_velocity)
+    class(slider_t), intent(in) :: self
+    real(wp), intent(in) :: spring_force(2), drive_velocity, slip_velocity(2)
+
+    pull_force = dot_product(spring_force + self%damping*(drive_velocity*self%along - slip_velocity), self%along)
+  end function pull_force
 
   !> Force of the springs of constant elongation [N] at elongation `u` [m].
   pure function held_force(self, u) result(force)

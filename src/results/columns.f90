@@ -21,7 +21,7 @@ module dst_columns
   integer, parameter :: c_pull_force = 17, c_theta_deg = 18, c_u_x_rate = 19, c_u_y_rate = 20
 
   !> Columns that are written only if they are requested by name: they follow from the others.
-  character(*), parameter :: columns_on_request = 'pull_force theta_deg u_x_rate u_y_rate'
+  character(*), parameter :: columns_on_request = 'theta_deg u_x_rate u_y_rate'
 
   !> The table of columns: name, unit, meaning.
   type(quantity_t), parameter :: columns(*) = [ &
@@ -145,8 +145,7 @@ contains
         value = slider%law%kinetic_limit*abs(sin(instant%theta))**3 &
           /(2.0_wp*abs(instant%drive_velocity*e(2))*sqrt(slider%mass*slider%stiffness(1)))
       case (c_pull_force)
-        ! The springs lengthen with the drive's velocity minus that of the object.
-        value = dot_product(instant%spring_force + slider%damping*(instant%drive_velocity*e - w), e)
+        value = slider%pull_force(instant%spring_force, instant%drive_velocity, w)
       case (c_theta_deg)
         value = instant%theta*(180.0_wp/pi)
       case (c_u_x_rate)

@@ -8,6 +8,7 @@ module dst_motion_summary
   use dst_divergence, only: divergence_t, regular, undecided
   use dst_growth, only: growth_t
   use dst_kinds, only: wp, int64
+  use dst_load_cell, only: load_cell_t
   use dst_motion, only: motion_t
   use dst_piece, only: piece_t, stick_begins, slips, sticks
   use dst_passage_summary, only: passage_summary_t
@@ -52,6 +53,7 @@ module dst_motion_summary
   type, extends(summary_t) :: motion_summary_t
     type(passage_summary_t), private :: leaps
     type(restless_t), private :: restless
+    type(load_cell_t), private :: load_cell
   contains
     procedure :: start
     procedure :: follow
@@ -83,6 +85,7 @@ contains
         slider%stiffness(1), slider%mass)
     end associate
     call self%begin(moment_of(motion, motion%piece, motion%piece%to), motion%energy(motion%velocity_now()), motion%t_end, settle)
+    call self%load_cell%begin(motion%t_end, settle > 0.0_wp)
   end subroutine start
 
   !> Process the last piece.
@@ -100,7 +103,7 @@ contains
         call rest(self%restless)
         select type (motion)
         class is (cycle_map_t)
-          call self%leaps%follow(motion, self%summary_t)
+          call self%leaps%follow(motion, self%summary_t, self%load_cell)
         end select
         return
       end if
@@ -113,6 +116,8 @@ contains
     end associate
     before = self%cycles%count
     call self%take_in(view)
+    call self%load_cell%take_in(view)
+    if (self%cycles%count > before) call self%load_cell%begin_cycle()
     select type (motion)
     class is (cycle_map_t)
       call follow_growth(self, motion%piece, motion%steps%system, motion%slider, .true., self%cycles%count > before)
@@ -185,6 +190,18 @@ contains
       motion%piece%to%drive_work, motion%piece%to%friction_work, &
       merge(max(0.0_wp, motion%piece%to%damper_work), -1.0_wp, motion%slider%is_damped())))
     if (.not. motion%slider%free(1) > 0.0_wp) return
+    associate (pull => self%load_cell%movement)
+      if (pull%highest >= pull%lowest) then
+        call put('pull_peak', pull%highest)
+        call put('pull_valley', pull%lowest)
+        call put('pull_swing', pull%highest - pull%lowest)
+      end if
+      if (pull%frequency() > 0.0_wp) then
+        call put('pull_frequency', pull%frequency())
+      else if (self%settled_at >= 0.0_wp) then
+        call put('pull_frequency', 1.0_wp/of('period'))
+      end if
+    end associate
     verdict = self%without_cycles()
     ! An irregular beginning is no irregular motion: what repeats has the exponent of what is repeated.
     repeats = 0
@@ -259,6 +276,7 @@ contains
 
     call self%summary_t%serialise(archive)
     call archive%serialise(c_loc(self%restless), storage_size(self%restless))
+    call archive%serialise(c_loc(self%load_cell), storage_size(self%load_cell))
     call self%leaps%serialise(archive)
   end subroutine serialise
 end module dst_motion_summary

@@ -11,7 +11,8 @@ module dst_passage_summary
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t
   use dst_kinds, only: wp, int64
-  use dst_observation, only: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, first_turn
+  use dst_load_cell, only: load_cell_t, load_record_t
+  use dst_observation, only: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, pull, first_turn
   use dst_passage, only: passage_t, duration, slip_duration, exchanged
   use dst_piece, only: piece_t, stick_begins
   use dst_piece_view, only: piece_view_t
@@ -61,21 +62,24 @@ module dst_passage_summary
 contains
 
   !> Add the last piece, a leap.
-  subroutine follow(self, map, summary)
+  subroutine follow(self, map, summary, load_cell)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     type(summary_t), intent(inout) :: summary
+    type(load_cell_t), intent(inout) :: load_cell
     type(contribution_t) :: block
+    type(load_record_t) :: record
     type(state_t) :: begin
     integer(int64) :: done, times
     real(wp) :: lasting
 
     if (.not. allocated(self%tables)) allocate (self%tables(0))
+    call load_cell%pull(map%piece%drive%velocity)
     if (map%repetitions == 0) then
-      call follow_passages(self, map, 0_int64, map%piece%from, summary)
+      call follow_passages(self, map, 0_int64, map%piece%from, summary, load_cell)
       return
     end if
-    call summarise_block(self, map, block)
+    call summarise_block(self, map, block, record)
     lasting = map%block_duration()
     done = 0
     do while (done < map%repetitions)
@@ -89,25 +93,28 @@ contains
       if (times > 0) then
         call summary%add(block, begin%time, begin%position, times, &
           (map%piece%to%position - map%piece%from%position)/real(map%repetitions, wp))
+        if (begin%time >= load_cell%from) call load_cell%see_again(record, begin%time, times, lasting)
       else
         times = 1
-        call follow_passages(self, map, done, begin, summary)
+        call follow_passages(self, map, done, begin, summary, load_cell)
       end if
       done = done + times
     end do
   end subroutine follow
 
   !> All passages of a repetition, as if they were a run.
-  subroutine summarise_block(self, map, block)
+  subroutine summarise_block(self, map, block, record)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     type(contribution_t), intent(out) :: block
+    type(load_record_t), intent(out) :: record
     type(summary_t) :: summary
     type(state_t) :: begin
 
     begin = state_t(u=map%piece%from%u)
     call begin_passage(map, begin%u, summary)
-    call follow_passages(self, map, 0_int64, begin, summary)
+    call record%pull(map%piece%drive%velocity)
+    call follow_passages(self, map, 0_int64, begin, summary, record)
     block = summary%contribution()
     block%duration = map%block_duration()
   end subroutine summarise_block
@@ -127,14 +134,16 @@ contains
   end subroutine begin_passage
 
   !> The passages of a repetition of a leap that begins with this state.
-  subroutine follow_passages(self, map, repetition, begin, summary)
+  subroutine follow_passages(self, map, repetition, begin, summary, load_cell)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     integer(int64), intent(in) :: repetition
     type(state_t), intent(in) :: begin
     type(summary_t), intent(inout) :: summary
+    class(load_cell_t), intent(inout) :: load_cell
     type(passage_t) :: passage
     type(contribution_t) :: contribution
+    type(observation_t) :: seen
     type(state_t) :: here
     real(wp) :: elapsed, u(2, 2)
     logical :: is_known
@@ -152,22 +161,31 @@ contains
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
       if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
-        call look_up(self, map, passage, here%time, u, summary, contribution, is_known)
+        call look_up(self, map, passage, here%time, u, summary, seen, contribution, is_known)
       if (is_known) then
         call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
+        if (here%time >= load_cell%from) then
+          associate (side => sign(1.0_wp, map%piece%drive%velocity), slider => map%slider)
+            call load_cell%see(side*seen%value(pull), here%time + seen%value(pull + 1))
+            call load_cell%see(side*seen%value(pull + 2), here%time + seen%value(pull + 3))
+            call load_cell%see(dot_product(slider%force_at_rest(u(:, 2), map%piece%drive%velocity), slider%along), &
+              here%time + passage%measure(duration))
+          end associate
+        end if
       else
         call map%show_passage(repetition, k)
-        call take_in_shown(map, here, summary)
+        call take_in_shown(map, here, summary, load_cell)
         summary%exchanged = summary%exchanged + passage%measure(exchanged)
       end if
     end do
   end subroutine follow_passages
 
   !> The passage that is shown, piece by piece, from this state on.
-  subroutine take_in_shown(map, begin, summary)
+  subroutine take_in_shown(map, begin, summary, load_cell)
     class(cycle_map_t), intent(inout), target :: map
     type(state_t), intent(in) :: begin
     type(summary_t), intent(inout) :: summary
+    class(load_cell_t), intent(inout) :: load_cell
     type(piece_view_t) :: view
     type(piece_t), target :: piece
     integer :: i
@@ -177,19 +195,20 @@ contains
       call view%show(map%steps, piece)
       if (piece%event == stick_begins) summary%sticks = summary%sticks + 1
       call summary%take_in(view)
+      call load_cell%take_in(view)
     end do
   end subroutine take_in_shown
 
   !> The contribution of a passage from observations, if they are smooth there.
-  subroutine look_up(self, map, passage, time, u, summary, contribution, is_known)
+  subroutine look_up(self, map, passage, time, u, summary, seen, contribution, is_known)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     type(passage_t), intent(in) :: passage
     real(wp), intent(in) :: time, u(2, 2)        !! when it begins, s, and u at its ends, m
     class(summary_t), intent(in) :: summary      !! of what was before
+    type(observation_t), intent(out) :: seen
     type(contribution_t), intent(out) :: contribution
     logical, intent(out) :: is_known
-    type(observation_t) :: seen
     real(wp) :: x
     integer :: i
 

@@ -50,6 +50,10 @@ module dst_summary
     quantity_t('damper_work', 'J', 'work done on the dampers parallel to the springs; only with dampers'), &
     quantity_t('energy_residual', '1', 'error of the energy balance, relative to the total energy exchanged'), &
     quantity_t('swing', 'N', 'peak-to-peak value of k_x u_x in the second half of the run'), &
+    quantity_t('pull_peak', 'N', 'largest pull force in the second half of the run: what a load cell shows; not with rodas4p'), &
+    quantity_t('pull_valley', 'N', 'smallest pull force in the second half of the run'), &
+    quantity_t('pull_swing', 'N', 'pull_peak minus pull_valley'), &
+    quantity_t('pull_frequency', 'Hz', 'how often the pull force rises and falls by more than half of pull_swing'), &
     quantity_t('creep_share', '1', 'share of the second half of the run with |X_rate| at most V/10'), &
     quantity_t('slip_angle', 'rad', 'angle of friction to the soft axis when |k_x u_x| first exceeds F(v)'), &
     quantity_t('fast_decay', '1', 'D: the fast oscillation decays by exp(-D) before slip, in theory; full model, steady drive'), &

@@ -66,7 +66,7 @@ OF_THE_LOAD = (
     "repeats",
     "regularity",
 )
-OF_THE_HALF = ("swing", "creep_share")
+OF_THE_HALF = ("swing", "creep_share", "pull_peak", "pull_valley", "pull_swing", "pull_frequency")
 """Summary values of the second half of the run."""
 
 

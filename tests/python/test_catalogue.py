@@ -73,7 +73,7 @@ def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result
     def described(infos: Any) -> list[dict[str, str]]:
         return [{"name": i.name, "units": i.units, "long_name": i.long_name} for i, _ in infos.info()]
 
-    on_request = ("pull_force", "theta_deg", "u_x_rate", "u_y_rate")
+    on_request = ("theta_deg", "u_x_rate", "u_y_rate")
     assert described(fig3_result.columns) == [each for each in catalogue["columns"] if each["name"] not in on_request]
     assert described(fig3_result.statistics) == catalogue["statistics"]
     found = described(fig3_result.summary)

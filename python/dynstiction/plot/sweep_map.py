@@ -35,6 +35,9 @@ RELATIVE = {
     "swing": ("peak-to-peak $k_x u_x$ over $F_0$", "F_0"),
     "peak_force": ("mean peak of the load over $F_0$", "F_0"),
     "valley_force": ("mean valley of the load over $F_0$", "F_0"),
+    "pull_peak": ("largest pull force over $F_0$", "F_0"),
+    "pull_valley": ("smallest pull force over $F_0$", "F_0"),
+    "pull_swing": ("peak-to-peak pull force over $F_0$", "F_0"),
     "sticking_time": ("share of the time at true rest", "t_end"),
 }
 """Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""
@@ -54,6 +57,7 @@ LABELS = {
     "sticks": "number of rests",
     "cycles": "number of cycles",
     "fast_decay": "$D$, decay of the fast oscillation",
+    "pull_frequency": "frequency of the pull force",
     "creep_share": r"share of the time with $|\dot X| \leq V/10$",
     "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
 }

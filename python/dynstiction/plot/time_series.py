@@ -51,7 +51,7 @@ __all__ = [
     "what_differs",
 ]
 
-HISTORY = ("spring_force_x", "spring_force_y", "friction", "psi", "X")
+HISTORY = ("spring_force_x", "spring_force_y", "pull_force", "friction", "psi", "X")
 VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "psi", "X")
 """Default columns of several runs in the same panels."""
@@ -132,11 +132,15 @@ def draw_history(
     result: Result,
     figure: FigureBase,
     *,
-    names: Sequence[str] = HISTORY,
+    names: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Spring forces, friction force and angle, position against time (Fig. 3), or other columns; above them V(t) of a profile."""
+    """Spring forces, the force of the load cell, friction force and angle, position against time (Fig. 3), or other columns; above
+    them V(t) of a profile.
+    """
+    # A file of an earlier version has no pull_force.
+    names = names or [name for name in HISTORY if name != "pull_force" or name in result]
     columns(result, *names)
     view = view_of(result, start, end)
     profile = drive_profile(result)
