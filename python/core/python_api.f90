@@ -13,6 +13,7 @@ module dst_python_api
   use dst_kinds, only: wp, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
+  use dst_cycle_return, only: find_return, return_values
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_creep_end, only: creep_end_t, creep_end
@@ -48,7 +49,8 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, run_open, sweep_open, cycles_open, sensitivity_open, derivatives_open, ends_open, steady_open
+  public :: library_open, deck_open, run_open, sweep_open, cycles_open, return_open, sensitivity_open, derivatives_open
+  public :: ends_open, steady_open
   public :: derivatives_advance
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
@@ -106,6 +108,7 @@ module dst_python_api
     type(sensitivity_t) :: sensitivity
     type(derivatives_t) :: derivatives
     type(stick_slip_ends_t) :: ends
+    real(wp) :: returned(return_values) = 0.0_wp
     real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
   contains
     procedure :: make_table => make_cycles_table
@@ -253,6 +256,25 @@ contains
     if (.not. allocated(self%error)) call find_limit_cycles(scene, velocity, self%cycles, self%error)
     status = status_of(self)
   end subroutine cycles_open
+
+  !> Read a deck and find where its motion, in `model` or the deck's own, returns to from a place after so many slow cycles.
+  subroutine return_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, place, slow_cycles, handle, status)
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model, slow_cycles
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), model(n_model)
+    real(c_double), intent(in) :: place
+    integer(c_long_long), intent(out) :: handle
+    integer(c_int), intent(out) :: status
+    ! Not f2py threadsafe, as run_open.
+    type(cycles_session_t), pointer :: self
+    type(scene_t) :: scene
+    real(wp) :: velocity
+
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
+    if (text_of(model) /= '') scene%model = text_of(model)
+    if (.not. allocated(self%error)) &
+      call find_return(scene, velocity, real(place, wp), int(slow_cycles), self%returned, self%error)
+    status = status_of(self)
+  end subroutine return_open
 
   !> Read a deck and find the sensitivity of its settled motion to the keys GROUP.KEY in a list with blanks.
   subroutine sensitivity_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, handle, status)
@@ -638,7 +660,7 @@ contains
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
   !> (with exponent, error, slow cycles, cycles, repeats, searched), 'sensitivity', of each measure of the cycle the value and the
-  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'ends', one number with a name each: values that do not exist are omitted.
+  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'ends', one number with a name each: values that do not exist are omitted; 'return'.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -705,6 +727,9 @@ contains
       end if
     case ('ends')
       call make_table_of_ends(self%ends, self%table)
+    case ('return')
+      call new_table(self%table, 1, 0, return_values)
+      self%table%number(:, 1) = self%returned
     case ('steady')
       call new_table(self%table, 1, 0, size(self%steady))
       self%table%number(:, 1) = self%steady

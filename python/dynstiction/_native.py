@@ -348,6 +348,30 @@ def _parameters(handle: int) -> tuple[list[str], NDArray[np.float64]]:
     return [key for (key,) in cells], values
 
 
+class Return(Session):
+    """Where a motion returns to from a place of the map of a scene, found in the core.
+
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    model : str
+        Model, '' for that of the deck.
+    place : float
+        Direction of the force at a release [rad], or, in the slow motion, load at a valley [N].
+    slow_cycles : int
+        Slow cycles until then.
+    """
+
+    name = "return of a motion"
+
+    def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
+        handle, status = _core.return_open(*deck.arguments(), _characters(model), place, slow_cycles)
+        super().__init__(handle)
+        self._raise(deck, status)
+        self.to, self.slope, self.log_slope, *self.measures = _table(handle, "return")[1][:, 0].tolist()
+
+
 class Sensitivity(Session):
     """Derivatives of the cycle to which a scene settles, found in the core.
 

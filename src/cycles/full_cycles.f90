@@ -30,7 +30,7 @@ module dst_full_cycles
   private
 
   public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
-  public :: settle, map_of, steady, extremes_of, measures_of, share_out
+  public :: settle, map_of, steady, extremes_of, measures_of, share_out, measure_cycle, most_repeats
 
   !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
   real(wp), parameter :: rtol = 1.0e-11_wp
@@ -511,8 +511,8 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
     type(full_cycle_t) :: cycle
-    type(passage_t) :: whole, slow_cycle, slip
-    real(wp) :: begins, one(measures), old(measures), new(measures)
+    type(passage_t) :: whole
+    real(wp) :: begins
     logical :: found
     integer :: i
 
@@ -526,20 +526,14 @@ contains
       cycle%log_multiplier = whole%log_slope
       if (abs(1.0_wp - whole%slope) > 0.0_wp) begins = alpha + (whole%to - alpha)/(1.0_wp - whole%slope)
     end if
-    do i = 1, slow_cycles
-      cycle%release(i) = begins
-      call map%come_back(begins, slow_cycle, slip, found, error)
-      if (allocated(error) .or. .not. found) return
-      begins = slow_cycle%to
+    call measure_cycle(map, begins, slow_cycles, cycle%release, cycle%measure, found, error)
+    if (allocated(error) .or. .not. found) return
+    do i = 1, slow_cycles - 1
       ! It may be one of fewer.
-      if (i < slow_cycles .and. modulo(slow_cycles, i) == 0 .and. abs(begins - cycle%release(1)) <= alike) then
+      if (modulo(slow_cycles, i) == 0 .and. abs(cycle%release(i + 1) - cycle%release(1)) <= alike) then
         call take(map, cycle%release(1), i, cycles, error)
         return
       end if
-      call measure(map, slip%from, slow_cycle%measure(duration), one, error)
-      if (allocated(error)) return
-      call share_out(i, cycle%measure, one, old, new)
-      cycle%measure = old*cycle%measure + new*one
     end do
     cycle%repeats = slow_cycles
     associate (release => cycle%release(:slow_cycles))
@@ -551,6 +545,33 @@ contains
     end associate
     cycles = [cycles, cycle]
   end subroutine take
+
+  !> The releases [rad] with which so many slow cycles begin, the first one at `alpha`, and their measures.
+  subroutine measure_cycle(map, alpha, slow_cycles, release, value, found, error)
+    type(release_map_t), intent(inout) :: map
+    real(wp), intent(in) :: alpha
+    integer, intent(in) :: slow_cycles
+    real(wp), intent(inout) :: release(:)
+    real(wp), intent(out) :: value(measures)
+    logical, intent(out) :: found
+    type(error_t), allocatable, intent(out) :: error
+    type(passage_t) :: slow_cycle, slip
+    real(wp) :: begins, one(measures), old(measures), new(measures)
+    integer :: i
+
+    begins = alpha
+    value = 0.0_wp
+    do i = 1, slow_cycles
+      release(i) = begins
+      call map%come_back(begins, slow_cycle, slip, found, error)
+      if (allocated(error) .or. .not. found) return
+      begins = slow_cycle%to
+      call measure(map, slip%from, slow_cycle%measure(duration), one, error)
+      if (allocated(error)) return
+      call share_out(i, value, one, old, new)
+      value = old*value + new*one
+    end do
+  end subroutine measure_cycle
 
   !> What several slow cycles have of their measures, and what one more adds, the `number`-th: the period is that of all, the peak the
   !> highest, the valley the lowest; the others are means.

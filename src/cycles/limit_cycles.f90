@@ -17,7 +17,7 @@ module dst_limit_cycles
   implicit none
   private
 
-  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles
+  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles, cycles_obstacle
 
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
     release_angle = measures + 4, quantities = measures + 4
@@ -64,31 +64,43 @@ contains
     cycles%velocity = abs(velocity)
     cycles%model = trim(scene%model)
     if (cycles%model == 'auto') cycles%model = 'full'
-    if (cycles%model /= 'full' .and. cycles%model /= 'low_frequency') then
-      call raise(error, deck_error, "scene.model: model '"//cycles%model//"' has no limit cycles that can be found here: "// &
+    call cycles_obstacle(scene, cycles%model, slider, error)
+    if (allocated(error)) return
+    if (cycles%model == 'full') then
+      call take_full(scene, slider, velocity, cycles, error, watch)
+    else
+      call take_slow(slider, velocity, cycles, error)
+    end if
+  end subroutine find_limit_cycles
+
+  !> Why the cycles of a scene are not found in a model.
+  subroutine cycles_obstacle(scene, model, slider, error)
+    type(scene_t), intent(in) :: scene
+    character(*), intent(in) :: model
+    type(slider_t), intent(in) :: slider
+    type(error_t), allocatable, intent(out) :: error
+
+    if (model /= 'full' .and. model /= 'low_frequency') then
+      call raise(error, deck_error, "scene.model: model '"//model//"' has no limit cycles that can be found here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
-    else if (cycles%model /= 'full' .and. slider%is_damped()) then
+    else if (model /= 'full' .and. slider%is_damped()) then
       call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
         ': cycles of the slow motion are found only without dampers: remove damping_x and damping_y', &
         'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
     else if (.not. minval(abs(slider%along)) > 0.0_wp) then
       call raise(error, deck_error, 'system.misalignment_deg: cycles are found only if the angle is no multiple of 90: '// &
         'change it a little', 'system.misalignment_deg')
-    else if (cycles%model == 'full' .and. scene%contact /= 'exact') then
+    else if (model == 'full' .and. scene%contact /= 'exact') then
       call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
         'which has rest', 'friction.contact')
-    else if (cycles%model /= 'full' .and. slider%law%static_limit > slider%law%kinetic_limit) then
+    else if (model /= 'full' .and. slider%law%static_limit > slider%law%kinetic_limit) then
       call raise(error, deck_error, 'friction.mu_static: cycles of the slow motion are found only without a separate static '// &
         "limit: remove mu_static, or give model 'full'", 'friction.mu_static')
-    else if (cycles%model /= 'full' .and. .not. falls_exponentially(slider%law)) then
+    else if (model /= 'full' .and. .not. falls_exponentially(slider%law)) then
       call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
         "'weakening': give one of them, or model 'full'", 'friction.law')
-    else if (cycles%model == 'full') then
-      call take_full(scene, slider, velocity, cycles, error, watch)
-    else
-      call take_slow(slider, velocity, cycles, error)
     end if
-  end subroutine find_limit_cycles
+  end subroutine cycles_obstacle
 
   !> The cycles of the full model, and its steady sliding.
   subroutine take_full(scene, slider, velocity, cycles, error, watch)
