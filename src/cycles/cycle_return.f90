@@ -23,6 +23,8 @@ module dst_cycle_return
   !> The place to which the motion returns; slope of the map there and ln of its size; the measures of the cycles between, as
   !> dst_limit_cycles has them.
   integer, parameter :: to = 1, slope = 2, log_slope = 3, return_values = 3 + measures
+  !> A passage that takes longer than this share of a long motion leads to no cycle that anybody looks for. Convention.
+  real(wp), parameter :: patience = 0.05_wp
   !> Accuracy of the slow motion, as in dst_limit_cycles.
   real(wp), parameter :: rtol = 1.0e-12_wp
 
@@ -65,6 +67,7 @@ contains
     call map_of(steady(scene, velocity), map, error)
     if (allocated(error)) return
     map%slips_expected = 2.0_wp*real(slow_cycles, wp)
+    map%longest = patience*map%longest
     call map%power(alpha, slow_cycles, whole, found, error)
     if (allocated(error) .or. .not. found) return
     call measure_cycle(map, alpha, slow_cycles, release, value(log_slope + 1:), found, error)

@@ -1,0 +1,579 @@
+"""Branches of limit cycles over a key of the deck, through folds and period doublings (docs/howto/branches.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _native
+from ._arguments import whole
+from ._progress import progress_bar
+from ._slider import held_velocity
+from .errors import DeckError, SolverError, UsageError
+from .limit_cycles import LimitCycle, cycles
+from .scene import DeckLike, Scene
+
+__all__ = ["Branch", "BranchPoint", "Branches", "branch", "fold_curve"]
+
+_Floats = NDArray[np.float64]
+
+Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border"]
+
+VELOCITY = "drive.velocity"
+
+MEASURES = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
+"""Measures of a cycle, in the order of the core."""
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 2e-3, 0.04, 2e-7
+"""Steps along a branch, in units of the range of the key and of the natural unit of a place, a radian or F_0."""
+SHARP_TURN = 0.9
+"""Cosine of the angle between two steps below which the second one is halved."""
+FAR = 0.3
+"""How far a corrected point may be from the predicted one, over the step."""
+PREFERRED = 0.3
+"""The key is given, and the place found, where it changes by more than this share of what the place changes by; otherwise vice versa."""
+MOST_ITERATIONS = 8
+CLOSE = 1e-10
+"""Accuracy of a place and of a value, in these units."""
+SMOOTH = 0.02
+"""At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
+SMALL = 2e-3
+"""Swing over F_0 below which a cycle of the slow motion is about to end in steady sliding."""
+BESIDE = 2e-3
+"""How far from a doubling the cycles that begin there are looked for, over the range."""
+
+
+class BranchPoint(NamedTuple):
+    """A point at which a branch turns, changes its stability, or ends."""
+
+    kind: Kind
+    """fold: a stable and an unstable cycle meet; doubling: cycles of twice the period begin; grazing: the branch ends, or turns, where a
+    stick or a slip begins to graze, so that the map jumps or has no slope; without rest: the object does not rest any more, so that the
+    cycle is none of the map; sliding: it shrinks into steady sliding; border: the range ends."""
+    value: float
+    """Value of the key."""
+    place: float
+    """As `Branch.place`."""
+    period: float
+    """[s]"""
+    peak_force: float
+    """[N]"""
+    valley_force: float
+    """[N]"""
+
+
+class Branch(NamedTuple):
+    """A curve of cycles, from one of its ends to the other. All arrays have the shape (points,)."""
+
+    slow_cycles: int
+    """Slow cycles after which they repeat; 0: the fast oscillation alone."""
+    values: _Floats
+    """Values of the key."""
+    place: _Floats
+    """Direction of the force at a release with which the cycle begins [rad], or, in the slow motion, its valley [N]."""
+    multiplier: _Floats
+    """Factor by which a small disturbance grows in a cycle, with its sign; NaN if it is not known."""
+    period: _Floats
+    """[s]; this and the following as for `LimitCycle`."""
+    peak_force: _Floats
+    """[N]"""
+    valley_force: _Floats
+    """[N]"""
+    stick_duration: _Floats
+    """[s]"""
+    slip_duration: _Floats
+    """[s]"""
+    slip_length: _Floats
+    """[m]"""
+    points: tuple[BranchPoint, ...]
+    """The special points in their order; the first and the last one are the ends."""
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether the cycles are stable."""
+        return np.abs(self.multiplier) < 1.0
+
+    @property
+    def swing(self) -> _Floats:
+        """Peak minus valley [N]."""
+        return self.peak_force - self.valley_force
+
+
+class Branches(NamedTuple):
+    """Branches of cycles over one key; ``print`` shows a table, ``dynstiction.plot`` draws them."""
+
+    key: str
+    units: str
+    model: str
+    branches: tuple[Branch, ...]
+
+    def special(self, kind: Kind) -> tuple[BranchPoint, ...]:
+        """The points of one kind on all branches."""
+        return tuple(point for each in self.branches for point in each.points if point.kind == kind)
+
+    def __str__(self) -> str:
+        name = self.key if self.units == "1" else f"{self.key} [{self.units}]"
+        lines = [f"{self.model}: {len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'} of cycles over {name}"]
+        for number, each in enumerate(self.branches, 1):
+            length = "fast oscillation" if not each.slow_cycles else f"{each.slow_cycles} slow cycle{'s' * (each.slow_cycles > 1)}"
+            share = float(np.mean(each.stable))
+            stable = "stable" if share == 1.0 else "unstable" if share == 0.0 else "in part stable"
+            lines += ["", f"branch {number}: {length}, {stable}, {each.values.size} points",
+                      f"{'':4}{'':14}{self.key.rpartition('.')[2]:>18}{'period [s]':>14}{'peak [N]':>12}{'valley [N]':>12}"]  # fmt: skip
+            lines += [
+                f"{'':4}{point.kind:14}{point.value:>18.10g}{point.period:>14.7g}{point.peak_force:>12.6g}{point.valley_force:>12.6g}"
+                for point in each.points
+            ]
+        return "\n".join(lines)
+
+
+class _Place(NamedTuple):
+    """A point of the map: a value of the key and a place, in units of a step, and what the motion from there does."""
+
+    q: float
+    a: float
+    slope: float
+    measures: tuple[float, ...]
+
+    @property
+    def excess(self) -> dict[str, float]:
+        """What is 0 at a fold and at a doubling."""
+        return {"fold": self.slope - 1.0, "doubling": self.slope + 1.0}
+
+
+class _NoReturn(Exception):
+    """There is no motion of this kind there."""
+
+
+class _Map:
+    """The map of slow cycles of a scene as a function of one key."""
+
+    def __init__(self, scene: Scene, key: str, start: float, end: float, model: str) -> None:
+        self.scene, self.key, self.start, self.end = scene, key, start, end
+        self.is_log = start > 0.0 and end / start > 10.0
+        self.model = model
+        with _native.Run(scene.source) as run:
+            parameters = {info.name: value for info, value in run.parameters()}
+        self.unit = 1.0 if model == "full" else float(parameters["mu_0"]) * float(parameters["normal_load"])
+
+    def value(self, q: float) -> float:
+        """The value of the key."""
+        if q in (0.0, 1.0):
+            return self.end if q else self.start
+        if self.is_log:
+            return float(self.start * (self.end / self.start) ** q)
+        return self.start + q * (self.end - self.start)
+
+    def share(self, value: float) -> float:
+        """The inverse of `value`."""
+        if self.is_log:
+            return math.log(value / self.start) / math.log(self.end / self.start)
+        return (value - self.start) / (self.end - self.start)
+
+    def at(self, q: float) -> Scene:
+        """The scene with a value of the key."""
+        return self.scene.replace(**{self.key: self.value(q)})
+
+    def go(self, q: float, a: float, slow_cycles: int) -> tuple[float, _Place]:
+        """Where the motion from a place returns to, minus the place."""
+        try:
+            with _native.Return(self.at(q).source, self.model, a * self.unit, slow_cycles) as found:
+                to, slope, measures = found.to, found.slope, tuple(found.measures)
+        except (DeckError, SolverError):
+            raise _NoReturn from None
+        if math.isnan(to):
+            raise _NoReturn
+        return to / self.unit - a, _Place(q, a, slope, measures)
+
+    def at_value(self, q: float, a: float, slow_cycles: int) -> _Place:
+        """The cycle at a value, near a place, by Newton's method."""
+        for _ in range(MOST_ITERATIONS):
+            turn, here = self.go(q, a, slow_cycles)
+            slope = 0.0 if math.isnan(here.slope) else here.slope
+            if slope == 1.0:
+                break
+            step = -turn / (slope - 1.0)
+            if abs(step) <= CLOSE:
+                return here
+            if abs(step) > LONGEST_STEP:
+                break
+            a += step
+        raise _NoReturn
+
+    def at_place(self, q: float, a: float, slow_cycles: int, step: float) -> _Place:
+        """The cycle with a place, near a value, by the secant method."""
+        before, (turn, here) = q, self.go(q, a, slow_cycles)
+        old, q = turn, q + step
+        for _ in range(MOST_ITERATIONS):
+            turn, here = self.go(q, a, slow_cycles)
+            if turn == old:
+                break
+            change = -turn * (q - before) / (turn - old)
+            before, old = q, turn
+            if abs(change) <= CLOSE:
+                return here
+            q += change
+        raise _NoReturn
+
+
+def branch(
+    scene: DeckLike,
+    key: str,
+    start: float,
+    end: float,
+    *,
+    slow_cycles: int = 2,
+    model: str = "",
+    most_branches: int = 12,
+    most_points: int = 400,
+    progress: bool | None = None,
+) -> Branches:
+    """Follow the cycles of a scene, stable and unstable, over a key of the deck.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        As for `cycles`. Its own value of the key is where branches begin, if it is in the range; they also begin at both ends, and at
+        doublings.
+    key : str
+        A number of the deck, ``'misalignment_deg'`` or ``'system.misalignment_deg'``.
+    start, end : float
+        The range, ``start < end``; if end/start > 10, steps are equal in the logarithm.
+    slow_cycles : int
+        Unstable cycles of up to so many slow cycles are followed; stable ones whatever their number (up to 8).
+    model : str
+        'full' or 'low_frequency'; by default the scene's own.
+    most_branches, most_points : int
+        No more branches, and no more points of a branch, are followed.
+    progress : bool, optional
+        Whether to show progress as a bar; by default as for `dynstiction.run`.
+
+    Returns
+    -------
+    Branches
+        The branches with their folds, doublings and ends.
+
+    Raises
+    ------
+    UsageError
+        If the key is no number, or the range is none.
+    DeckError, FileError, SolverError
+        As for `cycles`.
+
+    Notes
+    -----
+    A cycle is a fixed point of the map from a release to the release so many slow cycles later, in the slow motion from a valley to the
+    next. Both the map and its slope are exact, to the accuracy of the integrator, so that the value of a fold is known to some 1e-9. A branch
+    is followed with steps along it, in which the value is given and the place found, or, near folds, vice versa. Branches that no
+    cycle at the values above is on are not found.
+
+    Examples
+    --------
+    >>> found = branch("inputs/fig3.nml", "misalignment_deg", 1.0, 9.0, model="low_frequency")     # doctest: +SKIP
+    >>> found.special("fold")                                                                      # doctest: +SKIP
+    """
+    rig, name = _steady(Scene(scene)), _number(key)
+    if not (math.isfinite(start) and math.isfinite(end) and start < end):
+        raise UsageError(f"start = {start:g}, end = {end:g}: a range goes from a number to a larger one")
+    whole("slow_cycles", slow_cycles, least=0)
+    own = _own_value(rig, name)
+    first = rig.replace(**{name: own if start <= own <= end else start})
+    seen = cycles(first, model=model)
+    the_map = _Map(first, name, float(start), float(end), seen.model)
+    queue = [the_map.share(own)] if start <= own <= end else []
+    queue += [q for q in (0.0, 1.0) if q not in queue]
+    found: list[tuple[Branch, list[_Place]]] = []
+    with progress_bar(progress, most_branches, "{n_fmt} branches {elapsed}") as show:
+        while queue and len(found) < most_branches:
+            q = queue.pop(0)
+            for cycle, a in _cycles_at(the_map, q, slow_cycles):
+                if len(found) == most_branches or _is_known(the_map, found, q, cycle):
+                    continue
+                one = _follow(the_map, q, a, max(1, cycle.slow_cycles), most_points)
+                if one is None:
+                    continue
+                found.append((_as_branch(the_map, cycle.slow_cycles, *one), one[0]))
+                queue += [
+                    beside
+                    for kind, at in one[1]
+                    if kind == "doubling"
+                    for beside in (at.q - BESIDE, at.q + BESIDE)
+                    if 0.0 <= beside <= 1.0
+                ]
+                show(len(found))
+    units = _native.key_info(*name.split(".")).units or "1"
+    ordered = sorted((each for each, _ in found), key=lambda each: (each.slow_cycles, -float(np.mean(each.stable)), each.period[0]))
+    return Branches(name, units, seen.model, tuple(ordered))
+
+
+def _steady(scene: Scene) -> Scene:
+    """The scene under the velocity that its drive holds."""
+    return scene.replace(drive={"velocity": held_velocity(scene), "time": None})
+
+
+def _number(key: str) -> str:
+    """The full name of a key that is a number."""
+    group, name = _native.group_of(key), key.rpartition(".")[2].lower()
+    full = f"{group}.{name}"
+    if not group or (full != VELOCITY and _native.key_info(group, name).kind != "real"):
+        raise UsageError(f"no branch over {key!r}: name a real number of the deck, as system.misalignment_deg")
+    return full
+
+
+def _own_value(scene: Scene, key: str) -> float:
+    if key == VELOCITY:
+        return held_velocity(scene)
+    with _native.Run(scene.source) as run:
+        for info, value in run.parameters():
+            if info.name == key.partition(".")[2] and isinstance(value, float):
+                return value
+    return math.nan
+
+
+def _cycles_at(the_map: _Map, q: float, slow_cycles: int) -> Iterator[tuple[LimitCycle, float]]:
+    """The cycles at a value that are followed, and their places; none if the deck is refused there."""
+    try:
+        seen = cycles(the_map.at(q), model=the_map.model)
+    except (DeckError, SolverError):
+        return
+    for cycle, release in zip(seen.cycles, seen.release_angle, strict=True):
+        place = release if the_map.model == "full" else cycle.valley_force
+        if math.isfinite(place) and (cycle.stable or cycle.slow_cycles <= slow_cycles):
+            yield cycle, float(place) / the_map.unit
+
+
+def _is_known(the_map: _Map, found: Sequence[tuple[Branch, list[_Place]]], q: float, cycle: LimitCycle) -> bool:
+    """Whether a cycle is on one of the branches."""
+    for each, places in found:
+        if each.slow_cycles != cycle.slow_cycles:
+            continue
+        for one, other in zip(places[:-1], places[1:], strict=True):
+            if not min(one.q, other.q) <= q <= max(one.q, other.q):
+                continue
+            share = (q - one.q) / (other.q - one.q) if other.q != one.q else 0.0
+            try:
+                there = the_map.at_value(q, one.a + share * (other.a - one.a), max(1, each.slow_cycles))
+            except _NoReturn:
+                continue
+            if math.isclose(there.measures[0], cycle.period, rel_tol=1e-7) and math.isclose(
+                there.measures[2], cycle.valley_force, rel_tol=1e-7, abs_tol=1e-9
+            ):
+                return True
+    return False
+
+
+_Special = tuple[Kind, _Place]
+
+
+def _follow(the_map: _Map, q: float, a: float, n: int, most_points: int) -> tuple[list[_Place], list[_Special]] | None:
+    """The branch through a cycle: its points, and the special ones among them."""
+    try:
+        middle = the_map.at_value(q, a, n)
+    except _NoReturn:
+        return None
+    sides = []
+    for side in (-1, 1):
+        places, special, end = _one_way(the_map, middle, side, n, most_points // 2)
+        sides.append((places, [*special, (end, places[-1])]))
+        if places[-1] is middle and end != "border":
+            # It goes on only to the other side.
+            continue
+    (left, before), (right, after) = sides
+    return left[:0:-1] + right, before[::-1] + after
+
+
+def _one_way(the_map: _Map, first: _Place, side: int, n: int, most: int) -> tuple[list[_Place], list[_Special], Kind]:
+    """The branch from a cycle to one side of its value, to its end."""
+    places, special = [first], []
+    step, why = FIRST_STEP, "border"
+    while len(places) < most:
+        here = places[-1]
+        if (here.q <= 0.0 and side < 0 or here.q >= 1.0 and side > 0) and len(places) == 1:
+            return places, special, "border"
+        if len(places) == 1:
+            way = (float(side), 0.0)
+        else:
+            way = (here.q - places[-2].q, here.a - places[-2].a)
+            way = tuple(part / math.hypot(*way) for part in way)
+        there, why = _next(the_map, here, way, step, n, is_first=len(places) == 1)
+        if there is None:
+            step *= 0.5
+            if step >= SHORTEST_STEP:
+                continue
+            return places, special, why
+        special += _between(the_map, here, there, n)
+        places.append(there)
+        if there.q in (0.0, 1.0):
+            return places, special, "border"
+        if the_map.model != "full" and there.measures[1] - there.measures[2] < SMALL * the_map.unit:
+            places[-1] = _in_sliding(the_map, there)
+            return places, special, "sliding"
+        if len(places) > 10 and math.hypot(there.q - first.q, there.a - first.a) < 0.5 * step:
+            # A closed curve.
+            return places, special, "border"
+        step = min(LONGEST_STEP, 1.5 * step)
+    return places, special, "border"
+
+
+def _next(
+    the_map: _Map, here: _Place, way: tuple[float, ...], step: float, n: int, *, is_first: bool
+) -> tuple[_Place | None, Kind]:
+    """The next point of a branch, or why there is none with this step."""
+    q, a = here.q + step * way[0], here.a + step * way[1]
+    is_beyond = not 0.0 <= q <= 1.0
+    if is_beyond:
+        # The last point is at the border.
+        share = (min(1.0, max(0.0, q)) - here.q) / (q - here.q)
+        q, a = min(1.0, max(0.0, q)), here.a + share * (a - here.a)
+    ways: list[Callable[[], _Place]] = [lambda: the_map.at_value(q, a, n)]
+    if not is_first and not is_beyond:
+        ways.append(lambda: the_map.at_place(q, a, n, 1e-3 * step * (1.0 if way[0] > 0.0 else -1.0)))
+        if abs(way[0]) < PREFERRED * abs(way[1]):
+            ways.reverse()
+    why: Kind = "without rest"
+    for correct in ways:
+        try:
+            there = correct()
+        except _NoReturn:
+            continue
+        why = "grazing"
+        if not 0.0 <= there.q <= 1.0:
+            continue
+        moved = (there.q - here.q, there.a - here.a)
+        length = math.hypot(*moved)
+        if is_first:
+            # The direction is not known yet: the place may change more than the value, but not by leaps.
+            if length <= 20.0 * step + CLOSE:
+                return there, why
+        elif (
+            math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
+            and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
+        ):
+            return there, why
+    if why == "without rest":
+        try:
+            the_map.go(q, a, n)
+            why = "grazing"
+        except _NoReturn:
+            pass
+    return None, why
+
+
+def _between(the_map: _Map, one: _Place, other: _Place, n: int) -> list[_Special]:
+    """The folds and doublings between two points of a branch."""
+    from scipy.optimize import brentq  # noqa: PLC0415
+
+    special: list[_Special] = []
+    for kind in ("fold", "doubling"):
+        if not one.excess[kind] * other.excess[kind] < 0.0:
+            continue
+        seen: dict[float, _Place] = {0.0: one, 1.0: other}
+
+        def excess(share: float, kind: str = kind, seen: dict[float, _Place] = seen) -> float:
+            if share not in seen:
+                q, a = (before + share * (after - before) for before, after in ((one.q, other.q), (one.a, other.a)))
+                if kind == "fold" or abs(other.q - one.q) < PREFERRED * abs(other.a - one.a):
+                    seen[share] = the_map.at_place(q, a, n, 1e-3 * max(abs(other.q - one.q), 1e-3 * abs(other.a - one.a)))
+                else:
+                    seen[share] = the_map.at_value(q, a, n)
+            return seen[share].excess[kind]
+
+        try:
+            at = seen[brentq(excess, 0.0, 1.0, xtol=1e-9, rtol=1e-12, maxiter=60)]
+        except (_NoReturn, RuntimeError):
+            continue
+        special.append((kind if abs(at.excess[kind]) < SMOOTH else "grazing", at))  # type: ignore[arg-type]
+    return special
+
+
+def _in_sliding(the_map: _Map, last: _Place) -> _Place:
+    """The point of steady sliding in which a small cycle of the slow motion ends: where its stability changes."""
+    from scipy.optimize import brentq  # noqa: PLC0415
+
+    def growth(q: float) -> float:
+        return float(np.max(cycles(the_map.at(q), model=the_map.model).eigenvalues.real))
+
+    around = [max(0.0, last.q - 0.01), min(1.0, last.q + 0.01)]
+    if growth(around[0]) * growth(around[1]) >= 0.0:
+        return last
+    q = brentq(growth, *around, xtol=1e-13)
+    seen = cycles(the_map.at(q), model=the_map.model)
+    load = seen.sliding_load
+    period = 2.0 * math.pi / abs(float(seen.eigenvalues[0].imag) or math.nan)
+    return _Place(q, load / the_map.unit, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan))
+
+
+def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place], special: list[_Special]) -> Branch:
+    columns = np.array([(place.a * the_map.unit, place.slope, *place.measures) for place in places]).T
+    points = tuple(
+        BranchPoint(kind, the_map.value(at.q), at.a * the_map.unit, *at.measures[:3]) for kind, at in special
+    )
+    return Branch(slow_cycles, np.array([the_map.value(place.q) for place in places]), *columns, points)
+
+
+def fold_curve(
+    scene: DeckLike, found: Branches, point: BranchPoint, key: str, values: Sequence[float], *, slow_cycles: int = 1
+) -> _Floats:
+    """Follow a fold or a doubling over a second key.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        The scene of `branch`.
+    found : Branches
+        What `branch` has found.
+    point : BranchPoint
+        A fold or a doubling of it.
+    key : str
+        The second key, a number of the deck.
+    values : sequence of float
+        Its values, in an order in which the first is near the scene's own and neighbours are near each other.
+    slow_cycles : int
+        Slow cycles of the branch.
+
+    Returns
+    -------
+    ndarray, shape (values,)
+        The value of ``found.key`` at the fold or doubling; NaN from the value on at which it is not found.
+
+    Raises
+    ------
+    UsageError
+        If the point is neither a fold nor a doubling, or the key no number.
+    DeckError, FileError, SolverError
+        As for `branch`.
+    """
+    from scipy.optimize import root  # noqa: PLC0415
+
+    if point.kind not in ("fold", "doubling"):
+        raise UsageError(f"a curve follows a fold or a doubling: this point is '{point.kind}'")
+    rig, name = _steady(Scene(scene)), _number(key)
+    target = 1.0 if point.kind == "fold" else -1.0
+    at = np.full(len(values), math.nan)
+    guess = np.array([point.value, point.place])
+    before: list[tuple[float, _Floats]] = []
+    for i, value in enumerate(values):
+        the_map = _Map(rig.replace(**{name: value}), found.key, point.value, 2.0 * abs(point.value) + 1.0, found.model)
+
+        def residual(x: _Floats, the_map: _Map = the_map, scale: _Floats = guess) -> list[float]:
+            try:
+                turn, here = the_map.go(the_map.share(float(x[0] * scale[0])), float(x[1] * scale[1]) / the_map.unit, slow_cycles)
+            except _NoReturn:
+                return [1e3, 1e3]
+            return [turn, 0.1 * (here.slope - target)]
+
+        start = guess.copy()
+        if len(before) > 1:
+            # Along the line through the last two.
+            (x0, p0), (x1, p1) = before[-2:]
+            start = p1 + (p1 - p0) * (value - x1) / (x1 - x0)
+        solved = root(residual, start / guess, method="hybr", options={"eps": 1e-7, "xtol": 1e-12})
+        if max(map(abs, residual(solved.x))) > 1e-6:
+            break
+        guess = solved.x * guess
+        before.append((float(value), guess))
+        at[i] = guess[0]
+    return at
