@@ -31,13 +31,21 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 2e-3, 0.04, 2e-7
 """Steps along a branch, in units of the range of the key and of the natural unit of a place, a radian or F_0."""
 SHARP_TURN = 0.9
 """Cosine of the angle between two steps below which the second one is halved."""
-FAR = 0.3
+FAR = 0.2
 """How far a corrected point may be from the predicted one, over the step."""
 PREFERRED = 0.3
 """The key is given, and the place found, where it changes by more than this share of what the place changes by; otherwise vice versa."""
 MOST_ITERATIONS = 8
 CLOSE = 1e-10
 """Accuracy of a place and of a value, in these units."""
+VAGUE, FITTING = 0.2, 0.4
+"""Shares of the integral of the slope: above the first one it is known well enough for a test, which the second one passes."""
+NUDGE = 1e-6
+"""How far from a place the search for a cycle is repeated if it finds none."""
+LEAP = 0.3
+"""Change of the period in a step, over the period, above which the second cycle is another one."""
+KINK = 1e-3
+"""Step from which on that test is left out: the factor in it may jump where a stick or a slip begins to graze."""
 SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
 SMALL = 2e-3
@@ -398,30 +406,46 @@ def _one_way(the_map: _Map, first: _Place, side: int, n: int, most: int) -> tupl
         else:
             way = (here.q - places[-2].q, here.a - places[-2].a)
             way = tuple(part / math.hypot(*way) for part in way)
-        there, why = _next(the_map, here, way, step, n, is_first=len(places) == 1)
+        there, why = _next(the_map, places, way, step, n)
         if there is None:
             step *= 0.5
             if step >= SHORTEST_STEP:
                 continue
+            if n > 1 and (at := _beginning(the_map, here, n)):
+                return [*places, at], special, "doubling"
             return places, special, why
-        special += _between(the_map, here, there, n)
+        for kind, at in _between(the_map, here, there, n):
+            if kind == "doubling" and at.slope > 0.0:
+                # Beyond are the same cycles, from another of their releases.
+                return [*places, at], special, kind
+            special.append((kind, at))
         places.append(there)
         if there.q in (0.0, 1.0):
             return places, special, "border"
         if the_map.model != "full" and there.measures[1] - there.measures[2] < SMALL * the_map.unit:
             places[-1] = _in_sliding(the_map, there)
             return places, special, "sliding"
-        if len(places) > 10 and math.hypot(there.q - first.q, there.a - first.a) < 0.5 * step:
+        if len(places) > 10 and _passes(here, there, first):
             # A closed curve.
             return places, special, "border"
         step = min(LONGEST_STEP, 1.5 * step)
     return places, special, "border"
 
 
+def _passes(here: _Place, there: _Place, point: _Place) -> bool:
+    """Whether a step passes a point."""
+    if here.q == there.q or not 0.0 <= (share := (point.q - here.q) / (there.q - here.q)) <= 1.0:
+        return False
+    is_near = abs(here.a + share * (there.a - here.a) - point.a) <= 0.05 * abs(there.a - here.a)
+    low, high = sorted((here.slope, there.slope))
+    return is_near and low - 0.1 * (high - low) <= point.slope <= high + 0.1 * (high - low)
+
+
 def _next(
-    the_map: _Map, here: _Place, way: tuple[float, ...], step: float, n: int, *, is_first: bool
+    the_map: _Map, places: list[_Place], way: tuple[float, ...], step: float, n: int
 ) -> tuple[_Place | None, Kind]:
     """The next point of a branch, or why there is none with this step."""
+    here, is_first = places[-1], len(places) == 1
     q, a = here.q + step * way[0], here.a + step * way[1]
     is_beyond = not 0.0 <= q <= 1.0
     if is_beyond:
@@ -451,8 +475,13 @@ def _next(
         elif (
             math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
             and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
+            and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
+            and (step <= KINK or _fits(places, there))
+            and not _is_of_fewer(the_map, there, n)
         ):
             return there, why
+    if len(places) > 2 and (there := _round_a_fold(the_map, places, step, n)):
+        return there, why
     if why == "without rest":
         try:
             the_map.go(q, a, n)
@@ -460,6 +489,84 @@ def _next(
         except _NoReturn:
             pass
     return None, why
+
+
+def _round_a_fold(the_map: _Map, places: list[_Place], step: float, n: int) -> _Place | None:
+    """The next point where the value is nearly a square function of the place, as near a fold, which may be too sharp for steps along the
+    branch.
+    """
+    first, before, here = places[-3:]
+    length = math.hypot(here.q - before.q, here.a - before.a)
+    a = here.a + min(1.0, step / length) * (here.a - before.a)
+    if not (here.a - before.a) * (before.a - first.a) > 0.0:
+        return None
+    bend = ((here.q - before.q) / (here.a - before.a) - (before.q - first.q) / (before.a - first.a)) / (here.a - first.a)
+    q = here.q + (a - here.a) * ((here.q - before.q) / (here.a - before.a) + bend * (a - before.a))
+    size = abs(here.q - before.q)
+    try:
+        there = the_map.at_place(q, a, n, 1e-3 * size or CLOSE)
+    except _NoReturn:
+        return None
+    is_near = abs(there.q - q) <= FAR * max(size, abs(q - here.q)) and 0.0 <= there.q <= 1.0
+    return there if is_near and _fits(places, there) and not _is_of_fewer(the_map, there, n) else None
+
+
+def _is_of_fewer(the_map: _Map, place: _Place, n: int, *, near: float = 1e-6) -> bool:
+    """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""
+    for fewer in (each for each in range(1, n // 2 + 1) if n % each == 0):
+        try:
+            turn, _ = the_map.go(place.q, place.a, fewer)
+        except _NoReturn:
+            continue
+        if abs(turn) <= near:
+            return True
+    return False
+
+
+def _fits(places: list[_Place], there: _Place) -> bool:
+    """Whether a point is on the branch of the last ones: along it the change of the value is the integral of slope - 1 over the place, times
+    a factor that changes little from step to step.
+    """
+    here = places[-1]
+    if abs(there.slope - here.slope) > max(1.0, 0.5 * max(abs(there.slope), abs(here.slope))):
+        return False
+    new, size = _integral(here, there)
+    for one, other in zip(places[-2:-5:-1], places[-1:-4:-1], strict=False):
+        old, old_size = _integral(one, other)
+        if abs(old) > VAGUE * old_size:
+            factor = (other.q - one.q) / old
+            return abs((there.q - here.q) - factor * new) <= FITTING * abs(factor) * size
+    return True
+
+
+def _integral(one: _Place, other: _Place) -> tuple[float, float]:
+    """The integral of slope - 1 over the place between two points, and what it would be without a change of sign."""
+    way, ends = other.a - one.a, (one.slope - 1.0, other.slope - 1.0)
+    return 0.5 * sum(ends) * way, abs(way) * max(map(abs, ends))
+
+
+def _beginning(the_map: _Map, last: _Place, n: int) -> _Place | None:
+    """The doubling next to the last point of a branch of cycles of n slow cycles, where cycles of half as many lose their stability."""
+    if n % 2 or not abs(last.slope - 1.0) < 0.1:
+        return None
+    q, old = last.q, math.nan
+    change = 1e-5
+    try:
+        for _ in range(MOST_ITERATIONS):
+            half = the_map.at_value(q, last.a, n // 2)
+            excess = half.slope + 1.0
+            if abs(excess) < 1e-9 or abs(change) < CLOSE:
+                break
+            if not math.isnan(old):
+                change *= -excess / (excess - old) if excess != old else 0.0
+            old = excess
+            q += change
+    except _NoReturn:
+        return None
+    if not abs(half.slope + 1.0) < SMOOTH or abs(half.q - last.q) > BESIDE:
+        return None
+    period, *rest = half.measures
+    return _Place(half.q, half.a, 1.0, (2.0 * period, *rest))
 
 
 def _between(the_map: _Map, one: _Place, other: _Place, n: int) -> list[_Special]:
@@ -478,14 +585,27 @@ def _between(the_map: _Map, one: _Place, other: _Place, n: int) -> list[_Special
                 if kind == "fold" or abs(other.q - one.q) < PREFERRED * abs(other.a - one.a):
                     seen[share] = the_map.at_place(q, a, n, 1e-3 * max(abs(other.q - one.q), 1e-3 * abs(other.a - one.a)))
                 else:
-                    seen[share] = the_map.at_value(q, a, n)
+                    # From one side of a doubling a slow cycle may count as two, with a slope of 1.
+                    for beside in (0.0, NUDGE, -NUDGE):
+                        try:
+                            seen[share] = the_map.at_value(q, a + beside, n)
+                            break
+                        except _NoReturn:
+                            if beside < 0.0:
+                                raise
             return seen[share].excess[kind]
 
         try:
             at = seen[brentq(excess, 0.0, 1.0, xtol=1e-9, rtol=1e-12, maxiter=60)]
         except (_NoReturn, RuntimeError):
             continue
-        special.append((kind if abs(at.excess[kind]) < SMOOTH else "grazing", at))  # type: ignore[arg-type]
+        if not abs(at.excess[kind]) < SMOOTH:
+            special.append(("grazing", at))
+        elif kind == "doubling" or _is_of_fewer(the_map, at, n, near=1e-4):
+            # Or it is one: the map of n has its fold where cycles of n begin.
+            special.append(("doubling", at))
+        else:
+            special.append(("fold", at))
     return special
 
 
