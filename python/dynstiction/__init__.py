@@ -64,6 +64,11 @@ _MODULE_OF = {
     "plot": "plot",
     "Trade": "_trade",
     "trade": "_trade",
+    "Branch": "branches",
+    "BranchPoint": "branches",
+    "Branches": "branches",
+    "branch": "branches",
+    "fold_curve": "branches",
     "Trace": "trace",
     "Statistic": "trace_comparison",
     "TraceComparison": "trace_comparison",
@@ -94,6 +99,7 @@ _MODULE_OF = {
 if _TYPE_CHECKING:
     from ._plotting import plot as plot
     from ._trade import Trade, trade
+    from .branches import Branch, Branches, BranchPoint, branch, fold_curve
     from .creep_fit import CreepFit, fit_creep
     from .friction_fit import FrictionFit, fit_friction_law
     from .ranges import KeyRange, StickSlipRange, stick_slip_range
@@ -108,6 +114,9 @@ if _TYPE_CHECKING:
 __version__ = _native.origin()["version"]
 
 __all__ = [
+    "Branch",
+    "BranchPoint",
+    "Branches",
     "ColumnError",
     "Creep",
     "CreepEnd",
@@ -157,6 +166,7 @@ __all__ = [
     "Trade",
     "UsageError",
     "Waveform",
+    "branch",
     "compare",
     "creep_asymptotic",
     "creep_end",
@@ -172,6 +182,7 @@ __all__ = [
     "fit",
     "fit_creep",
     "fit_friction_law",
+    "fold_curve",
     "jacobian",
     "mean_slip",
     "mean_waveform",

@@ -385,6 +385,28 @@ def _range(options: argparse.Namespace) -> None:
     _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.keys or KEYS))
 
 
+def _branch(options: argparse.Namespace) -> None:
+    from .branches import branch  # noqa: PLC0415
+    from .plot import draw  # noqa: PLC0415
+    from .plot.style import format_of, write  # noqa: PLC0415
+
+    output = options.output or Path(f"{Path(options.deck).stem}_branches.png")
+    format_of(output)
+    check_outputs([output], [options.deck], overwrite=options.overwrite)
+    key, _, ends = options.along.partition("=")
+    try:
+        start, end = map(float, ends.split(":"))
+    except ValueError:
+        raise UsageError(
+            f"--along {options.along!r}: write GROUP.KEY=FROM:TO, like system.misalignment_deg=1:9"
+        ) from None
+    found = branch(Scene.of_command(options.deck, options.set), key, start, end, slow_cycles=options.most)
+    _say(found)
+    if found.branches:
+        write(draw(found), output, overwrite=options.overwrite)
+        _say(printable(str(output)))
+
+
 def _paper(options: argparse.Namespace) -> None:
     from .plot.paper import draw_paper  # noqa: PLC0415
 
@@ -454,6 +476,7 @@ COMMANDS = {
     "paper": _paper,
     "trade": _trade,
     "range": _range,
+    "branch": _branch,
     "compare": _compare,
     "fit": _fit,
 }

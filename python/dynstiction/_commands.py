@@ -177,6 +177,26 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     )
 
     add = command(
+        "branch",
+        "limit cycles over a key, through folds and doublings",
+        """Follow the limit cycles of a scene, stable and unstable, over a key of the deck: branches with their folds, period doublings and
+        ends. Prints a table, draws a figure. dynstiction cycles DECK --along is the same.""",
+        "branch my.nml --along system.misalignment_deg=1:9",
+        "cycles my.nml --along drive.velocity=1e-4:1e-1",
+    )
+    add("deck", metavar="DECK")
+    _settings(add)
+    _overwrite(add)
+    add(
+        "--along",
+        metavar="KEY=FROM:TO",
+        required=True,
+        help="the key, GROUP.KEY, and its range",
+    )
+    _number(add, "--most", "N", 2, "unstable cycles of up to N slow cycles are followed (2)")
+    _output(add, "FIGURE", "default: DECK with _branches.png, in the current folder; also .pdf, .svg")
+
+    add = command(
         "compare",
         "compare a measured trace with a scene",
         """Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time and creep before

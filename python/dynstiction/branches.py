@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ __all__ = ["Branch", "BranchPoint", "Branches", "branch", "fold_curve"]
 
 _Floats = NDArray[np.float64]
 
-Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border"]
+Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border", "closed", "unfinished"]
 
 VELOCITY = "drive.velocity"
 
@@ -48,9 +48,11 @@ KINK = 1e-3
 """Step from which on that test is left out: the factor in it may jump where a stick or a slip begins to graze."""
 SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
+PREDICTED = 0.05
+"""How far a point of a curve may be from the prediction, relatively."""
 SMALL = 2e-3
 """Swing over F_0 below which a cycle of the slow motion is about to end in steady sliding."""
-BESIDE = 2e-3
+BESIDE = 0.01
 """How far from a doubling the cycles that begin there are looked for, over the range."""
 
 
@@ -60,7 +62,8 @@ class BranchPoint(NamedTuple):
     kind: Kind
     """fold: a stable and an unstable cycle meet; doubling: cycles of twice the period begin; grazing: the branch ends, or turns, where a
     stick or a slip begins to graze, so that the map jumps or has no slope; without rest: the object does not rest any more, so that the
-    cycle is none of the map; sliding: it shrinks into steady sliding; border: the range ends."""
+    cycle is none of the map; sliding: it shrinks into steady sliding; border: the range ends; closed: the branch comes back to where it
+    began; unfinished: it has as many points as are allowed."""
     value: float
     """Value of the key."""
     place: float
@@ -124,9 +127,15 @@ class Branches(NamedTuple):
 
     def __str__(self) -> str:
         name = self.key if self.units == "1" else f"{self.key} [{self.units}]"
-        lines = [f"{self.model}: {len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'} of cycles over {name}"]
+        lines = [
+            f"{self.model}: {len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'} of cycles over {name}"
+        ]
         for number, each in enumerate(self.branches, 1):
-            length = "fast oscillation" if not each.slow_cycles else f"{each.slow_cycles} slow cycle{'s' * (each.slow_cycles > 1)}"
+            length = (
+                "fast oscillation"
+                if not each.slow_cycles
+                else f"{each.slow_cycles} slow cycle{'s' * (each.slow_cycles > 1)}"
+            )
             share = float(np.mean(each.stable))
             stable = "stable" if share == 1.0 else "unstable" if share == 0.0 else "in part stable"
             lines += ["", f"branch {number}: {length}, {stable}, {each.values.size} points",
@@ -236,7 +245,7 @@ def branch(
     slow_cycles: int = 2,
     model: str = "",
     most_branches: int = 12,
-    most_points: int = 400,
+    most_points: int = 1000,
     progress: bool | None = None,
 ) -> Branches:
     """Follow the cycles of a scene, stable and unstable, over a key of the deck.
@@ -313,7 +322,10 @@ def branch(
                 ]
                 show(len(found))
     units = _native.key_info(*name.split(".")).units or "1"
-    ordered = sorted((each for each, _ in found), key=lambda each: (each.slow_cycles, -float(np.mean(each.stable)), each.period[0]))
+    ordered = sorted(
+        (each for each, _ in found),
+        key=lambda each: (each.slow_cycles, -float(np.mean(each.stable)), each.period[0]),
+    )
     return Branches(name, units, seen.model, tuple(ordered))
 
 
@@ -327,7 +339,9 @@ def _number(key: str) -> str:
     group, name = _native.group_of(key), key.rpartition(".")[2].lower()
     full = f"{group}.{name}"
     if not group or (full != VELOCITY and _native.key_info(group, name).kind != "real"):
-        raise UsageError(f"no branch over {key!r}: name a real number of the deck, as system.misalignment_deg")
+        raise UsageError(
+            f"no branch over {key!r}: name a real number of the deck, as system.misalignment_deg"
+        )
     return full
 
 
@@ -353,7 +367,9 @@ def _cycles_at(the_map: _Map, q: float, slow_cycles: int) -> Iterator[tuple[Limi
             yield cycle, float(place) / the_map.unit
 
 
-def _is_known(the_map: _Map, found: Sequence[tuple[Branch, list[_Place]]], q: float, cycle: LimitCycle) -> bool:
+def _is_known(
+    the_map: _Map, found: Sequence[tuple[Branch, list[_Place]]], q: float, cycle: LimitCycle
+) -> bool:
     """Whether a cycle is on one of the branches."""
     for each, places in found:
         if each.slow_cycles != cycle.slow_cycles:
@@ -376,7 +392,9 @@ def _is_known(the_map: _Map, found: Sequence[tuple[Branch, list[_Place]]], q: fl
 _Special = tuple[Kind, _Place]
 
 
-def _follow(the_map: _Map, q: float, a: float, n: int, most_points: int) -> tuple[list[_Place], list[_Special]] | None:
+def _follow(
+    the_map: _Map, q: float, a: float, n: int, most_points: int
+) -> tuple[list[_Place], list[_Special]] | None:
     """The branch through a cycle: its points, and the special ones among them."""
     try:
         middle = the_map.at_value(q, a, n)
@@ -384,22 +402,25 @@ def _follow(the_map: _Map, q: float, a: float, n: int, most_points: int) -> tupl
         return None
     sides = []
     for side in (-1, 1):
-        places, special, end = _one_way(the_map, middle, side, n, most_points // 2)
-        sides.append((places, [*special, (end, places[-1])]))
-        if places[-1] is middle and end != "border":
-            # It goes on only to the other side.
-            continue
+        places, between, end = _one_way(the_map, middle, side, n, most_points // 2)
+        special = [*(found for _, found in between), (end, places[-1])]
+        for after, (_, at) in reversed(between):
+            places.insert(after, at)
+        sides.append((places, special))
     (left, before), (right, after) = sides
     return left[:0:-1] + right, before[::-1] + after
 
 
-def _one_way(the_map: _Map, first: _Place, side: int, n: int, most: int) -> tuple[list[_Place], list[_Special], Kind]:
-    """The branch from a cycle to one side of its value, to its end."""
-    places, special = [first], []
+def _one_way(
+    the_map: _Map, first: _Place, side: int, n: int, most: int
+) -> tuple[list[_Place], list[tuple[int, _Special]], Kind]:
+    """The branch from a cycle to one side of its value, to its end: points, special ones with their place among these, and the end."""
+    places: list[_Place] = [first]
+    special: list[tuple[int, _Special]] = []
     step, why = FIRST_STEP, "border"
     while len(places) < most:
         here = places[-1]
-        if (here.q <= 0.0 and side < 0 or here.q >= 1.0 and side > 0) and len(places) == 1:
+        if ((here.q <= 0.0 and side < 0) or (here.q >= 1.0 and side > 0)) and len(places) == 1:
             return places, special, "border"
         if len(places) == 1:
             way = (float(side), 0.0)
@@ -418,7 +439,7 @@ def _one_way(the_map: _Map, first: _Place, side: int, n: int, most: int) -> tupl
             if kind == "doubling" and at.slope > 0.0:
                 # Beyond are the same cycles, from another of their releases.
                 return [*places, at], special, kind
-            special.append((kind, at))
+            special.append((len(places), (kind, at)))
         places.append(there)
         if there.q in (0.0, 1.0):
             return places, special, "border"
@@ -426,10 +447,9 @@ def _one_way(the_map: _Map, first: _Place, side: int, n: int, most: int) -> tupl
             places[-1] = _in_sliding(the_map, there)
             return places, special, "sliding"
         if len(places) > 10 and _passes(here, there, first):
-            # A closed curve.
-            return places, special, "border"
+            return places, special, "closed"
         step = min(LONGEST_STEP, 1.5 * step)
-    return places, special, "border"
+    return places, special, "unfinished"
 
 
 def _passes(here: _Place, there: _Place, point: _Place) -> bool:
@@ -500,7 +520,9 @@ def _round_a_fold(the_map: _Map, places: list[_Place], step: float, n: int) -> _
     a = here.a + min(1.0, step / length) * (here.a - before.a)
     if not (here.a - before.a) * (before.a - first.a) > 0.0:
         return None
-    bend = ((here.q - before.q) / (here.a - before.a) - (before.q - first.q) / (before.a - first.a)) / (here.a - first.a)
+    bend = ((here.q - before.q) / (here.a - before.a) - (before.q - first.q) / (before.a - first.a)) / (
+        here.a - first.a
+    )
     q = here.q + (a - here.a) * ((here.q - before.q) / (here.a - before.a) + bend * (a - before.a))
     size = abs(here.q - before.q)
     try:
@@ -581,9 +603,14 @@ def _between(the_map: _Map, one: _Place, other: _Place, n: int) -> list[_Special
 
         def excess(share: float, kind: str = kind, seen: dict[float, _Place] = seen) -> float:
             if share not in seen:
-                q, a = (before + share * (after - before) for before, after in ((one.q, other.q), (one.a, other.a)))
+                q, a = (
+                    before + share * (after - before)
+                    for before, after in ((one.q, other.q), (one.a, other.a))
+                )
                 if kind == "fold" or abs(other.q - one.q) < PREFERRED * abs(other.a - one.a):
-                    seen[share] = the_map.at_place(q, a, n, 1e-3 * max(abs(other.q - one.q), 1e-3 * abs(other.a - one.a)))
+                    seen[share] = the_map.at_place(
+                        q, a, n, 1e-3 * max(abs(other.q - one.q), 1e-3 * abs(other.a - one.a))
+                    )
                 else:
                     # From one side of a doubling a slow cycle may count as two, with a slope of 1.
                     for beside in (0.0, NUDGE, -NUDGE):
@@ -635,7 +662,13 @@ def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place], special: l
 
 
 def fold_curve(
-    scene: DeckLike, found: Branches, point: BranchPoint, key: str, values: Sequence[float], *, slow_cycles: int = 1
+    scene: DeckLike,
+    found: Branches,
+    point: BranchPoint,
+    key: str,
+    values: Sequence[float],
+    *,
+    slow_cycles: int = 1,
 ) -> _Floats:
     """Follow a fold or a doubling over a second key.
 
@@ -666,34 +699,61 @@ def fold_curve(
     DeckError, FileError, SolverError
         As for `branch`.
     """
-    from scipy.optimize import root  # noqa: PLC0415
-
     if point.kind not in ("fold", "doubling"):
         raise UsageError(f"a curve follows a fold or a doubling: this point is '{point.kind}'")
     rig, name = _steady(Scene(scene)), _number(key)
     target = 1.0 if point.kind == "fold" else -1.0
     at = np.full(len(values), math.nan)
-    guess = np.array([point.value, point.place])
-    before: list[tuple[float, _Floats]] = []
+    own = _own_value(rig, name)
+    known = [(float(values[0]) if math.isnan(own) else own, np.array([point.value, point.place]))]
     for i, value in enumerate(values):
-        the_map = _Map(rig.replace(**{name: value}), found.key, point.value, 2.0 * abs(point.value) + 1.0, found.model)
+        if not _walk(rig, name, found, target, slow_cycles, known, float(value)):
+            break
+        at[i] = known[-1][1][0]
+    return at
 
-        def residual(x: _Floats, the_map: _Map = the_map, scale: _Floats = guess) -> list[float]:
+
+def _walk(
+    rig: Scene,
+    name: str,
+    found: Branches,
+    target: float,
+    slow_cycles: int,
+    known: list[tuple[float, _Floats]],
+    end: float,
+) -> bool:
+    """Go from the last known point of a curve of folds or doublings to a value of the second key, in steps as long as the prediction holds."""
+    from scipy.optimize import root  # noqa: PLC0415
+
+    share = 1.0
+    while known[-1][0] != end or len(known) == 1:
+        value, here = known[-1]
+        to = end if share == 1.0 else value + share * (end - value)
+        start = here
+        if len(known) > 1:
+            # Along the line through the last two.
+            before, there = known[-2]
+            start = here + (here - there) * (to - value) / (value - before) if value != before else here
+        the_map = _Map(rig.replace(**{name: to}), found.key, start[0], 2.0 * abs(start[0]) + 1.0, found.model)
+
+        def residual(x: _Floats, the_map: _Map = the_map, scale: _Floats = here) -> list[float]:
             try:
-                turn, here = the_map.go(the_map.share(float(x[0] * scale[0])), float(x[1] * scale[1]) / the_map.unit, slow_cycles)
+                turn, there = the_map.go(
+                    the_map.share(float(x[0] * scale[0])), float(x[1] * scale[1]) / the_map.unit, slow_cycles
+                )
             except _NoReturn:
                 return [1e3, 1e3]
-            return [turn, 0.1 * (here.slope - target)]
+            return [turn, 0.1 * (there.slope - target)]
 
-        start = guess.copy()
-        if len(before) > 1:
-            # Along the line through the last two.
-            (x0, p0), (x1, p1) = before[-2:]
-            start = p1 + (p1 - p0) * (value - x1) / (x1 - x0)
-        solved = root(residual, start / guess, method="hybr", options={"eps": 1e-7, "xtol": 1e-12})
-        if max(map(abs, residual(solved.x))) > 1e-6:
-            break
-        guess = solved.x * guess
-        before.append((float(value), guess))
-        at[i] = guess[0]
-    return at
+        solved = root(residual, start / here, options={"eps": 1e-7, "xtol": 1e-12})
+        is_there = (
+            max(map(abs, residual(solved.x))) <= 1e-6 and max(abs(solved.x - start / here)) <= PREDICTED
+        )
+        if is_there:
+            known.append((to, solved.x * here))
+            share = min(1.0, 2.0 * share)
+        elif share < 1e-3:
+            return False
+        else:
+            share *= 0.5
+    return True

@@ -14,7 +14,7 @@ module dst_command_table
     character(name_width) :: operands    !! 'DECK...', one or more; '[MODEL]', one or none; '' = none
     character(72) :: brief               !! in a few words
     character(640) :: meaning
-    character(256) :: examples           !! one in each line
+    character(288) :: examples           !! one in each line
   end type command_entry_t
 
   !> An option; one that takes several kinds of values has an entry for each.
@@ -88,6 +88,7 @@ module dst_command_table
       'drive with several velocities, each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction cycles inputs/fig3.nml'//n// &
       'dynstiction cycles inputs/fig3.nml --sensitivity system.mass,friction.v_f'//n// &
+      'dynstiction cycles inputs/fig3.nml --along system.misalignment_deg=1:9'//n// &
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('show', 'FILE...', 'contents of a result, progress of a sweep', &
       'Print the contents of each file: for a run its model, method and summary, for a sweep its parameters and the ranges of '// &
@@ -114,6 +115,9 @@ module dst_command_table
     option_t('--sensitivity', 'KEYS', 'run cycles', '?', &
       'also print how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
       'parameters: write --sensitivity system.mass,friction.v_f'), &
+    option_t('--along', 'KEY=FROM:TO', 'cycles', '?', &
+      'follow the cycles over GROUP.KEY: folds, doublings and ends; the same as dynstiction branch, which Python carries out', &
+      'a range: write --along GROUP.KEY=FROM:TO'), &
     option_t('--overwrite', '', 'run sweep merge', '?', &
       'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &

@@ -79,6 +79,12 @@ contains
       return
     end if
     call parse_arguments(arguments, command, error)
+    if (.not. allocated(error) .and. command%has('--along')) then
+      arguments(1)%text = 'branch'
+      call hand_over(arguments, error)
+      call complain(error)
+      return
+    end if
     call complain(error)
     if (.not. allocated(error)) call execute()
   end subroutine follow_arguments

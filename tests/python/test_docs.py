@@ -26,6 +26,7 @@ PAGES = (
     "howto/fit_a_trace",
     "howto/fit_creep",
     "howto/stick_slip_range",
+    "howto/branches",
     "howto/fit_friction_law",
 )
 GENERATED = {"make_pages": ("command_line.md", "deck.md"), "make_file_page": ("file.md",)}

@@ -16,11 +16,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from .._plotting import make_callable
+from ..branches import Branches
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
 from ..tangents import Sensitivity
 from .bifurcation import draw_bifurcation
+from .branches import draw_branches
 from .creep import draw_creep
 from .cycle_map import draw_cycle_map
 from .damping import draw_damping
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = [
+    "BRANCHES",
     "DOTS_PER_INCH",
     "KINDS",
     "SENSITIVITY",
@@ -81,8 +84,8 @@ SWEEP_KINDS: dict[str, Callable[..., None]] = {
 }
 """Kinds of figure of a sweep by name."""
 
-WITH_QUANTITY = (None, "map", "bifurcation")
-"""Kinds of figure of a sweep for which a quantity can be chosen."""
+WITH_QUANTITY = (None, "map", "bifurcation", "branches")
+"""Kinds of figure, of a sweep or of branches, for which a quantity can be chosen."""
 
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
 """Kind of figure that suits the purpose of a model; for other models the history."""
@@ -93,10 +96,13 @@ LARGEST = 1e100
 SENSITIVITY = "sensitivity"
 """The kind of figure of the derivatives of a cycle."""
 
+BRANCHES = "branches"
+"""The kind of figure of branches of cycles."""
+
 make_callable(__name__)
 
-Drawable: TypeAlias = "Result | Sensitivity | xarray.Dataset"
-"""A run, the derivatives of a cycle, or a sweep."""
+Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
+"""A run, the derivatives of a cycle, branches of cycles, or a sweep."""
 
 
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
@@ -114,6 +120,7 @@ def draw(
     kind: str | None = None,
     quantity: str | None = None,
     *,
+    branches: Branches | None = None,
     columns: str | Sequence[str] | None = None,
     start: float | None = None,
     end: float | None = None,
@@ -124,15 +131,18 @@ def draw(
 
     Parameters
     ----------
-    result : Result, Sensitivity or xarray.Dataset
-        A run, from `dynstiction.run` or `dynstiction.open`; derivatives, from `dynstiction.sensitivity`; or a sweep, from `dynstiction.sweep` or
-        `dynstiction.open`.
+    result : Result, Sensitivity, Branches or xarray.Dataset
+        A run, from `dynstiction.run` or `dynstiction.open`; derivatives, from `dynstiction.sensitivity`; branches, from
+        `dynstiction.branch`; or a sweep, from `dynstiction.sweep` or `dynstiction.open`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
         that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For derivatives
         `SENSITIVITY`, the only one.
     quantity : str, optional
-        Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``.
+        Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``,
+        which is also that of branches.
+    branches : Branches, optional
+        Branches over the parameter of the sweep, which are drawn into its bifurcation diagram.
     columns : str or sequence of str, optional
         Columns of a run to draw, one in each panel, in place of those of the kind ``"history"`` or ``"columns"``.
     start, end : float, optional
@@ -154,8 +164,10 @@ def draw(
         result, or the start is not before the end; the text says what would be right.
     """
     kinds, usual = _kinds_of(result)
-    if quantity is not None and (kinds is not SWEEP_KINDS or kind not in WITH_QUANTITY):
-        raise UsageError("a quantity can be chosen for the map or the bifurcation diagram of a sweep only")
+    if quantity is not None and not ({"map", BRANCHES} & set(kinds) and kind in WITH_QUANTITY):
+        raise UsageError(
+            "a quantity can be chosen for branches, and the map or the bifurcation diagram of a sweep only"
+        )
     if kind is not None and kind not in kinds:
         near = "".join(f"the nearest is '{name}', " for name in get_close_matches(str(kind), kinds, 1))
         raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
@@ -170,6 +182,10 @@ def draw(
         raise UsageError("columns and a part in time can be chosen for a run only: a sweep has no samples")
     if quantity is not None:
         chosen["quantity"] = quantity
+    if branches is not None:
+        if kind != "bifurcation":
+            raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
+        chosen["branches"] = branches
     if ax is not None:
         return _draw_into_axes(result, kind, ax, names, start, end)
     if kind is not None or not isinstance(result, Result):
@@ -261,6 +277,8 @@ def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
     """Kinds of figure for the given object, and the default one."""
     if isinstance(result, Sensitivity):
         return {SENSITIVITY: draw_sensitivity}, SENSITIVITY
+    if isinstance(result, Branches):
+        return {BRANCHES: draw_branches}, BRANCHES
     if isinstance(result, Result):
         return KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
     return SWEEP_KINDS, "map"

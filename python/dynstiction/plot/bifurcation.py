@@ -15,13 +15,15 @@ from .._native import group_of
 from ..errors import Error, UsageError
 from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
-from .notation import with_unit
+from .notation import PARAMETERS, with_unit
 from .samples import Floats
 from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
     import xarray
+
+    from ..branches import Branches
 
 __all__ = [
     "VerticalLine",
@@ -84,8 +86,10 @@ def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
     return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
 
 
-def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "peak_force") -> None:
-    """Draw a dot for each cycle, steady sliding as a line, broken where it is unstable, and other cases as marks below."""
+def draw_bifurcation(
+    data: xarray.Dataset, figure: FigureBase, quantity: str = "peak_force", branches: Branches | None = None
+) -> None:
+    """Draw a dot for each cycle, steady sliding as a line, broken where it is unstable, other cases as marks below, and branches."""
     table = table_of(data)
     cycles = _cycles(table, quantity)
     sides = _sides(table)
@@ -109,6 +113,14 @@ def draw_bifurcation(data: xarray.Dataset, figure: FigureBase, quantity: str = "
         figure.colorbar(dots, ax=axis, label=sides[1].label).solids.set_alpha(1.0)  # type: ignore[union-attr]
     axis.set(xscale=side.scale, xlabel=side.label, ylabel=_label(table, quantity))
     axis.set_xlim(*span_of(side))
+    if branches is not None:
+        if branches.key.rpartition(".")[2] != side.name:
+            raise UsageError(f"branches over {branches.key}: the sweep varies {side.name}")
+        from .branches import put_branches  # noqa: PLC0415  (it uses this module)
+
+        put_branches(
+            axis, branches, quantity, PARAMETERS[side.name].factor if side.name in PARAMETERS else 1.0
+        )
     _draw_others(axis, table, side, quantity)
     if len(sides) == 1:
         places = draw_vertical_lines(axis, table, side)

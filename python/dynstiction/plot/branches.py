@@ -1,0 +1,124 @@
+"""Branches of limit cycles over a key: stable cycles as solid lines, unstable ones broken, with their special points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from ..branches import Branches
+from ..errors import UsageError
+from .bifurcation import LABELS
+from .notation import PARAMETERS, with_unit
+from .samples import Floats
+from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, sized
+
+__all__ = ["draw_branches", "put_branches"]
+
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+"""Of branches of 1, 2, 3 ... slow cycles; the last one of all others."""
+MARKS = {"fold": "s", "doubling": "o", "grazing": "x", "without rest": "^", "sliding": "D"}
+"""Marks of special points; the border of the range has none."""
+MARK: dict[str, Any] = {"markersize": 3.5, "markerfacecolor": "white", "markeredgewidth": 0.8}
+UNSTABLE = (0, (2.5, 1.5))
+UNITS = {"period": "s", "stick_duration": "s", "slip_duration": "s", "slip_length": "m"}
+
+
+def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_force") -> None:
+    """A quantity of the cycles over the key."""
+    if not found.branches:
+        raise UsageError("nothing to draw: no branch was found")
+    sized(figure, 76.0)
+    axis = figure.subplots()
+    name = found.key.rpartition(".")[2]
+    symbol = PARAMETERS.get(name)
+    factor = symbol.factor if symbol else 1.0
+    put_branches(axis, found, quantity, factor)
+    unit = symbol.unit if symbol else found.units.replace("1", "")
+    axis.set_xlabel(with_unit(symbol.text if symbol else name.replace("_", " "), unit))
+    axis.set_ylabel(with_unit(LABELS.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
+    values = np.concatenate([each.values for each in found.branches])
+    low, high = factor * values.min(), factor * values.max()
+    if low > 0.0 and high > 10.0 * low:
+        axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.set_xlim(low / (high / low) ** 0.02, high * (high / low) ** 0.02)
+    else:
+        axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    handles = _legend(found)
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=min(3, len(handles)),
+        handlelength=1.8,
+        columnspacing=1.0,
+    )
+
+
+def _legend(found: Branches) -> list[Line2D]:
+    counts = sorted({each.slow_cycles for each in found.branches})
+    handles = [Line2D([], [], color=_colour(count), label=_words(count)) for count in counts]
+    stable = np.concatenate([each.stable for each in found.branches])
+    if not stable.all():
+        handles += [Line2D([], [], color="0.35", label="stable")] if stable.any() else []
+        handles.append(Line2D([], [], color="0.35", linestyle=UNSTABLE, label="unstable"))
+    there = {point.kind for each in found.branches for point in each.points}
+    return handles + [
+        Line2D([], [], color="0.35", linestyle="", marker=mark, label=kind, **MARK)
+        for kind, mark in MARKS.items()
+        if kind in there
+    ]
+
+
+def _colour(slow_cycles: int) -> str:
+    return COLOURS[min(max(slow_cycles, 1), len(COLOURS)) - 1]
+
+
+def _words(slow_cycles: int) -> str:
+    return f"{slow_cycles} slow cycle{'s' * (slow_cycles > 1)}" if slow_cycles else "fast oscillation"
+
+
+def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0) -> None:
+    """Lines and marks of branches in axes whose key is in units of `factor`."""
+    for each in found.branches:
+        if quantity not in each._fields or not isinstance(getattr(each, quantity), np.ndarray):
+            raise UsageError(
+                f"no quantity {quantity!r} of a branch: draw peak_force, valley_force, period, or another measure"
+            )
+        values: Floats = getattr(each, quantity)
+        colour = _colour(each.slow_cycles)
+        # A stretch is stable if the middle of its ends is: one of them may be a fold.
+        slope = 0.5 * (each.multiplier[:-1] + each.multiplier[1:])
+        stable = np.abs(slope) < 1.0
+        for chosen, style in ((stable, "-"), (~stable, UNSTABLE)):
+            line = np.stack([factor * each.values, values])
+            parts = [line[:, i : i + 2] for i in np.flatnonzero(chosen)]
+            if parts:
+                # Pieces of one line, with a gap between pieces that are not neighbours.
+                joined = np.concatenate([np.column_stack([part, [np.nan, np.nan]]) for part in parts], axis=1)
+                axis.plot(*_without_gaps(joined), color=colour, linewidth=0.9, linestyle=style)
+        for point in each.points:
+            if point.kind in MARKS and quantity in point._fields:
+                axis.plot(
+                    factor * point.value,
+                    getattr(point, quantity),
+                    MARKS[point.kind],
+                    color=colour,
+                    zorder=3.0,
+                    **MARK,
+                )
+
+
+def _without_gaps(joined: Floats) -> Floats:
+    """Pieces (2, 3 n) of two points and a gap, without the gaps and the repeated points between pieces that are neighbours."""
+    keep = np.ones(joined.shape[1], dtype=bool)
+    for gap in range(2, joined.shape[1] - 1, 3):
+        if np.array_equal(joined[:, gap - 1], joined[:, gap + 1]):
+            keep[gap : gap + 2] = False
+    return joined[:, keep]
