@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
@@ -122,7 +123,13 @@ class Branches(NamedTuple):
     branches: tuple[Branch, ...]
 
     def special(self, kind: Kind) -> tuple[BranchPoint, ...]:
-        """The points of one kind on all branches."""
+        """The points of one kind on all branches.
+
+        Parameters
+        ----------
+        kind : str
+            As in `BranchPoint`.
+        """
         return tuple(point for each in self.branches for point in each.points if point.kind == kind)
 
     def __str__(self) -> str:
@@ -374,7 +381,7 @@ def _is_known(
     for each, places in found:
         if each.slow_cycles != cycle.slow_cycles:
             continue
-        for one, other in zip(places[:-1], places[1:], strict=True):
+        for one, other in itertools.pairwise(places):
             if not min(one.q, other.q) <= q <= max(one.q, other.q):
                 continue
             share = (q - one.q) / (other.q - one.q) if other.q != one.q else 0.0
@@ -417,39 +424,43 @@ def _one_way(
     """The branch from a cycle to one side of its value, to its end: points, special ones with their place among these, and the end."""
     places: list[_Place] = [first]
     special: list[tuple[int, _Special]] = []
-    step, why = FIRST_STEP, "border"
-    while len(places) < most:
+    step = FIRST_STEP
+    end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
+    while end is None and len(places) < most:
         here = places[-1]
-        if ((here.q <= 0.0 and side < 0) or (here.q >= 1.0 and side > 0)) and len(places) == 1:
-            return places, special, "border"
-        if len(places) == 1:
-            way = (float(side), 0.0)
-        else:
+        way = (float(side), 0.0)
+        if len(places) > 1:
             way = (here.q - places[-2].q, here.a - places[-2].a)
-            way = tuple(part / math.hypot(*way) for part in way)
+            way = (way[0] / math.hypot(*way), way[1] / math.hypot(*way))
         there, why = _next(the_map, places, way, step, n)
         if there is None:
             step *= 0.5
-            if step >= SHORTEST_STEP:
-                continue
-            if n > 1 and (at := _beginning(the_map, here, n)):
-                return [*places, at], special, "doubling"
-            return places, special, why
+            if step < SHORTEST_STEP:
+                at = _beginning(the_map, here, n)
+                places += [at] if at else []
+                end = "doubling" if at else why
+            continue
         for kind, at in _between(the_map, here, there, n):
             if kind == "doubling" and at.slope > 0.0:
                 # Beyond are the same cycles, from another of their releases.
-                return [*places, at], special, kind
+                there, end = at, kind
+                break
             special.append((len(places), (kind, at)))
         places.append(there)
-        if there.q in (0.0, 1.0):
-            return places, special, "border"
-        if the_map.model != "full" and there.measures[1] - there.measures[2] < SMALL * the_map.unit:
-            places[-1] = _in_sliding(the_map, there)
-            return places, special, "sliding"
-        if len(places) > 10 and _passes(here, there, first):
-            return places, special, "closed"
+        end = end or _end(the_map, places)
         step = min(LONGEST_STEP, 1.5 * step)
-    return places, special, "unfinished"
+    return places, special, end or "unfinished"
+
+
+def _end(the_map: _Map, places: list[_Place]) -> Kind | None:
+    """Whether a branch ends with its last point."""
+    first, here, there = places[0], *places[-2:]
+    if there.q in (0.0, 1.0):
+        return "border"
+    if the_map.model != "full" and there.measures[1] - there.measures[2] < SMALL * the_map.unit:
+        places[-1] = _in_sliding(the_map, there)
+        return "sliding"
+    return "closed" if len(places) > 10 and _passes(here, there, first) else None
 
 
 def _passes(here: _Place, there: _Place, point: _Place) -> bool:

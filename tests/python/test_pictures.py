@@ -110,7 +110,7 @@ def test_kinds_of_the_first_creep_have_no_other_part(result: ds.Result) -> None:
 def test_the_history_has_its_limits_and_its_slips(result: ds.Result) -> None:
     figure = plot.draw(result, "history")
     assert legend_of(figure) == ["$F_0$", "steady sliding", "driven end", "slip"]
-    load, _, friction, _, place = figure.axes
+    load, _, _, friction, _, place = figure.axes
     steady = 20.0 * (0.25 + 0.05 * np.exp(-0.5))
     for axis, along in ((load, np.cos(np.radians(3.0))), (friction, 1.0)):
         levels = [float(line.get_ydata()[0]) for line in axis.lines[1:]]
@@ -151,7 +151,7 @@ def test_a_profile_is_drawn_above(held: ds.Result) -> None:
 def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
     """At t = 0 the object has its start velocity, |F| = F_0 and psi = 0; a moment later it rests under no load."""
     assert (result["friction"][0], result["friction"][1] < 1.0) == (pytest.approx(6.0), True)
-    _, _, friction, angle, _ = plot.draw(result, "history").axes
+    _, _, _, friction, angle, _ = plot.draw(result, "history").axes
     for axis, name in ((friction, "friction"), (angle, "psi")):
         assert axis.lines[0].get_xdata()[0] == result.time[1]
         assert result[name][1] != result[name][0]
@@ -162,7 +162,7 @@ def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
 
 def test_an_inset_stands_where_no_line_is(fig3_result: ds.Result, result: ds.Result, held: ds.Result) -> None:
     figure = plot.draw(fig3_result, "history")
-    assert len(figure.axes[4].child_axes) == 1
+    assert len(figure.axes[5].child_axes) == 1
     for each in (fig3_result, result, held):
         figure = plot.draw(each, "history")
         figure.draw_without_rendering()
@@ -256,7 +256,7 @@ def test_a_figure_of_the_user_keeps_its_size(result: ds.Result) -> None:
         assert plot.draw(result, kind, figure=part) is mine
     mine.draw_without_rendering()
     assert tuple(mine.get_size_inches()) == (7.0, 5.0)
-    assert (len(left.axes), len(right.axes)) == (5, 4)
+    assert (len(left.axes), len(right.axes)) == (6, 4)
     whole = Figure(figsize=(4.0, 4.0))
     for kind in ("spectrogram", "creep", "path", "damping", "columns"):
         whole.clear()

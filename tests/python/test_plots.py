@@ -194,7 +194,7 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
     runs = {f"phi{a}": ds.run(fig3, scene={"t_end": 3.0}, system={"misalignment_deg": a}) for a in (1, 5, 10)}
     figure = plot.compare(runs)
     figure.draw_without_rendering()
-    axes = np.array(figure.axes).reshape(5, 3)
+    axes = np.array(figure.axes).reshape(6, 3)
     for row in axes:
         assert len({axis.get_ylim() for axis in row}) == 1
         assert "[" in row[0].get_ylabel()

@@ -92,7 +92,7 @@ def test_check_and_run_give_one_answer(call, tmp_path, seed):
     (tmp_path / "deck.nml").write_text(FIG3)
     (tmp_path / "points.csv").write_text("system.misalignment_deg\n1.0\n2.0\n")
     sound = refused = 0
-    for _ in range(80):
+    for _ in range(120):
         settings = awkward_settings(dice)
         checked = call("check", "deck.nml", settings=settings)
         # A run that takes long is one that began.

@@ -166,7 +166,7 @@ def draw(
     kinds, usual = _kinds_of(result)
     if quantity is not None and not ({"map", BRANCHES} & set(kinds) and kind in WITH_QUANTITY):
         raise UsageError(
-            "a quantity can be chosen for branches, and the map or the bifurcation diagram of a sweep only"
+            "a quantity can be chosen for branches, and for the map or the bifurcation diagram of a sweep only"
         )
     if kind is not None and kind not in kinds:
         near = "".join(f"the nearest is '{name}', " for name in get_close_matches(str(kind), kinds, 1))
