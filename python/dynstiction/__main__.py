@@ -240,6 +240,8 @@ def _plot(options: argparse.Namespace) -> None:
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
     one = len(options.files) == 1
+    if options.distance and not options.overlay:
+        raise UsageError("--distance is for --overlay: give both")
     output = options.output or (options.files[0].with_suffix(".png") if one else Path("comparison.png"))
     format_of(output)
     check_outputs([output], options.files, overwrite=options.overwrite)
@@ -257,7 +259,10 @@ def _plot(options: argparse.Namespace) -> None:
             )
         names = _short_names(options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
-        figure = (plot.overlay if options.overlay else plot.compare)(drawn, **part)
+        if options.overlay:
+            figure = plot.overlay(drawn, over_distance=options.distance, **part)
+        else:
+            figure = plot.compare(drawn, **part)
         write(figure, output, overwrite=options.overwrite)
     _warn_of_samples(drawn)
     _say(printable(str(output)))

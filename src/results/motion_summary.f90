@@ -41,6 +41,9 @@ module dst_motion_summary
     quantity_t('map_error', '1', 'largest relative error of the cycle map, in passages that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
+  !> A pull force that swings by less than this share of F_0 slides, and has no frequency. Convention.
+  real(wp), parameter :: visible = 1.0e-6_wp
+
   !> What is known of a motion that does not rest: how small differences grow in its cycles. Plain data.
   type :: restless_t
     type(growth_t) :: growth = growth_t()
@@ -196,10 +199,12 @@ contains
         call put('pull_valley', pull%lowest)
         call put('pull_swing', pull%highest - pull%lowest)
       end if
-      if (pull%frequency() > 0.0_wp) then
-        call put('pull_frequency', pull%frequency())
-      else if (self%settled_at >= 0.0_wp) then
-        call put('pull_frequency', 1.0_wp/of('period'))
+      if (pull%highest - pull%lowest > visible*motion%slider%law%kinetic_limit) then
+        if (pull%frequency() > 0.0_wp) then
+          call put('pull_frequency', pull%frequency())
+        else if (self%settled_at >= 0.0_wp) then
+          call put('pull_frequency', 1.0_wp/of('period'))
+        end if
       end if
     end associate
     verdict = self%without_cycles()

@@ -144,3 +144,20 @@ def test_true_rest_ends_where_tan_phi_is_kx_over_ky(thinned):
     assert rest[0] > 0.9 and rest[1] < 0.2
     assert np.all(data["creep_share"].values > 0.85)
     assert np.all(data["swing"].values > 0.4 * STATIC_LIMIT)
+
+
+def test_a_map_says_what_is_irregular_and_what_rings_down() -> None:
+    rig = ds.Scene(INPUTS / "fig3.nml").replace(
+        system={"mass": 0.4, "stiffness_x": 2e4, "stiffness_y": 2e6},
+        friction={"normal_load": 20.0, "mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3},
+        scene={"t_end": 2.0},
+    )
+    data = ds.sweep(rig, {"misalignment_deg": [2.0, 6.0, 20.0], "velocity": [1e-3, 5e-2]})
+    assert (data["regularity"].values == -1.0).any() and (data["regularity"].values == 3.0).any()
+    figure = ds.plot(data, quantity="pull_swing")
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"irregular", "rings down"} <= set(labels)
+    (dots,) = (line for line in figure.axes[0].lines if line.get_label() == "irregular")
+    assert dots.get_xdata().size == np.count_nonzero(data["regularity"].values == -1.0)
+    quiet = ds.run(rig, misalignment_deg=30.0, velocity=1e-2).summary
+    assert quiet["pull_swing"] < 1e-6 and "pull_frequency" not in quiet

@@ -287,6 +287,21 @@ def test_axes_of_the_user(result: ds.Result) -> None:
 # Several runs
 
 
+def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
+    runs = {f"{speed}": own(t_end=end, drive={"velocity": speed}) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
+    figure = plot.overlay(runs, columns="X", over_distance=True)
+    (panel,) = figure.axes
+    for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
+        length, place = line.get_data()
+        assert length[-1] == pytest.approx(2.0, rel=0.02)
+        speed = abs(float(name))
+        np.testing.assert_allclose(place, 1e3 * np.interp(1e-3 * length / speed, run.time, run["X"]), atol=1e-3)
+    assert panel.get_xlabel() == "distance of the driven end [mm]"
+    back = own(t_end=1.0, drive={"time": [0.0, 1.0], "velocity": [5e-3, -5e-3]})
+    with pytest.raises(ds.UsageError, match="no distance that grows"):
+        plot.overlay({"a": runs["0.002"], "b": back}, over_distance=True)
+
+
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
     figure = plot.overlay(runs)
@@ -325,6 +340,7 @@ def test_commands_name_what_they_wrote_and_what_is_wrong(
         ("own.h5", "--from", "2", "--to", "1"): "from 2 to 1 s: the run has samples from 0 to 10 s",
         ("own.h5", "-o", "no/x.png"): "no/x.png: cannot be written: the folder no does not exist: create it",
         ("own.h5", "--overlay"): "--overlay is for several files",
+        ("own.h5", "coarse.h5", "--distance"): "--distance is for --overlay",
         ("own.h5", "--columns", "tehta"): "no column 'tehta': did you mean 'theta'?",
         ("own.h5", "--columns", " , "): "name at least one",
         ("own.h5", "--kind", "creep", "--to", "1"): "not for 'creep'",

@@ -331,6 +331,7 @@ def overlay(
     columns: str | Sequence[str] | None = None,
     start: float | None = None,
     end: float | None = None,
+    over_distance: bool = False,
 ) -> Figure:
     """Draw several runs into the same panels.
 
@@ -342,6 +343,9 @@ def overlay(
         Columns to draw, one in each panel; by default those of ``spring_force_x``, ``theta`` and ``X`` that all runs have.
     start, end : float, optional
         The part of each run [s]; by default the longest part that `draw` shows of one of them.
+    over_distance : bool, optional
+        Whether the runs are drawn over the distance of the driven end, by default up to the one that all have reached: so runs at
+        different speeds can be compared.
 
     Returns
     -------
@@ -351,9 +355,9 @@ def overlay(
     Raises
     ------
     UsageError
-        As for `compare`.
+        As for `compare`; also if a drive goes back.
     """
-    return _of_several(draw_overlay, results, columns, start, end)
+    return _of_several(partial(draw_overlay, over_distance=over_distance), results, columns, start, end)
 
 
 def _of_several(

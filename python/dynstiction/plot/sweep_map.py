@@ -62,6 +62,11 @@ LABELS = {
     "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
 }
 
+LASTING = ("swing", "pull_swing")
+"""Quantities without a value where the motion rings down: they would be those of the second half of a run."""
+IRREGULAR, RINGING_DOWN = -1.0, 3.0
+"""Values of the regularity."""
+
 OF_CYCLES = ("period", "peak_force", "valley_force", "slip_length", "slip_duration", "stick_duration")
 """Quantities that exist only with stick-slip, besides their scatters."""
 CROWDED = 1.5
@@ -104,6 +109,8 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     values = table.quantity(quantity)
     if _of_cycles(quantity):
         values = np.where(_slides(table, values.shape), np.nan, values)
+    elif quantity in LASTING:
+        values = np.where(_is(RINGING_DOWN, table, values.shape), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
         label, unit = RELATIVE[quantity]
@@ -128,12 +135,20 @@ def _absent(table: Table, quantity: str, values: Floats) -> list[tuple[str, NDAr
     done = missing & (codes == 0)
     rows = [("failed", missing & (codes > 0), PURPLE), ("not run", missing & ~(codes >= 0), GREEN)]
     if not _of_cycles(quantity):
-        return [*rows, ("no value", done, NOTHING)]
+        rings_down = done & (quantity in LASTING) & _is(RINGING_DOWN, table, values.shape)
+        return [*rows, ("rings down", rings_down, SKY), ("no value", done & ~rings_down, NOTHING)]
     steady = done & _slides(table, values.shape)
     cycled = done & ~steady & (table.quantity("cycles") > 0.0)
     return [
         *rows, ("no stick-slip", steady, NOTHING), ("rings down", cycled, SKY), ("no cycle yet", done & ~steady & ~cycled, BROWN)
     ]  # fmt: skip
+
+
+def _is(verdict: float, table: Table, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether the regularity of each case is this one."""
+    if "regularity" not in table.data:
+        return np.zeros(shape, dtype=bool)
+    return np.asarray(table.quantity("regularity").reshape(shape) == verdict)
 
 
 def _slides(table: Table, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -152,7 +167,10 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
     axis.set_xlim(*span_of(side))
     rows = [
         (text, cases, "0.35" if colour == NOTHING else colour)
-        for text, cases, colour in _absent(table, quantity, values)
+        for text, cases, colour in [
+            *_absent(table, quantity, values),
+            ("irregular", _is(IRREGULAR, table, values.shape), BLACK),
+        ]
     ]
     mark_below(axis, side.shown, rows)
     draw_vertical_lines(axis, table, side)
@@ -197,6 +215,18 @@ def _draw_colours(
     if quantity == "lyapunov_exponent" and "fast_decay" in table.data:
         decay = table.quantity("fast_decay")
         _draw_decay(axis, up, right, decay.T if is_turned else decay)
+    irregular = _is(IRREGULAR, table, table.quantity(quantity).shape)
+    if irregular.any():
+        rows, columns = np.nonzero(irregular.T if is_turned else irregular)
+        axis.plot(
+            right.shown[columns],
+            up.shown[rows],
+            ".",
+            color=BLACK,
+            markersize=1.2,
+            label="irregular",
+            rasterized=True,
+        )
     if up.name == "misalignment_deg":
         _draw_stability(axis, table, up, right)
     axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)

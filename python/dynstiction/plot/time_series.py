@@ -414,10 +414,27 @@ def draw_overlay(
     names: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
+    over_distance: bool = False,
 ) -> None:
-    """One panel for each quantity, with a line for each result."""
+    """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
     shown = _shared(results, names, OVERLAID)
-    if start is None and end is None:
+    driven = (
+        {name: driven_length(result, result.time) for name, result in results.items()}
+        if over_distance
+        else {}
+    )
+    for name, length in driven.items():
+        if length is None or not np.all(np.diff(np.abs(length)) >= 0.0) or not length[-1]:
+            raise UsageError(f"{name}: no distance that grows: its drive has no velocity, or goes back")
+    if driven and start is None and end is None:
+        # Up to the distance that all have reached.
+        reach = min(abs(float(length[-1])) for length in driven.values())  # type: ignore[index]
+        ends = [
+            float(np.interp(reach, np.abs(driven[name]), result.time)) for name, result in results.items()
+        ]  # type: ignore[arg-type]
+        views = [view_of(result, None, last) for result, last in zip(results.values(), ends, strict=True)]
+        notes = []
+    elif start is None and end is None:
         # One window for all results: the longest of their windows.
         ends = [float(view_of(result).result.time[-1]) for result in results.values()]
         views = [view_of(result, None, min(max(ends), float(result.time[-1]))) for result in results.values()]
@@ -431,13 +448,21 @@ def draw_overlay(
         units = views[0].result.columns.units[name]
         label, factor, _ = label_of(name, units, *(view.result[name] for view in views))
         for i, view in enumerate(views):
-            axis.plot(*_line(view.result, name, factor), color=COLOURS[i], linestyle=DASHES[i])
+            time, values = _line(view.result, name, factor)
+            length = np.abs(driven_length(view.whole, time)) if driven else None  # type: ignore[arg-type]
+            axis.plot(time if length is None else 1e3 * length, values, color=COLOURS[i], linestyle=DASHES[i])
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         if "theta" in name or name == "psi":
             degree_ticks(axis)
-    axes[-1].set_xlim(min(view.result.time[0] for view in views), max(view.result.time[-1] for view in views))
-    axes[-1].set_xlabel("$t$ [s]")
+    if driven:
+        axes[-1].set_xlabel("distance of the driven end [mm]")
+        axes[-1].margins(x=0.0)
+    else:
+        axes[-1].set_xlim(
+            min(view.result.time[0] for view in views), max(view.result.time[-1] for view in views)
+        )
+        axes[-1].set_xlabel("$t$ [s]")
     names_of = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
     handles = [
         Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(names_of)
