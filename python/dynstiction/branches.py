@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +199,7 @@ class _Map:
 
     def at(self, q: float) -> Scene:
         """The scene with a value of the key."""
-        return self.scene.replace(**{self.key: self.value(q)})
+        return _changed(self.scene, self.key, self.value(q))
 
     def go(self, q: float, a: float, slow_cycles: int) -> tuple[float, _Place]:
         """Where the motion from a place returns to, minus the place."""
@@ -304,7 +304,7 @@ def branch(
         raise UsageError(f"start = {start:g}, end = {end:g}: a range goes from a number to a larger one")
     whole("slow_cycles", slow_cycles, least=0)
     own = _own_value(rig, name)
-    first = rig.replace(**{name: own if start <= own <= end else start})
+    first = _changed(rig, name, own if start <= own <= end else start)
     seen = cycles(first, model=model)
     the_map = _Map(first, name, float(start), float(end), seen.model)
     queue = [the_map.share(own)] if start <= own <= end else []
@@ -334,6 +334,11 @@ def branch(
         key=lambda each: (each.slow_cycles, -float(np.mean(each.stable)), each.period[0]),
     )
     return Branches(name, units, seen.model, tuple(ordered))
+
+
+def _changed(scene: Scene, key: str, value: float) -> Scene:
+    change: dict[str, Any] = {key: value}
+    return scene.replace(**change)
 
 
 def _steady(scene: Scene) -> Scene:
@@ -411,8 +416,8 @@ def _follow(
     for side in (-1, 1):
         places, between, end = _one_way(the_map, middle, side, n, most_points // 2)
         special = [*(found for _, found in between), (end, places[-1])]
-        for after, (_, at) in reversed(between):
-            places.insert(after, at)
+        for place, (_, at) in reversed(between):
+            places.insert(place, at)
         sides.append((places, special))
     (left, before), (right, after) = sides
     return left[:0:-1] + right, before[::-1] + after
@@ -511,8 +516,8 @@ def _next(
             and not _is_of_fewer(the_map, there, n)
         ):
             return there, why
-    if len(places) > 2 and (there := _round_a_fold(the_map, places, step, n)):
-        return there, why
+    if len(places) > 2 and (beyond := _round_a_fold(the_map, places, step, n)):
+        return beyond, why
     if why == "without rest":
         try:
             the_map.go(q, a, n)
@@ -665,11 +670,13 @@ def _in_sliding(the_map: _Map, last: _Place) -> _Place:
 
 
 def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place], special: list[_Special]) -> Branch:
-    columns = np.array([(place.a * the_map.unit, place.slope, *place.measures) for place in places]).T
+    rows = [
+        (the_map.value(place.q), place.a * the_map.unit, place.slope, *place.measures) for place in places
+    ]
     points = tuple(
         BranchPoint(kind, the_map.value(at.q), at.a * the_map.unit, *at.measures[:3]) for kind, at in special
     )
-    return Branch(slow_cycles, np.array([the_map.value(place.q) for place in places]), *columns, points)
+    return Branch._make((slow_cycles, *np.array(rows).T, points))
 
 
 def fold_curve(
@@ -745,7 +752,7 @@ def _walk(
             # Along the line through the last two.
             before, there = known[-2]
             start = here + (here - there) * (to - value) / (value - before) if value != before else here
-        the_map = _Map(rig.replace(**{name: to}), found.key, start[0], 2.0 * abs(start[0]) + 1.0, found.model)
+        the_map = _Map(_changed(rig, name, to), found.key, start[0], 2.0 * abs(start[0]) + 1.0, found.model)
 
         def residual(x: _Floats, the_map: _Map = the_map, scale: _Floats = here) -> list[float]:
             try:

@@ -418,22 +418,16 @@ def draw_overlay(
 ) -> None:
     """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
     shown = _shared(results, names, OVERLAID)
-    driven = (
-        {name: driven_length(result, result.time) for name, result in results.items()}
-        if over_distance
-        else {}
-    )
-    for name, length in driven.items():
-        if length is None or not np.all(np.diff(np.abs(length)) >= 0.0) or not length[-1]:
-            raise UsageError(f"{name}: no distance that grows: its drive has no velocity, or goes back")
-    if driven and start is None and end is None:
+    notes: list[str] = []
+    if over_distance and start is None and end is None:
         # Up to the distance that all have reached.
-        reach = min(abs(float(length[-1])) for length in driven.values())  # type: ignore[index]
+        driven = [_distance(name, result, result.time) for name, result in results.items()]
+        reach = min(float(length[-1]) for length in driven)
         ends = [
-            float(np.interp(reach, np.abs(driven[name]), result.time)) for name, result in results.items()
-        ]  # type: ignore[arg-type]
+            float(np.interp(reach, length, result.time))
+            for length, result in zip(driven, results.values(), strict=True)
+        ]
         views = [view_of(result, None, last) for result, last in zip(results.values(), ends, strict=True)]
-        notes = []
     elif start is None and end is None:
         # One window for all results: the longest of their windows.
         ends = [float(view_of(result).result.time[-1]) for result in results.values()]
@@ -441,21 +435,20 @@ def draw_overlay(
         longest = max(float(result.time[-1]) for result in results.values())
         notes = [f"first {max(ends):.3g} s of {longest:.4g} s"] if max(ends) < longest else []
     else:
-        notes = []
         views = [view_of(result, start, end) for result in results.values()]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
     for axis, name in zip(axes, shown, strict=True):
         units = views[0].result.columns.units[name]
         label, factor, _ = label_of(name, units, *(view.result[name] for view in views))
-        for i, view in enumerate(views):
+        for i, (of, view) in enumerate(zip(results, views, strict=True)):
             time, values = _line(view.result, name, factor)
-            length = np.abs(driven_length(view.whole, time)) if driven else None  # type: ignore[arg-type]
-            axis.plot(time if length is None else 1e3 * length, values, color=COLOURS[i], linestyle=DASHES[i])
+            along = 1e3 * _distance(of, view.whole, time) if over_distance else time
+            axis.plot(along, values, color=COLOURS[i], linestyle=DASHES[i])
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         if "theta" in name or name == "psi":
             degree_ticks(axis)
-    if driven:
+    if over_distance:
         axes[-1].set_xlabel("distance of the driven end [mm]")
         axes[-1].margins(x=0.0)
     else:
@@ -469,6 +462,14 @@ def draw_overlay(
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=1, handlelength=2.8)
     note(axes[0], [*notes, *dict.fromkeys(line for view in views for line in view.notes)])
+
+
+def _distance(name: str, result: Result, time: Floats) -> Floats:
+    """How far the driven end has come [m]."""
+    length = driven_length(result, time)
+    if length is None or not np.all(np.diff(np.abs(length)) >= 0.0) or not length[-1]:
+        raise UsageError(f"{name}: no distance that grows: its drive has no velocity, or goes back")
+    return np.abs(length)
 
 
 def _folded(line: str) -> str:
