@@ -26,8 +26,6 @@ Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border
 
 VELOCITY = "drive.velocity"
 
-MEASURES = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
-"""Measures of a cycle, in the order of the core."""
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 2e-3, 0.04, 2e-7
 """Steps along a branch, in units of the range of the key and of the natural unit of a place, a radian or F_0."""
 SHARP_TURN = 0.9
@@ -285,7 +283,7 @@ def branch(
     UsageError
         If the key is no number, or the range is none.
     DeckError, FileError, SolverError
-        As for `cycles`.
+        As for `cycles`; also if the deck is refused at an end of the range.
 
     Notes
     -----
@@ -303,6 +301,8 @@ def branch(
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise UsageError(f"start = {start:g}, end = {end:g}: a range goes from a number to a larger one")
     whole("slow_cycles", slow_cycles, least=0)
+    for value in (start, end):
+        _changed(rig, name, value).check()
     own = _own_value(rig, name)
     first = _changed(rig, name, own if start <= own <= end else start)
     seen = cycles(first, model=model)

@@ -399,7 +399,7 @@ def mirror_phi(chance: random.Random, groups: Groups) -> Pair:
 
 
 def mirror_velocity(chance: random.Random, groups: Groups) -> Pair:
-    image = Image((*SOFT, *STIFF, "X", "Y", "X_rate", "Y_rate"), ("theta", "psi"))
+    image = Image((*SOFT, *STIFF, "X", "Y", "X_rate", "Y_rate", "pull_force"), ("theta", "psi"))
     return mirror(groups, number_of(groups, "system", "misalignment_deg"), ("elongation_x", "elongation_y", "velocity"), image)
 
 

@@ -115,6 +115,11 @@ def test_what_is_no_range_is_refused(key: str, ends: tuple[float, float], text: 
         ds.branch(SLOW, key, *ends)
 
 
+def test_a_range_that_the_deck_refuses_is_refused() -> None:
+    with pytest.raises(ds.DeckError, match="mass"):
+        ds.branch(SLOW, "mass", -0.1, 0.5)
+
+
 def test_a_figure_shows_branches_alone_and_in_a_sweep(cascade: ds.Branches) -> None:
     figure = ds.plot(cascade)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
