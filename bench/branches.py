@@ -1,6 +1,6 @@
 """Folds and doublings of branches against bisection of whole searches for cycles.
 
-python bench/branches.py [--rigs 10] [--seed 1] [--model full]
+python bench/branches.py [--rigs 10] [--seed 1] [--model full] [--short]
 
 For random rigs, `ds.branch` follows the cycles over the misalignment around the scene's own. Each fold and doubling is then found a second
 time: by bisection over `ds.cycles`, which knows nothing of branches, of where the cycles with this period are there, or of where they
@@ -84,7 +84,10 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--model", choices=("full", "low_frequency"), default="full")
+    parser.add_argument("--short", action="store_true", help="20 rigs of the slow motion")
     arguments = parser.parse_args()
+    if arguments.short:
+        arguments.rigs, arguments.model = 20, "low_frequency"
     rng = random.Random(arguments.seed)
     differences, unseen, seconds, branches = [], 0, [], 0
     for number in range(arguments.rigs):

@@ -22,8 +22,8 @@ module dst_load_cell
   !> The movement of the force in a part of the run. Plain data.
   type :: movement_t
     real(wp) :: highest = -huge(1.0_wp), lowest = huge(1.0_wp)   !! N
-    !> The swing when the force first turned since counting began, or up to now [N], and whether it has turned; whether the force rises (1) or falls (-1), 0 as long as it has not moved, and its last extreme:
-    !> force [N] and time [s].
+    !> The swing when the force first turned since counting began, or up to now [N], and whether it has turned; whether the force
+    !> rises (1) or falls (-1), 0 as long as it has not moved, and its last extreme: force [N] and time [s].
     real(wp), private :: swing = 0.0_wp
     logical, private :: has_turned = .false.
     integer, private :: heading = 0
@@ -41,8 +41,9 @@ module dst_load_cell
   type :: load_cell_t
     real(wp) :: from = 0.0_wp
     logical, private :: may_settle = .false.
-    !> Direction of the drive, 0 as long as it rests.
-    real(wp), private :: side = 0.0_wp
+    !> Whether the drive has moved, and the direction in which it first did.
+    logical, private :: has_moved = .false.
+    real(wp), private :: side = 1.0_wp
     type(movement_t) :: movement = movement_t()
     type(movement_t), private :: recent = movement_t()
   contains
@@ -90,8 +91,8 @@ contains
     real(wp) :: places(most_pull_turns), coefficient(0:max_degree), from
     integer :: count, degree, i
 
-    if (view%last%time < self%from) return
     call self%pull(view%first%drive_velocity + view%last%drive_velocity)
+    if (view%last%time < self%from) return
     from = 0.0_wp
     if (view%first%time < self%from) from = (self%from - view%first%time)/view%duration()
     call see_at(from)
@@ -111,7 +112,7 @@ contains
       type(movement_t), intent(in) :: movement
       real(wp) :: high, low
 
-      associate (inside => merge(1.0_wp, self%side, .not. abs(self%side) > 0.0_wp)*coefficient(:degree))
+      associate (inside => self%side*coefficient(:degree))
         high = maxval(inside)
         low = minval(inside)
       end associate
@@ -130,13 +131,17 @@ contains
     end subroutine see_at
   end subroutine take_in
 
-  !> The force counts in the direction in which the drive, with this velocity [m/s], first moves.
+  !> The force counts in the direction in which the drive, with this velocity [m/s], first moves; what was seen before is turned.
   pure subroutine pull(self, velocity)
     class(load_cell_t), intent(inout) :: self
     real(wp), intent(in) :: velocity
 
-    if (abs(self%side) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp) return
+    if (self%has_moved .or. .not. abs(velocity) > 0.0_wp) return
+    self%has_moved = .true.
     self%side = sign(1.0_wp, velocity)
+    if (velocity > 0.0_wp) return
+    call turn_over(self%movement)
+    call turn_over(self%recent)
   end subroutine pull
 
   !> The pull force [N] along X at an instant [s].
@@ -215,6 +220,16 @@ contains
     self%extreme = force
     self%since = time
   end subroutine go_to
+
+  !> The force has the other sign; counting begins again.
+  pure subroutine turn_over(movement)
+    type(movement_t), intent(inout) :: movement
+    type(movement_t) :: now
+
+    now = movement
+    movement = movement_t(highest=-now%lowest, lowest=-now%highest, extreme=-now%extreme, since=now%since, heading=-now%heading, &
+      swing=now%swing)
+  end subroutine turn_over
 
   !> The last extreme was a peak.
   pure subroutine take_peak(self)

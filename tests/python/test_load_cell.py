@@ -79,6 +79,20 @@ def test_the_map_does_not_change_them(name: str) -> None:
             assert leapt.summary[each] == pytest.approx(stepped.summary[each], rel=2e-7), each
 
 
+@pytest.mark.parametrize("times", [(0.0, 0.4), (0.0, 0.4, 0.4, 1.0), (0.0, 0.8, 0.8)])
+@pytest.mark.parametrize("speed", [1e-3, -1e-3])
+def test_a_drive_that_rests_is_seen_in_its_direction(times: tuple[float, ...], speed: float) -> None:
+    """It moves and rests, or rests at first and moves in the second half: the force counts in the direction in which it moves."""
+    velocity = {2: (speed, 0.0), 3: (0.0, 0.0, speed), 4: (speed, speed, 0.0, 0.0)}[len(times)]
+    drive = {"time": list(times), "velocity": list(velocity)}
+    scene = rig(12.0, drive=drive, scene={"t_end": 1.0}, initial={"elongation_x": 1e-5})
+    result = ds.run(scene, output={"fields": "pull_force", "interval": 1e-4})
+    force = np.sign(speed) * result["pull_force"][result.time >= 0.5]
+    assert result.summary["pull_peak"] == pytest.approx(force.max(), abs=1e-4)
+    assert result.summary["pull_valley"] == pytest.approx(force.min(), abs=1e-4)
+    assert np.abs(force).max() > 0.1
+
+
 def test_long_runs_repeat_their_values() -> None:
     short, long = (ds.run(FIG3, scene={"t_end": end}, output={"interval": end / 10}).summary for end in (10.0, 3e4))
     for name in NAMES:
