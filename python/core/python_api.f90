@@ -251,8 +251,7 @@ contains
     type(scene_t) :: scene
     real(wp) :: velocity
 
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (text_of(model) /= '') scene%model = text_of(model)
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity, text_of(model))
     if (.not. allocated(self%error)) call find_limit_cycles(scene, velocity, self%cycles, self%error)
     status = status_of(self)
   end subroutine cycles_open
@@ -269,8 +268,7 @@ contains
     type(scene_t) :: scene
     real(wp) :: velocity
 
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (text_of(model) /= '') scene%model = text_of(model)
+    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity, text_of(model))
     if (.not. allocated(self%error)) &
       call find_return(scene, velocity, real(place, wp), int(slow_cycles), self%returned, self%error)
     status = status_of(self)
@@ -394,17 +392,21 @@ contains
   end subroutine open_scene
 
   !> A session with the scene of a deck, and the only drive velocity [m/s] that is kept for some time and is not 0.
-  subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity)
+  subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity, model)
     character(*), intent(in) :: deck, name, settings
     integer(c_long_long), intent(out) :: handle
     type(cycles_session_t), pointer, intent(out) :: self
     type(scene_t), intent(out) :: scene
     real(wp), intent(out) :: velocity
+    character(*), intent(in), optional :: model     !! in place of the deck's own, unless it is blank
     real(wp), allocatable :: velocities(:)
 
     velocity = 0.0_wp
     call open_scene(deck, name, settings, handle, self, scene)
     if (allocated(self%error)) return
+    if (present(model)) then
+      if (model /= '') scene%model = model
+    end if
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     if (size(velocities) == 0) then
       call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')

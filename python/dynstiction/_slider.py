@@ -117,3 +117,8 @@ def held_velocity(scene: Scene) -> float:
         count = "several velocities" if held else "no velocity but 0"
         raise UsageError(f"the drive of the scene holds {count}: give velocity=…")
     return held.pop()
+
+
+def held_drive(scene: Scene) -> Scene:
+    """The scene under the velocity that its drive holds, without a profile."""
+    return scene.replace(drive={"velocity": held_velocity(scene), "time": None})

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import whole
 from ._progress import progress_bar
-from ._slider import held_velocity
+from ._slider import held_drive, held_velocity
 from .errors import DeckError, SolverError, UsageError
-from .limit_cycles import LimitCycle, cycles
+from .limit_cycles import Cycles, LimitCycle, cycles
 from .scene import DeckLike, Scene
 
-__all__ = ["Branch", "BranchPoint", "Branches", "branch", "fold_curve"]
+__all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words", "fold_curve"]
 
 _Floats = NDArray[np.float64]
 
@@ -136,20 +136,20 @@ class Branches(NamedTuple):
             f"{self.model}: {len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'} of cycles over {name}"
         ]
         for number, each in enumerate(self.branches, 1):
-            length = (
-                "fast oscillation"
-                if not each.slow_cycles
-                else f"{each.slow_cycles} slow cycle{'s' * (each.slow_cycles > 1)}"
-            )
             share = float(np.mean(each.stable))
             stable = "stable" if share == 1.0 else "unstable" if share == 0.0 else "in part stable"
-            lines += ["", f"branch {number}: {length}, {stable}, {each.values.size} points",
+            lines += ["", f"branch {number}: {cycles_in_words(each.slow_cycles)}, {stable}, {each.values.size} points",
                       f"{'':4}{'':14}{self.key.rpartition('.')[2]:>18}{'period [s]':>14}{'peak [N]':>12}{'valley [N]':>12}"]  # fmt: skip
             lines += [
                 f"{'':4}{point.kind:14}{point.value:>18.10g}{point.period:>14.7g}{point.peak_force:>12.6g}{point.valley_force:>12.6g}"
                 for point in each.points
             ]
         return "\n".join(lines)
+
+
+def cycles_in_words(slow_cycles: int) -> str:
+    """What cycles of so many slow cycles are called."""
+    return f"{slow_cycles} slow cycle{'s' * (slow_cycles > 1)}" if slow_cycles else "fast oscillation"
 
 
 class _Place(NamedTuple):
@@ -297,7 +297,7 @@ def branch(
     >>> found = branch("inputs/fig3.nml", "misalignment_deg", 1.0, 9.0, model="low_frequency")     # doctest: +SKIP
     >>> found.special("fold")                                                                      # doctest: +SKIP
     """
-    rig, name = _steady(Scene(scene)), _number(key)
+    rig, name = held_drive(Scene(scene)), _number(key)
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise UsageError(f"start = {start:g}, end = {end:g}: a range goes from a number to a larger one")
     whole("slow_cycles", slow_cycles, least=0)
@@ -307,13 +307,14 @@ def branch(
     first = _changed(rig, name, own if start <= own <= end else start)
     seen = cycles(first, model=model)
     the_map = _Map(first, name, float(start), float(end), seen.model)
-    queue = [the_map.share(own)] if start <= own <= end else []
-    queue += [q for q in (0.0, 1.0) if q not in queue]
+    begin = the_map.share(own) if start <= own <= end else 0.0
+    queue = [begin, *(q for q in (0.0, 1.0) if q != begin)]
+    known = {begin: seen}
     found: list[tuple[Branch, list[_Place]]] = []
     with progress_bar(progress, most_branches, "{n_fmt} branches {elapsed}") as show:
         while queue and len(found) < most_branches:
             q = queue.pop(0)
-            for cycle, a in _cycles_at(the_map, q, slow_cycles):
+            for cycle, a in _cycles_at(the_map, q, slow_cycles, known.get(q)):
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
                 one = _follow(the_map, q, a, max(1, cycle.slow_cycles), most_points)
@@ -341,11 +342,6 @@ def _changed(scene: Scene, key: str, value: float) -> Scene:
     return scene.replace(**change)
 
 
-def _steady(scene: Scene) -> Scene:
-    """The scene under the velocity that its drive holds."""
-    return scene.replace(drive={"velocity": held_velocity(scene), "time": None})
-
-
 def _number(key: str) -> str:
     """The full name of a key that is a number."""
     group, name = _native.group_of(key), key.rpartition(".")[2].lower()
@@ -367,10 +363,12 @@ def _own_value(scene: Scene, key: str) -> float:
     return math.nan
 
 
-def _cycles_at(the_map: _Map, q: float, slow_cycles: int) -> Iterator[tuple[LimitCycle, float]]:
-    """The cycles at a value that are followed, and their places; none if the deck is refused there."""
+def _cycles_at(
+    the_map: _Map, q: float, slow_cycles: int, seen: Cycles | None
+) -> Iterator[tuple[LimitCycle, float]]:
+    """The cycles at a value that are followed, of those that are known there, and their places; none if the deck is refused there."""
     try:
-        seen = cycles(the_map.at(q), model=the_map.model)
+        seen = seen or cycles(the_map.at(q), model=the_map.model)
     except (DeckError, SolverError):
         return
     for cycle, release in zip(seen.cycles, seen.release_angle, strict=True):
@@ -719,7 +717,7 @@ def fold_curve(
     """
     if point.kind not in ("fold", "doubling"):
         raise UsageError(f"a curve follows a fold or a doubling: this point is '{point.kind}'")
-    rig, name = _steady(Scene(scene)), _number(key)
+    rig, name = held_drive(Scene(scene)), _number(key)
     target = 1.0 if point.kind == "fold" else -1.0
     at = np.full(len(values), math.nan)
     own = _own_value(rig, name)

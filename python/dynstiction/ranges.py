@@ -17,7 +17,7 @@ from . import _native
 from ._arguments import names_in
 from ._progress import progress_bar
 from ._run import run
-from ._slider import held_velocity
+from ._slider import held_drive, held_velocity
 from .errors import DeckError, SolverError, UsageError
 from .scene import DeckLike, Scene
 from .simulation import Simulation
@@ -216,7 +216,7 @@ class _Rig:
             raise UsageError(
                 f"model {scene.scene.model!r}: a range of stick-slip is that of model 'full': give model='full'"
             )
-        self.scene = scene.replace(drive={"velocity": self.velocity, "time": None}, scene={"model": "full"})
+        self.scene = held_drive(scene).replace(scene={"model": "full"})
         with Simulation(self.scene) as simulation:
             self.parameters = simulation.result.parameters
         self.limit = self.number("mu_0") * self.number("normal_load")

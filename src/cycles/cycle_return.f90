@@ -8,7 +8,7 @@ module dst_cycle_return
   use dst_errors, only: error_t
   use dst_full_cycles, only: map_of, steady, measure_cycle, most_repeats
   use dst_kinds, only: wp
-  use dst_limit_cycles, only: cycles_obstacle
+  use dst_limit_cycles, only: check_model, slow_rtol
   use dst_passage, only: passage_t
   use dst_release_map, only: release_map_t
   use dst_scene, only: scene_t
@@ -25,8 +25,6 @@ module dst_cycle_return
   integer, parameter :: to = 1, slope = 2, log_slope = 3, return_values = 3 + measures
   !> A passage that takes longer than this share of a long motion leads to no cycle that anybody looks for. Convention.
   real(wp), parameter :: patience = 0.05_wp
-  !> Accuracy of the slow motion, as in dst_limit_cycles.
-  real(wp), parameter :: rtol = 1.0e-12_wp
 
 contains
 
@@ -41,10 +39,8 @@ contains
     character(:), allocatable :: model
 
     value = absent()
-    model = trim(scene%model)
-    if (model == 'auto') model = 'full'
     call slider_from_scene(scene, slider)
-    call cycles_obstacle(scene, model, slider, error)
+    call check_model(scene, slider, model, error)
     if (allocated(error)) return
     if (model == 'low_frequency') then
       call from_valley(slider, velocity, place, value, error)
@@ -85,7 +81,7 @@ contains
     type(slow_turn_t) :: turn
     real(wp) :: area
 
-    call new_slow_map(slider, velocity, rtol, map)
+    call new_slow_map(slider, velocity, slow_rtol, map)
     if (load >= slider%stiffness(1)*map%equilibrium) return
     call map%turn(load/slider%stiffness(1), turn, error)
     if (allocated(error) .or. .not. turn%returns) return

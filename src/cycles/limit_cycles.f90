@@ -17,7 +17,7 @@ module dst_limit_cycles
   implicit none
   private
 
-  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles, cycles_obstacle
+  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles, check_model, slow_rtol
 
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
     release_angle = measures + 4, quantities = measures + 4
@@ -30,7 +30,7 @@ module dst_limit_cycles
     quantity_t('release_angle', 'rad', 'direction of the force from the soft axis at the release with which it begins')]
 
   !> Accuracy of the motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
-  real(wp), parameter :: rtol = 1.0e-12_wp
+  real(wp), parameter :: slow_rtol = 1.0e-12_wp
 
   !> The cycles of one scene under one drive velocity, by increasing amplitude.
   type :: limit_cycles_t
@@ -62,9 +62,7 @@ contains
 
     call slider_from_scene(scene, slider)
     cycles%velocity = abs(velocity)
-    cycles%model = trim(scene%model)
-    if (cycles%model == 'auto') cycles%model = 'full'
-    call cycles_obstacle(scene, cycles%model, slider, error)
+    call check_model(scene, slider, cycles%model, error)
     if (allocated(error)) return
     if (cycles%model == 'full') then
       call take_full(scene, slider, velocity, cycles, error, watch)
@@ -73,13 +71,15 @@ contains
     end if
   end subroutine find_limit_cycles
 
-  !> Why the cycles of a scene are not found in a model.
-  subroutine cycles_obstacle(scene, model, slider, error)
+  !> The model in which the cycles of a scene are found, or why they are not.
+  subroutine check_model(scene, slider, model, error)
     type(scene_t), intent(in) :: scene
-    character(*), intent(in) :: model
     type(slider_t), intent(in) :: slider
+    character(:), allocatable, intent(out) :: model
     type(error_t), allocatable, intent(out) :: error
 
+    model = trim(scene%model)
+    if (model == 'auto') model = 'full'
     if (model /= 'full' .and. model /= 'low_frequency') then
       call raise(error, deck_error, "scene.model: model '"//model//"' has no limit cycles that can be found here: "// &
         "give 'full' or 'low_frequency'", 'scene.model')
@@ -100,7 +100,7 @@ contains
       call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
         "'weakening': give one of them, or model 'full'", 'friction.law')
     end if
-  end subroutine cycles_obstacle
+  end subroutine check_model
 
   !> The cycles of the full model, and its steady sliding.
   subroutine take_full(scene, slider, velocity, cycles, error, watch)
@@ -169,7 +169,7 @@ contains
       return
     end if
     cycles%error = validity%error
-    call new_slow_map(slider, velocity, rtol, map)
+    call new_slow_map(slider, velocity, slow_rtol, map)
     cycles%sliding_load = slider%stiffness(1)*map%equilibrium
     cycles%sliding_is_stable = map%damping > 0.0_wp
     cycles%eigenvalues = eigenvalues_of(slider, map%damping)

@@ -27,7 +27,7 @@ module dst_piece_view
     procedure :: friction
     procedure :: load
     procedure :: pull_polynomial
-    procedure :: pull_turns
+    procedure, nopass :: pull_turns
     procedure :: pull_at
     procedure :: fastest
     procedure :: least_friction
@@ -121,15 +121,12 @@ contains
   end subroutine pull_polynomial
 
   !> The places, in their order, at which the pull force, with these Bernstein coefficients, turns back.
-  subroutine pull_turns(self, degree, coefficient, places, count)
-    class(piece_view_t), intent(in) :: self
+  pure subroutine pull_turns(degree, coefficient, places, count)
     integer, intent(in) :: degree
     real(wp), intent(in) :: coefficient(0:)
     real(wp), intent(out) :: places(most_pull_turns)
     integer, intent(out) :: count
 
-    associate (unused => self%sticking)
-    end associate
     call sign_changes(degree - 1, coefficient(1:degree) - coefficient(:degree - 1), places, count)
   end subroutine pull_turns
 

@@ -10,7 +10,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ..branches import Branches
+from ..branches import Branches, cycles_in_words
 from ..errors import UsageError
 from .bifurcation import LABELS
 from .notation import PARAMETERS, with_unit
@@ -63,7 +63,7 @@ def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_for
 
 def _legend(found: Branches) -> list[Line2D]:
     counts = sorted({each.slow_cycles for each in found.branches})
-    handles = [Line2D([], [], color=_colour(count), label=_words(count)) for count in counts]
+    handles = [Line2D([], [], color=_colour(count), label=cycles_in_words(count)) for count in counts]
     stable = np.concatenate([each.stable for each in found.branches])
     if not stable.all():
         handles += [Line2D([], [], color="0.35", label="stable")] if stable.any() else []
@@ -80,10 +80,6 @@ def _colour(slow_cycles: int) -> str:
     return COLOURS[min(max(slow_cycles, 1), len(COLOURS)) - 1]
 
 
-def _words(slow_cycles: int) -> str:
-    return f"{slow_cycles} slow cycle{'s' * (slow_cycles > 1)}" if slow_cycles else "fast oscillation"
-
-
 def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0) -> None:
     """Lines and marks of branches in axes whose key is in units of `factor`."""
     for each in found.branches:
@@ -96,13 +92,10 @@ def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0
         # A stretch is stable if the middle of its ends is: one of them may be a fold.
         slope = 0.5 * (each.multiplier[:-1] + each.multiplier[1:])
         stable = np.abs(slope) < 1.0
-        for chosen, style in ((stable, "-"), (~stable, UNSTABLE)):
-            line = np.stack([factor * each.values, values])
-            parts = [line[:, i : i + 2] for i in np.flatnonzero(chosen)]
-            if parts:
-                # Pieces of one line, with a gap between pieces that are not neighbours.
-                joined = np.concatenate([np.column_stack([part, [np.nan, np.nan]]) for part in parts], axis=1)
-                axis.plot(*_without_gaps(joined), color=colour, linewidth=0.9, linestyle=style)
+        for stretch in np.split(np.arange(stable.size), np.flatnonzero(np.diff(stable)) + 1):
+            part = slice(stretch[0], stretch[-1] + 2)
+            style = "-" if stable[stretch[0]] else UNSTABLE
+            axis.plot(factor * each.values[part], values[part], color=colour, linewidth=0.9, linestyle=style)
         for point in each.points:
             if point.kind in MARKS and quantity in point._fields:
                 axis.plot(
@@ -113,12 +106,3 @@ def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0
                     zorder=3.0,
                     **MARK,
                 )
-
-
-def _without_gaps(joined: Floats) -> Floats:
-    """Pieces (2, 3 n) of two points and a gap, without the gaps and the repeated points between pieces that are neighbours."""
-    keep = np.ones(joined.shape[1], dtype=bool)
-    for gap in range(2, joined.shape[1] - 1, 3):
-        if np.array_equal(joined[:, gap - 1], joined[:, gap + 1]):
-            keep[gap : gap + 2] = False
-    return joined[:, keep]
