@@ -32,15 +32,14 @@ module dst_python_api
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, key_count, is_automatic, integer_kind, real_kind, reals_kind
   use dst_sensitivity, only: sensitivity_t, find_sensitivity
+  use dst_settling, only: settling_t
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: stage_terms_t, new_terms
-  use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_stability_report, only: held_velocities
   use dst_stiffness, only: stiffness_note
-  use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
   use dst_sweep_points, only: points_of_csv
@@ -50,7 +49,7 @@ module dst_python_api
   private
 
   public :: library_open, deck_open, run_open, sweep_open, cycles_open, return_open, sensitivity_open, derivatives_open
-  public :: ends_open, steady_open
+  public :: settling_open, settling_advance, steady_open
   public :: derivatives_advance
   public :: table_size, table, text_size, text, release
   public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
@@ -102,12 +101,12 @@ module dst_python_api
     procedure :: make_text => make_sweep_text
   end type sweep_session_t
 
-  !> The limit cycles of a scene, where its stick-slip ends, and the linear theory of its steady sliding.
+  !> The limit cycles of a scene, what its motion from rest settles to, and the linear theory of its steady sliding.
   type, extends(session_t) :: cycles_session_t
     type(limit_cycles_t) :: cycles
     type(sensitivity_t) :: sensitivity
     type(derivatives_t) :: derivatives
-    type(stick_slip_ends_t) :: ends
+    type(settling_t) :: settling
     real(wp) :: returned(return_values) = 0.0_wp
     real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
   contains
@@ -323,8 +322,8 @@ contains
     status = status_of(held%cycles)
   end subroutine derivatives_advance
 
-  !> Read a deck and find where its stick-slip ends, under the only drive velocity that is kept for some time and is not 0.
-  subroutine ends_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
+  !> Read a deck and begin its motion from rest, under the only drive velocity that is kept for some time and is not 0.
+  subroutine settling_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
     integer(c_int), intent(in) :: n_deck, n_name, n_settings
     character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
     integer(c_long_long), intent(out) :: handle
@@ -332,16 +331,32 @@ contains
     ! Not f2py threadsafe, as run_open.
     type(cycles_session_t), pointer :: self
     type(scene_t) :: scene
-    type(slider_t) :: slider
     real(wp) :: velocity
 
     call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (.not. allocated(self%error)) then
-      call slider_from_scene(scene, slider)
-      call find_stick_slip_ends(slider, velocity, self%ends, self%error)
-    end if
+    if (.not. allocated(self%error)) call self%settling%start(scene, velocity, self%error)
     status = status_of(self)
-  end subroutine ends_open
+  end subroutine settling_open
+
+  !> Continue with the motion for at most `seconds` of wall time [s]; then `limit` and `swing` are F_0 and the swing of the load [N].
+  subroutine settling_advance(handle, seconds, finished, limit, swing, stick_slips, status)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(in) :: seconds
+    real(c_double), intent(out) :: limit, swing
+    integer(c_int), intent(out) :: finished, stick_slips, status
+    !f2py threadsafe
+    type(holder_t), pointer :: held
+
+    held => holder_of(handle)
+    associate (motion => held%cycles%settling)
+      call motion%proceed(real(seconds, wp), held%cycles%error)
+      finished = merge(1_c_int, 0_c_int, motion%is_finished)
+      stick_slips = merge(1_c_int, 0_c_int, motion%stick_slips())
+      limit = motion%limit
+      swing = motion%swing
+    end associate
+    status = status_of(held%cycles)
+  end subroutine settling_advance
 
   !> Read a deck and find the linear theory of its steady sliding, under the only drive velocity that is kept for some time and is
   !> not 0. The table 'steady' has in one row this velocity [m/s], the misalignment [rad], and the values of `steady_sliding` for
@@ -662,7 +677,7 @@ contains
   !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
   !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
   !> (with exponent, error, slow cycles, cycles, repeats, searched), 'sensitivity', of each measure of the cycle the value and the
-  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'ends', one number with a name each: values that do not exist are omitted; 'return'.
+  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'return'.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -727,8 +742,6 @@ contains
       else
         call list_parameters(self%sensitivity%key, self%sensitivity%parameter)
       end if
-    case ('ends')
-      call make_table_of_ends(self%ends, self%table)
     case ('return')
       call new_table(self%table, 1, 0, return_values)
       self%table%number(:, 1) = self%returned
@@ -750,59 +763,6 @@ contains
       self%table%number(1, :) = value
     end subroutine list_parameters
   end subroutine make_cycles_table
-
-  subroutine make_table_of_ends(ends, table)
-    type(stick_slip_ends_t), intent(in) :: ends
-    type(table_t), intent(out) :: table
-    integer :: pass, row
-
-    do pass = 1, 2
-      if (pass == 2) call new_table(table, row, 2, 1)
-      row = 0
-      call put('drive_velocity', ends%drive_velocity, .true.)
-      associate (there => ends%critical_angle > 0.0_wp .and. ends%misalignment%validity%obstacle == '')
-        call put('critical_misalignment', ends%critical_angle, there)
-        call put('is_supercritical', merge(1.0_wp, 0.0_wp, ends%is_supercritical), there)
-      end associate
-      call put_end('misalignment', ends%misalignment)
-      call put('bautin_velocity', ends%bautin_velocity, ends%has_bautin_point)
-      call put('bautin_misalignment', ends%bautin_angle, ends%has_bautin_point)
-      associate (there => ends%has_critical_velocities .and. ends%velocity%validity%obstacle == '')
-        call put('critical_velocity_low', ends%critical_velocity(1), there(1))
-        call put('critical_velocity_high', ends%critical_velocity(2), there(2))
-      end associate
-      call put_end('velocity_low', ends%velocity(1))
-      call put_end('velocity_high', ends%velocity(2))
-    end do
-
-  contains
-
-    subroutine put_end(name, end)
-      character(*), intent(in) :: name
-      type(slow_end_t), intent(in) :: end
-
-      associate (there => end%kind /= ends_nowhere .and. end%validity%obstacle == '')
-        call put(name, end%at, there)
-        call put(name//'_is_fold', merge(1.0_wp, 0.0_wp, end%kind == ends_at_fold), there)
-        call put(name//'_error', end%validity%error, there)
-      end associate
-      call put(name, 0.0_wp, end%validity%obstacle /= '', end%validity%obstacle)
-    end subroutine put_end
-
-    subroutine put(name, value, exists, obstacle)
-      character(*), intent(in) :: name
-      real(wp), intent(in) :: value
-      logical, intent(in) :: exists
-      character(*), intent(in), optional :: obstacle
-
-      if (.not. exists) return
-      row = row + 1
-      if (pass == 1) return
-      table%text(1, row) = name
-      if (present(obstacle)) table%text(2, row) = obstacle
-      table%number(1, row) = value
-    end subroutine put
-  end subroutine make_table_of_ends
 
   !> Also 'model'.
   subroutine make_cycles_text(self, which)

@@ -42,7 +42,7 @@ from ._sweep import sweep
 from .creep import Creep, creep_asymptotic, creep_exact, creep_velocity
 from .equations import SlipProblem, jacobian, rhs, slip_problem
 from .groups import Drive, Friction, Initial, Integrator, Output, Setup, Sweep, System
-from .limit_cycles import Cycles, LimitCycle, StickSlipEnds, cycles, stick_slip_ends
+from .limit_cycles import Cycles, LimitCycle, cycles
 from .record import Described
 from .result import Result, open
 from .scene import Scene
@@ -155,7 +155,6 @@ __all__ = [
     "Stability",
     "Statistic",
     "StickSlip",
-    "StickSlipEnds",
     "StickSlipRange",
     "StiffnessWarning",
     "Sweep",
@@ -196,7 +195,6 @@ __all__ = [
     "slip_problem",
     "spectrogram",
     "steady_sliding_eigenvalues",
-    "stick_slip_ends",
     "stick_slip_range",
     "stick_slip_statistics",
     "sweep",

@@ -387,7 +387,7 @@ def _trade(options: argparse.Namespace) -> None:
 def _range(options: argparse.Namespace) -> None:
     from .ranges import KEYS, stick_slip_range  # noqa: PLC0415
 
-    _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.keys or KEYS))
+    _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.key or KEYS))
 
 
 def _branch(options: argparse.Namespace) -> None:

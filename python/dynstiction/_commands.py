@@ -168,14 +168,14 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
         "range",
         "where stick-slip begins and ends",
         """Say whether a scene has stick-slip and whether its steady sliding is stable, and where both change in numbers of the deck: by
-        runs of the scene's own model, with its friction law and dampers. Prints a table.""",
+        runs of the full model, with its friction law and dampers. Prints a table. dynstiction stability DECK --key is the same.""",
         "range my.nml",
-        "range my.nml --keys system.damping_x,drive.velocity",
+        "stability my.nml --key system.damping_x,drive.velocity",
     )
     add("deck", metavar="DECK")
     _settings(add)
     add(
-        "--keys",
+        "--key",
         metavar="KEYS",
         help="numbers GROUP.KEY of &system, &friction and &drive, with commas between them; default: misalignment_deg, velocity, "
         "damping_x, mass, stiffness_x and normal_load",

@@ -26,11 +26,11 @@ __all__ = [
     "DeckSource",
     "DeckValues",
     "Derivatives",
-    "Ends",
     "KeyInfo",
     "Run",
     "Sensitivity",
     "Session",
+    "Settling",
     "Steady",
     "Sweep",
     "Value",
@@ -428,30 +428,33 @@ class Derivatives(Session):
         """Times and kinds of events (event), and the derivatives of the times (key, event)."""
 
 
-class Ends(Session):
-    """Where the stick-slip of a scene ends, found in the core.
+class Settling(Session):
+    """A motion from rest until it has settled, in the core.
 
     Parameters
     ----------
     deck : DeckSource
-        The deck.
+        The deck; it is run with model 'full', and with a method and for a time of the core's own choice.
     """
 
-    name = "list of ends"
+    name = "motion from rest"
 
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.ends_open(*deck.arguments())
+        self.deck = deck
+        handle, status = _core.settling_open(*deck.arguments())
         super().__init__(handle)
         self._raise(deck, status)
-        cells, numbers = _table(handle, "ends")
-        self.obstacles = {name: obstacle for name, obstacle in cells if obstacle}
-        """Why the slow motion does not give an end, by its name."""
-        self.values = {
-            name: value
-            for (name, obstacle), value in zip(cells, numbers[0].tolist(), strict=True)
-            if not obstacle
-        }
-        """Numbers by name; those that do not exist are left out."""
+        self.limit = self.swing = 0.0
+        """F_0 and the swing of the load [N]; valid after the end."""
+        self.stick_slips = False
+
+    def advance(self, seconds: float) -> bool:
+        """Continue for at most `seconds` [s]; whether the motion has settled."""
+        with self._use() as handle:
+            finished, self.limit, self.swing, stick_slips, status = _core.settling_advance(handle, seconds)
+        self._raise(self.deck, status)
+        self.stick_slips = bool(stick_slips)
+        return bool(finished)
 
 
 class Steady(Session):

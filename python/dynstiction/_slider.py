@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TypeVar, cast
 
@@ -12,7 +13,18 @@ from . import _native
 from .errors import UsageError
 from .scene import DeckLike, Scene
 
-__all__ = ["drive_of", "for_the_core", "held_velocity", "scene_parameters", "slider_parameters"]
+__all__ = [
+    "drive_of",
+    "for_the_core",
+    "held_drive",
+    "held_velocity",
+    "number_key",
+    "own_number",
+    "scene_parameters",
+    "slider_parameters",
+]
+
+VELOCITY = "drive.velocity"
 
 T = TypeVar("T")
 
@@ -122,3 +134,31 @@ def held_velocity(scene: Scene) -> float:
 def held_drive(scene: Scene) -> Scene:
     """The scene under the velocity that its drive holds, without a profile."""
     return scene.replace(drive={"velocity": held_velocity(scene), "time": None})
+
+
+def number_key(key: str) -> str:
+    """The full name GROUP.KEY of a key of the deck that is a number.
+
+    Raises
+    ------
+    UsageError
+        If the deck has no such key, or it is no real number; the drive's velocity is one.
+    """
+    group, name = _native.group_of(key), key.rpartition(".")[2].lower()
+    full = f"{group}.{name}"
+    if not group or (full != VELOCITY and _native.key_info(group, name).kind != "real"):
+        raise UsageError(
+            f"{key!r} is no real number of the deck: name one as GROUP.KEY, like system.misalignment_deg"
+        )
+    return full
+
+
+def own_number(scene: Scene, key: str) -> float:
+    """The value of a key GROUP.KEY in a scene; NaN if it is used there without one; of the drive, the velocity that it holds."""
+    if key == VELOCITY:
+        return held_velocity(scene)
+    with _native.Run(scene.source) as run:
+        for info, value in run.parameters():
+            if info.name == key.partition(".")[2] and isinstance(value, float):
+                return value
+    return math.nan

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import whole
 from ._progress import progress_bar
-from ._slider import held_drive, held_velocity
+from ._slider import held_drive, number_key, own_number
 from .errors import DeckError, SolverError, UsageError
 from .limit_cycles import Cycles, LimitCycle, cycles
 from .scene import DeckLike, Scene
@@ -23,8 +23,6 @@ __all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words", "fo
 _Floats = NDArray[np.float64]
 
 Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border", "closed", "unfinished"]
-
-VELOCITY = "drive.velocity"
 
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 2e-3, 0.04, 2e-7
 """Steps along a branch, in units of the range of the key and of the natural unit of a place, a radian or F_0."""
@@ -297,13 +295,13 @@ def branch(
     >>> found = branch("inputs/fig3.nml", "misalignment_deg", 1.0, 9.0, model="low_frequency")     # doctest: +SKIP
     >>> found.special("fold")                                                                      # doctest: +SKIP
     """
-    rig, name = held_drive(Scene(scene)), _number(key)
+    rig, name = held_drive(Scene(scene)), number_key(key)
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise UsageError(f"start = {start:g}, end = {end:g}: a range goes from a number to a larger one")
     whole("slow_cycles", slow_cycles, least=0)
     for value in (start, end):
         _changed(rig, name, value).check()
-    own = _own_value(rig, name)
+    own = own_number(rig, name)
     first = _changed(rig, name, own if start <= own <= end else start)
     seen = cycles(first, model=model)
     the_map = _Map(first, name, float(start), float(end), seen.model)
@@ -340,27 +338,6 @@ def branch(
 def _changed(scene: Scene, key: str, value: float) -> Scene:
     change: dict[str, Any] = {key: value}
     return scene.replace(**change)
-
-
-def _number(key: str) -> str:
-    """The full name of a key that is a number."""
-    group, name = _native.group_of(key), key.rpartition(".")[2].lower()
-    full = f"{group}.{name}"
-    if not group or (full != VELOCITY and _native.key_info(group, name).kind != "real"):
-        raise UsageError(
-            f"no branch over {key!r}: name a real number of the deck, as system.misalignment_deg"
-        )
-    return full
-
-
-def _own_value(scene: Scene, key: str) -> float:
-    if key == VELOCITY:
-        return held_velocity(scene)
-    with _native.Run(scene.source) as run:
-        for info, value in run.parameters():
-            if info.name == key.partition(".")[2] and isinstance(value, float):
-                return value
-    return math.nan
 
 
 def _cycles_at(
@@ -717,10 +694,10 @@ def fold_curve(
     """
     if point.kind not in ("fold", "doubling"):
         raise UsageError(f"a curve follows a fold or a doubling: this point is '{point.kind}'")
-    rig, name = held_drive(Scene(scene)), _number(key)
+    rig, name = held_drive(Scene(scene)), number_key(key)
     target = 1.0 if point.kind == "fold" else -1.0
     at = np.full(len(values), math.nan)
-    own = _own_value(rig, name)
+    own = own_number(rig, name)
     known = [(float(values[0]) if math.isnan(own) else own, np.array([point.value, point.place]))]
     for i, value in enumerate(values):
         if not _walk(rig, name, found, target, slow_cycles, known, float(value)):

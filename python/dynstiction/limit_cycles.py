@@ -1,4 +1,4 @@
-"""Limit cycles, and the limits of stick-slip, without runs (docs/cycles.md)."""
+"""Limit cycles without runs (docs/cycles.md)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import _native
 from .scene import DeckLike, Scene
 
-__all__ = ["Cycles", "End", "LimitCycle", "Regularity", "StickSlipEnds", "cycles", "stick_slip_ends"]
+__all__ = ["Cycles", "LimitCycle", "Regularity", "cycles"]
 
 
 class LimitCycle(NamedTuple):
@@ -99,41 +99,6 @@ class Cycles(NamedTuple):
         return tuple(cycle for cycle in self.cycles if not cycle.stable)
 
 
-class End(NamedTuple):
-    """A limit of stick-slip."""
-
-    at: float
-    """Misalignment [deg] or drive velocity [m/s]."""
-    is_fold: bool
-    """Whether a stable and an unstable cycle meet there; if not, the swing (peak to peak) of k_x u_x is 5 % of mu_0 W."""
-    error: float
-    """Estimated largest distance of the end of the full model from it, over `at` [-]."""
-
-
-class StickSlipEnds(NamedTuple):
-    """Limits of the stick-slip of the slow motion, where that stands for the full one. A limit that does not exist is None."""
-
-    critical_misalignment_deg: float | None
-    """Misalignment at which steady sliding becomes stable at this velocity [deg]; None if friction does not weaken."""
-    is_supercritical: bool | None
-    """Whether the small cycles that begin there are stable."""
-    misalignment_deg: End | None
-    """Misalignment at which stick-slip ends at this velocity, `at` in deg."""
-    critical_velocity: tuple[float | None, float | None] | None
-    """Velocities between which steady sliding is unstable at the scene's misalignment [m/s]."""
-    velocity: tuple[End | None, End | None]
-    """Velocities between which there is stick-slip at the scene's misalignment, `at` in m/s."""
-    bautin_point: tuple[float, float] | None
-    """V [m/s] and phi [deg] at which small cycles change from stable to unstable."""
-    model: Literal["low_frequency"]
-    """Model of all limits: the slow motion, with a rigid stiff axis."""
-    drive_velocity: float
-    """Drive velocity |V| of the limits in the misalignment [m/s]."""
-    obstacles: dict[str, str]
-    """Why the slow motion does not give the limits in ``'misalignment'``, ``'velocity_low'``, ``'velocity_high'``: it does not
-    hold there, and only a sweep of the full model does."""
-
-
 def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     """Every limit cycle of a scene, stable and unstable.
 
@@ -200,50 +165,4 @@ def _regularity(found: _native.Cycles) -> Regularity:
         found.mean if there else {},
         found.scatter if there else {},
         found.searched,
-    )
-
-
-def stick_slip_ends(scene: DeckLike) -> StickSlipEnds:
-    """Limits of the stick-slip of the slow motion in misalignment and drive velocity, where it stands for the full motion.
-
-    Parameters
-    ----------
-    scene : str, PathLike or Scene
-        As for `cycles`, with both stiffnesses. Its misalignment is used only for the limits in velocity, and its velocity for the
-        limits in the angle.
-
-    Returns
-    -------
-    StickSlipEnds
-        The limits; None where the slow motion does not hold, with the reason.
-
-    Raises
-    ------
-    DeckError, FileError, UsageError, SolverError
-        As for `cycles`.
-    """
-    with _native.Ends(Scene(scene).source) as found:
-        values = found.values
-
-    for name in ("critical_misalignment", "misalignment", "bautin_misalignment"):
-        if name in values:
-            values[name] = math.degrees(values[name])
-
-    def end(name: str) -> End | None:
-        if name not in values:
-            return None
-        return End(values[name], values[f"{name}_is_fold"] == 1.0, values[f"{name}_error"])
-
-    critical_velocity = (values.get("critical_velocity_low"), values.get("critical_velocity_high"))
-    supercritical = values.get("is_supercritical")
-    return StickSlipEnds(
-        values.get("critical_misalignment"),
-        None if supercritical is None else supercritical == 1.0,
-        end("misalignment"),
-        critical_velocity if any(critical_velocity) else None,
-        (end("velocity_low"), end("velocity_high")),
-        (values["bautin_velocity"], values["bautin_misalignment"]) if "bautin_velocity" in values else None,
-        "low_frequency",
-        values["drive_velocity"],
-        found.obstacles,
     )

@@ -6,21 +6,18 @@ import itertools
 import math
 import os
 import threading
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from . import _native
 from ._arguments import names_in
 from ._progress import progress_bar
-from ._run import run
-from ._slider import held_drive, held_velocity
+from ._slider import held_drive, number_key, own_number
 from .errors import DeckError, SolverError, UsageError
 from .scene import DeckLike, Scene
-from .simulation import Simulation
 from .stability import steady_sliding_eigenvalues
 
 __all__ = ["KEYS", "KeyRange", "StickSlipRange", "stick_slip_range"]
@@ -36,17 +33,9 @@ KEYS = (
 """Keys of a table without a choice."""
 GROUPS = ("system", "friction", "drive")
 LEAST_SWING = 0.05
-"""Swing of k_x u_x over F_0 above which a motion is stick-slip; the same as for `stick_slip_ends`."""
-UNDECIDED, IRREGULAR, STEADY_SLIDING, RINGS_DOWN = 0, -1, 2, 3
-"""Values of the summary's regularity."""
-LENGTHS = {UNDECIDED: 100.0}
-LONGER = {UNDECIDED: 1000.0, IRREGULAR: 300.0}
-"""How long a motion is followed, in times to load the spring up to F_0 and to oscillate once; and how long if it is then undecided or
-irregular: near the end of stick-slip its last cycles pass slowly."""
+"""Swing of k_x u_x over F_0 from which on a motion is stick-slip."""
 FIRST_STEP, MOST = 1.2, 1e3
 """The first neighbour of a value that is tried, and the last, over the value; each step is FIRST_STEP times longer in ratio."""
-MOST_STEPS = 500_000
-"""Steps of a run, some seconds: a value that needs more ends the search."""
 ACCURACY = 1e-4
 """Relative accuracy of an end."""
 JUMP = 2.0
@@ -116,18 +105,20 @@ def _ends(at: tuple[float, float], jumps: tuple[bool, bool]) -> str:
 def stick_slip_range(
     scene: DeckLike, keys: str | Sequence[str] = KEYS, *, progress: bool | None = None
 ) -> StickSlipRange:
-    """Find where stick-slip ends, or begins, in numbers of a deck, by runs of the scene's own model.
+    """Find where stick-slip ends, or begins, in numbers of a deck, by runs of the full model.
 
     Every friction law, dampers and ``mu_static`` are those of the scene; nothing is assumed about its motion. Each value is a run from
-    rest until it has settled; values are tried at growing distance up to a thousand times the scene's, and the first change
-    is narrowed to 1e-4. A value that the deck refuses, or at which a run takes more than half a million steps, ends the search.
+    rest until it has settled; values are tried at growing distance up to a thousand times the scene's, and where the swing first passes
+    5 % of F_0 is found to 1e-4 as a root. A value that the deck refuses, or at which a run takes more than half a million steps, ends
+    the search.
 
     Parameters
     ----------
     scene : str, PathLike or Scene
         The scene, of model 'full' ('auto' is taken as it), with one velocity of the drive that is held.
     keys : str or sequence of str
-        Keys ``GROUP.KEY`` of &system, &friction and &drive, in a string with commas between them. A damper of 0 is searched upwards.
+        Numbers of &system, &friction and &drive, ``GROUP.KEY`` or ``KEY``, in a string with commas between them. A damper of 0 is
+        searched upwards.
     progress : bool, optional
         Whether to show progress as a bar; by default as for `dynstiction.run`.
 
@@ -145,7 +136,7 @@ def stick_slip_range(
 
     See Also
     --------
-    stick_slip_ends : the ends of the slow motion, with folds and stable and unstable cycles.
+    branch : the cycles over a key, stable and unstable, with their folds: where stick-slip and sliding are both stable.
 
     Notes
     -----
@@ -158,19 +149,17 @@ def stick_slip_range(
     >>> print(stick_slip_range("inputs/fig3.nml", "system.damping_x"))         # doctest: +SKIP
     """
     rig = _Rig(Scene(scene))
-    wanted = [name.lower() for name in names_in("keys", keys)]
+    wanted = [rig.name(key) for key in names_in("keys", keys)]
     starts = {name: rig.start(name) for name in wanted}
-    swing, sliding = rig.swing({}), rig.slides({})
+    motion, sliding = rig.motion({}), rig.growth({}) < 0.0
     sides = [(name, side) for name in wanted for side in (-1, 1)]
     done, lock = 0, threading.Lock()
     bar = progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}")
-    # Here, because threads share the filter of warnings.
-    with bar as show, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with bar as show:
 
         def search(place: tuple[str, int]) -> _Side:
             nonlocal done
-            found = _search(rig, *place, starts[place[0]], swing >= LEAST_SWING, sliding)
+            found = _search(rig, *place, starts[place[0]], motion.stick_slips, sliding)
             with lock:
                 done += 1
                 show(done)
@@ -180,13 +169,12 @@ def stick_slip_range(
         try:
             found = dict(zip(sides, pool.map(search, sides), strict=True))
         finally:
-            # After Ctrl-C searches end with the run that they are in.
             rig.stopped = True
             pool.shutdown(cancel_futures=True)
     ranges = [
         KeyRange(
             name,
-            rig.units(name),
+            _native.key_info(*name.split(".")).units or "1",
             starts[name][0],
             (low.stick_slip, high.stick_slip),
             (low.jumps, high.jumps),
@@ -196,7 +184,7 @@ def stick_slip_range(
         for name in wanted
         for low, high in [(found[name, -1], found[name, 1])]
     ]
-    return StickSlipRange(rig.velocity, swing * rig.limit, rig.limit, sliding, tuple(ranges))
+    return StickSlipRange(rig.velocity, motion.swing, motion.limit, sliding, tuple(ranges))
 
 
 class _Side(NamedTuple):
@@ -211,67 +199,44 @@ class _Rig:
 
     def __init__(self, scene: Scene) -> None:
         self.stopped = False
-        self.velocity = held_velocity(scene)
         if scene.scene.model not in ("full", "auto"):
             raise UsageError(
                 f"model {scene.scene.model!r}: a range of stick-slip is that of model 'full': give model='full'"
             )
-        self.scene = held_drive(scene).replace(scene={"model": "full"})
-        with Simulation(self.scene) as simulation:
-            self.parameters = simulation.result.parameters
-        self.limit = self.number("mu_0") * self.number("normal_load")
-
-    def number(self, key: str) -> float:
-        value = self.parameters.get(key, 0.0)
-        if not isinstance(value, float):
-            raise UsageError(f"no range of '{key}': it is no real number")
-        return value
+        self.scene = held_drive(scene)
+        self.velocity = own_number(self.scene, "drive.velocity")
 
     @staticmethod
-    def units(name: str) -> str:
-        group, _, key = name.partition(".")
-        return _native.key_info(group, key).units or "1"
+    def name(key: str) -> str:
+        """The full name of a key."""
+        name = number_key(key)
+        if name.partition(".")[0] not in GROUPS:
+            raise UsageError(
+                f"no range of {key!r}: name numbers of &system, &friction and &drive as GROUP.KEY"
+            )
+        return name
 
     def start(self, name: str) -> tuple[float, float]:
         """The value of a key in the scene, and one from which a search begins: of a damper that is 0, a share of the critical one."""
-        group, _, key = name.partition(".")
-        if group not in GROUPS or _native.group_of(name) != group:
-            raise UsageError(
-                f"no range of {name!r}: name numbers of &system, &friction and &drive as GROUP.KEY"
-            )
-        value = self.velocity if key == "velocity" else self.number(key)
-        if value == 0.0 and key in ("damping_x", "damping_y"):
-            return 0.0, 2e-2 * math.sqrt(self.number(f"stiffness_{key[-1]}") * self.number("mass"))
+        value = own_number(self.scene, name)
+        if value == 0.0 and "damping_" in name:
+            stiffness = own_number(self.scene, f"system.stiffness_{name[-1]}")
+            return 0.0, 2e-2 * math.sqrt(stiffness * own_number(self.scene, "system.mass"))
         if not value > 0.0:
             raise UsageError(f"{name} = {value:g}: ranges are found around positive values: give a small one")
         return value, value
 
-    def swing(self, change: Mapping[str, Any]) -> float:
-        """Swing over F_0 of the motion from rest."""
-        if self.stopped:
-            raise KeyboardInterrupt
-        number = {key: self.number(key) for key in ("mu_0", "normal_load", "stiffness_x", "mass")}
-        number |= {"velocity": self.velocity} | {
-            name.partition(".")[2]: value for name, value in change.items()
-        }
-        limit = number["mu_0"] * number["normal_load"]
-        loading = limit / (number["stiffness_x"] * number["velocity"])
-        length = loading + 2.0 * math.pi * math.sqrt(number["mass"] / number["stiffness_x"])
-        scene, verdict = self.scene.replace(**change), UNDECIDED
-        for lengths in (LENGTHS, LONGER):
-            result = run(scene, scene={"t_end": lengths[verdict] * length, "settle": 1e-6}, initial={"velocity_ratio": 0.0},
-                         integrator={"method": "radau13", "rtol": 1e-6, "max_steps": MOST_STEPS},
-                         output={"interval": 0.0, "fields": ["u_x"]})  # fmt: skip
-            verdict = int(result.summary.get("regularity", UNDECIDED))
-            if verdict in (STEADY_SLIDING, RINGS_DOWN):
-                return 0.0
-            if verdict not in LONGER:
-                break
-        return float(result.summary["swing"]) / limit
+    def motion(self, change: dict[str, float]) -> _native.Settling:
+        """What the motion from rest settles to."""
+        with _native.Settling(self.scene.replace(**change).source) as motion:
+            while not motion.advance(_native.CHUNK_SECONDS):
+                if self.stopped:
+                    raise KeyboardInterrupt
+            return motion
 
-    def slides(self, change: Mapping[str, Any]) -> bool:
-        """Whether steady sliding is stable."""
-        return bool(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real) < 0.0)
+    def growth(self, change: dict[str, float]) -> float:
+        """The largest growth of a disturbance of steady sliding [1/s]."""
+        return float(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real))
 
 
 def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks: bool, slides: bool) -> _Side:
@@ -280,44 +245,49 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks:
     if value == 0.0 and side < 0:
         return _Side(math.nan, False, math.nan, 0.0)
     swings: dict[float, float] = {}
-    is_angle = name == KEYS[0]
 
-    def stops(at: float) -> bool:
-        swings[at] = rig.swing({name: at})
-        return (swings[at] >= LEAST_SWING) != sticks
+    def excess(at: float) -> float:
+        motion = rig.motion({name: at})
+        swings[at] = motion.swing / motion.limit
+        return swings[at] - LEAST_SWING
 
-    def turns(at: float) -> bool:
-        return rig.slides({name: at}) != slides
+    def growth(at: float) -> float:
+        return rig.growth({name: at})
 
-    ends, reached = _nearest(stops, value, begin, side, is_angle)
-    sliding, _ = _nearest(turns, value, begin, side, is_angle)
+    last = 90.0 if name == KEYS[0] else math.inf
+    end, reached = _nearest(excess, sticks, value, begin, side, last)
+    sliding, _ = _nearest(growth, not slides, value, begin, side, last)
     beside = [
-        swing
-        for at, swing in swings.items()
-        if swing >= LEAST_SWING and abs(at / ends - 1.0) < 3.0 * ACCURACY
+        swing for at, swing in swings.items() if swing >= LEAST_SWING and abs(at / end - 1.0) < 3.0 * ACCURACY
     ]
-    return _Side(ends, bool(beside) and min(beside) > JUMP * LEAST_SWING, sliding, reached)
+    return _Side(end, bool(beside) and min(beside) > JUMP * LEAST_SWING, sliding, reached)
 
 
 def _nearest(
-    has_changed: Callable[[float], bool], value: float, begin: float, side: int, is_angle: bool
+    function: Callable[[float], float], is_positive: bool, value: float, begin: float, side: int, last: float
 ) -> tuple[float, float]:
-    """The nearest change on one side of a value, NaN if there is none, and how far was searched; beyond 90 deg is the mirror image."""
-    ratio, last = FIRST_STEP if value else 1.0, value
+    """The nearest change of the sign of a function on one side of a value, NaN if there is none, and how far was searched."""
+    from scipy.optimize import brentq  # noqa: PLC0415
+
+    reached, known = value, {}
+
+    def seen(at: float) -> float:
+        if at not in known:
+            known[at] = function(at)
+        return known[at]
+
     try:
-        for count in itertools.count(2):
+        for count in itertools.count(1 if value else 0):
+            # Ratios FIRST_STEP**(0), 1, 3, 6, 10, …
+            ratio = FIRST_STEP ** (count * (count + 1) // 2)
             at = begin * ratio**side
-            if ratio >= MOST or (is_angle and at >= 90.0):
-                return math.nan, last
-            if has_changed(at):
-                break
-            last = at
-            ratio *= FIRST_STEP**count
-        before, after = last, at
-        while abs(after - before) > ACCURACY * after:
-            middle = math.sqrt(before * after) if before > 0.0 else 0.5 * after
-            before, after = (before, middle) if has_changed(middle) else (middle, after)
+            if ratio >= MOST or at >= last:
+                return math.nan, reached
+            if (seen(at) >= 0.0) != is_positive:
+                end = brentq(seen, reached, at, xtol=1e-300, rtol=0.5 * ACCURACY)
+                return float(end), at
+            reached = at
     except (DeckError, SolverError, UsageError):
         # Beyond what the key may be, or what the solver can do.
-        return math.nan, last
-    return 0.5 * (before + after), at
+        pass
+    return math.nan, reached

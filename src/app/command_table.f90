@@ -75,12 +75,13 @@ module dst_command_table
     command_entry_t('template', '[MODEL]', 'print a deck with every key explained', &
       'Print a deck for MODEL (full) with every key, its unit, range or choices, default and meaning.', &
       'dynstiction template > my.nml'//n//'dynstiction template --json > dynstiction.json'), &
-    command_entry_t('stability', 'DECK...', 'whether steady sliding is stable', &
-      'Print whether steady sliding at the drive velocity is stable: its eigenvalues, the critical misalignment '// &
-      'angles, and the damping of the slow motion (Lambda, zeta, theta*); and where stick-slip ends, in the misalignment '// &
-      'and in the velocity, and where both are stable, if the slow motion holds there. For a drive with several velocities, '// &
+    command_entry_t('stability', 'DECK...', 'whether there is stick-slip, and whether sliding is stable', &
+      'Print whether the scene has stick-slip and whether steady sliding at the drive velocity is stable; then its '// &
+      'eigenvalues, the critical misalignment angles, and the damping of the slow motion (Lambda, zeta, theta*). With --key: '// &
+      'where both change, in any number of the deck. For a drive with several velocities, '// &
       'each one that is kept for some time and is not 0 is treated. No file is written.', &
       'dynstiction stability inputs/fig3.nml'//n// &
+      'dynstiction stability inputs/fig3.nml --key system.damping_x,drive.velocity'//n// &
       'dynstiction stability inputs/fig3.nml --set system.misalignment_deg=10'), &
     command_entry_t('cycles', 'DECK...', 'every limit cycle of a scene', &
       'Print every limit cycle of the scene, stable and unstable: period, peak, valley, swing, slip length, and the '// &
@@ -118,6 +119,9 @@ module dst_command_table
     option_t('--along', 'KEY=FROM:TO', 'cycles', '?', &
       'follow the cycles over GROUP.KEY: folds, doublings and ends; the same as dynstiction branch, which Python carries out', &
       'a range: write --along GROUP.KEY=FROM:TO'), &
+    option_t('--key', 'KEYS', 'stability', '?', &
+      'where both change in numbers GROUP.KEY, with commas between them; the same as dynstiction range, which Python carries out', &
+      'parameters: write --key system.damping_x,drive.velocity'), &
     option_t('--overwrite', '', 'run sweep merge', '?', &
       'replace existing output files', ''), &
     option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &

@@ -79,8 +79,8 @@ contains
       return
     end if
     call parse_arguments(arguments, command, error)
-    if (.not. allocated(error) .and. command%has('--along')) then
-      arguments(1)%text = 'branch'
+    if (.not. allocated(error) .and. (command%has('--along') .or. command%has('--key'))) then
+      arguments(1)%text = trim(merge('branch', 'range ', command%has('--along')))
       call hand_over(arguments, error)
       call complain(error)
       return

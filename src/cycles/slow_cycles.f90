@@ -11,7 +11,7 @@ module dst_slow_cycles
   implicit none
   private
 
-  public :: slow_cycle_t, slow_gain_t, find_slow_cycles, slow_gain, slow_cycle_of
+  public :: slow_cycle_t, find_slow_cycles
 
   !> Range of A over the scene's length in which cycles are searched, and the step of the scan in ln A. It is halved, down to the
   !> smallest one, if the gain between two points differs from the prediction of the slopes at both by more than this. Conventions.

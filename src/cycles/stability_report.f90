@@ -1,15 +1,14 @@
-!> What `dynstiction stability` prints: the linear theory of steady sliding for one scene, and where its stick-slip ends.
+!> What `dynstiction stability` prints: whether a scene stick-slips, and the linear theory of its steady sliding.
 module dst_stability_report
   use dst_kinds, only: wp, pi, degree
   use dst_errors, only: error_t, raise, deck_error
   use dst_scene, only: scene_t
+  use dst_settling, only: settling_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
   use dst_stability, only: critical_t, low_branch, fast_branch, steady_sliding_eigenvalues, critical_misalignment, &
                            low_frequency_limit, is_stable, damping_scale, overdamped_angle, damping_ratio, &
                            weakening_damping_ratio
-  use dst_stick_slip_ends, only: stick_slip_ends_t, find_stick_slip_ends
-  use dst_slow_ends, only: slow_end_t, ends_at_fold, ends_nowhere
   use dst_plain_numbers, only: long_text, number_text
   use dst_text, only: text_builder_t, integer_text
   implicit none
@@ -44,7 +43,7 @@ contains
     end if
     call slider_from_scene(scene, slider)
     do i = 1, size(velocities)
-      call describe(page, name, slider, velocities(i), scene%misalignment_deg, scene%contact, error)
+      call describe(page, name, scene, slider, velocities(i), error)
       if (allocated(error)) then
         error%code = deck_error
         return
@@ -70,29 +69,54 @@ contains
     end do
   end function held_velocities
 
-  subroutine describe(page, name, slider, velocity, misalignment_deg, contact, error)
+  subroutine describe(page, name, scene, slider, velocity, error)
     type(text_builder_t), intent(inout) :: page
-    character(*), intent(in) :: name, contact
+    character(*), intent(in) :: name
+    type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: velocity, misalignment_deg
+    real(wp), intent(in) :: velocity
     type(error_t), allocatable, intent(out) :: error
-    logical :: stable
 
-    call page%line('# '//name//': steady sliding at V = '//long_text(velocity)//' m/s, phi = '// &
-                   long_text(misalignment_deg)//' deg, model full')
-    call list_eigenvalues(page, slider, velocity, error)
-    if (.not. allocated(error)) call is_stable(slider, velocity, stable, error)
+    call page%line('# '//name//': at V = '//long_text(velocity)//' m/s, phi = '//long_text(scene%misalignment_deg)// &
+      ' deg, model full')
+    call put_verdicts(page, scene, slider, velocity, error)
+    if (.not. allocated(error)) call list_eigenvalues(page, slider, velocity, error)
     if (allocated(error)) return
-    call page%row('steady sliding is', trim(merge('stable    ', 'not stable', stable)))
     call page%line('')
     call list_critical_angles(page, slider, velocity, error)
     if (allocated(error)) return
     call page%line('')
-    call list_damping(page, slider, velocity, contact)
-    call page%line('')
-    call list_ends(page, slider, velocity, misalignment_deg)
+    call list_damping(page, slider, velocity, scene%contact)
     call page%line('')
   end subroutine describe
+
+  !> What a motion from rest comes to, and whether steady sliding is stable, in one sentence.
+  subroutine put_verdicts(page, scene, slider, velocity, error)
+    type(text_builder_t), intent(inout) :: page
+    type(scene_t), intent(in) :: scene
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: unsettled
+    type(settling_t) :: motion
+    logical :: stable
+    character(:), allocatable :: text
+
+    call is_stable(slider, velocity, stable, error)
+    if (allocated(error)) return
+    call motion%start(scene, velocity, unsettled)
+    do while (.not. (allocated(unsettled) .or. motion%is_finished))
+      call motion%proceed(huge(1.0_wp), unsettled)
+    end do
+    if (allocated(unsettled)) then
+      text = 'whether there is stick-slip is not known ('//unsettled%text//')'
+    else
+      text = trim(merge('stick-slip   ', 'no stick-slip', motion%stick_slips()))//' (the load swings by '// &
+        number_text(motion%swing, 4)//' N, '//number_text(100.0_wp*motion%swing/motion%limit, 2)//' % of mu_0 W)'
+    end if
+    call page%line(text//'; steady sliding is '//trim(merge('stable    ', 'not stable', stable)))
+    call page%line('')
+  end subroutine put_verdicts
 
   subroutine list_eigenvalues(page, slider, velocity, error)
     type(text_builder_t), intent(inout) :: page
@@ -184,88 +208,4 @@ contains
       call page%row('theta*', long_text(angle/degree)//' deg, where zeta = 1 with friction constant at mu_0 W')
     end if
   end subroutine list_damping
-
-  !> Where stick-slip ends; if it does not, or if that is not known, the table says so.
-  subroutine list_ends(page, slider, velocity, misalignment_deg)
-    type(text_builder_t), intent(inout) :: page
-    type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: velocity, misalignment_deg
-    type(stick_slip_ends_t) :: ends
-    type(error_t), allocatable :: error
-
-    call page%line('Stick-slip of the slow motion (model low_frequency, rigid stiff axis)')
-    call find_stick_slip_ends(slider, velocity, ends, error)
-    if (allocated(error)) then
-      call page%row('ends at', 'no value: '//error%text)
-      return
-    end if
-    if (.not. ends%critical_angle > 0.0_wp) then
-      call page%row('stick-slip', 'none: friction does not weaken at this velocity')
-      return
-    end if
-    call page%row('stick-slip ends at', end_text(ends%misalignment, 1.0_wp/degree, 'deg', 'system.misalignment_deg'))
-    if (ends%misalignment%validity%obstacle == '') then
-      call page%row('both are stable for', both_stable(ends%misalignment, 1.0_wp/degree, 'deg', '|phi|'))
-      call page%row('small cycles begin at', angle_text(ends%critical_angle)// &
-        merge(': stable  ', ': unstable', ends%is_supercritical))
-    end if
-    if (ends%has_bautin_point) call page%row('stable and unstable part at', 'V = '//long_text(ends%bautin_velocity)// &
-      ' m/s, '//angle_text(ends%bautin_angle)//' (Bautin point)')
-    call page%line('')
-    if (.not. ends%has_critical_velocities) then
-      call page%row('stick-slip at this angle', 'none at any velocity')
-      return
-    end if
-    call page%line('At phi = '//long_text(misalignment_deg)//' deg')
-    call page%row('stick-slip begins at', end_text(ends%velocity(1), 1.0_wp, 'm/s', 'drive.velocity'))
-    call page%row('stick-slip ends at', end_text(ends%velocity(2), 1.0_wp, 'm/s', 'drive.velocity'))
-    if (ends%velocity(2)%validity%obstacle == '') &
-      call page%row('both are stable for', both_stable(ends%velocity(2), 1.0_wp, 'm/s', 'V'))
-  end subroutine list_ends
-
-  function angle_text(angle) result(text)
-    real(wp), intent(in) :: angle
-    character(:), allocatable :: text
-
-    text = long_text(angle/degree)//' deg'
-  end function angle_text
-
-  !> An end, and how far that of the full model may be from it; or why there is none, and what gives one.
-  function end_text(end, scale, unit, key) result(text)
-    type(slow_end_t), intent(in) :: end
-    real(wp), intent(in) :: scale
-    character(*), intent(in) :: unit, key
-    character(:), allocatable :: text
-
-    if (end%validity%obstacle /= '') then
-      text = 'no value: the slow motion does not hold there, as '//trim(end%validity%obstacle)// &
-        '; a sweep of the full model shows it: dynstiction sweep DECK --vary '//key//'=FIRST:LAST:COUNT'
-    else if (end%kind == ends_nowhere) then
-      text = 'not found: no cycle has a swing of 5 % of mu_0 W'
-    else
-      text = long_text(scale*end%at)//' '//unit//how(end)//'; full model: within '// &
-        number_text(100.0_wp*end%validity%error, 2)//' % (estimated)'
-    end if
-  end function end_text
-
-  !> How stick-slip ends.
-  function how(end) result(text)
-    type(slow_end_t), intent(in) :: end
-    character(:), allocatable :: text
-
-    text = ', where its swing is 5 % of mu_0 W'
-    if (end%kind == ends_at_fold) text = ', in a fold of cycles'
-  end function how
-
-  !> The range in which steady sliding and stick-slip are both stable.
-  function both_stable(end, scale, unit, symbol) result(text)
-    type(slow_end_t), intent(in) :: end
-    real(wp), intent(in) :: scale
-    character(*), intent(in) :: unit, symbol
-    character(:), allocatable :: text
-
-    text = 'no range'
-    if (end%kind == ends_at_fold) text = long_text(scale*min(end%at, end%steady_limit))//' '//unit//' < '//symbol// &
-      ' < '//long_text(scale*max(end%at, end%steady_limit))//' '//unit
-  end function both_stable
 end module dst_stability_report

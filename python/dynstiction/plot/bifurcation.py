@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from .._native import group_of
 from ..errors import Error, UsageError
-from ..limit_cycles import stick_slip_ends
 from ..stability import critical_misalignment
 from .notation import PARAMETERS, with_unit
 from .samples import Floats
@@ -83,7 +82,7 @@ class VerticalLine(NamedTuple):
 
 def vertical_lines(table: Table, side: Axis) -> list[VerticalLine]:
     """All vertical lines of a diagram over a parameter; other kinds of critical values are to be added here."""
-    return [*_limits_of_steady_sliding(table, side), *_ends_of_stick_slip(table, side)]
+    return list(_limits_of_steady_sliding(table, side))
 
 
 def draw_bifurcation(
@@ -378,21 +377,6 @@ def _limits_of_steady_sliding(table: Table, side: Axis) -> Iterator[VerticalLine
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     for value, was_stable in zip(high, before, strict=True):
         yield VerticalLine(float(value), f"steady sliding stable {'below' if was_stable else 'above'}", BLUE)
-
-
-def _ends_of_stick_slip(table: Table, side: Axis) -> Iterator[VerticalLine]:
-    """Misalignment or velocity at which the cycles of the slow motion end at a fold, or become too small to count."""
-    if side.name not in ("misalignment_deg", "velocity"):
-        return
-    try:
-        ends = stick_slip_ends(str(table.data.attrs["deck"]))
-    except (Error, KeyError):
-        return
-    for end in ends.velocity if side.name == "velocity" else (ends.misalignment_deg,):
-        if end:
-            yield VerticalLine(
-                end.at, "fold of cycles at" if end.is_fold else "peak to peak 5 % of $F_0$ at", VERMILION
-            )
 
 
 def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
