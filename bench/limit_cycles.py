@@ -3,8 +3,8 @@
     python bench/limit_cycles.py [--folds] [--short]
 
 Prints the time of `dynstiction.cycles` on Fig. 3 and how far its cycles are from those of settled runs; then for each row
-of the table in docs/maps.md the angle at which stick-slip ends, from `stick_slip_ends`, and whether two runs agree, 1e-8 of the
-angle below and above it: below it the swing settles above 5 % of F_0, above it to less. At folds, with
+of the table in docs/maps.md the angle at which stick-slip of the slow motion ends, by bisection of its cycles, and whether two runs
+agree, 1e-8 of the angle below and above it: below it the swing settles above 5 % of F_0, above it to less. At folds, with
 ``--folds`` (some minutes), stick-slip continues below the angle, and becomes steady sliding above it.
 """
 
@@ -40,9 +40,7 @@ def main() -> None:
     for velocity in VELOCITIES[3:5] if options.short else VELOCITIES:
         # A stiff axis on which the slow motion holds at every velocity.
         scene = FIG3.replace(drive={"velocity": velocity}, system={"stiffness_y": 1e10})
-        ends = ds.stick_slip_ends(scene)
-        assert ends.misalignment_deg is not None
-        at, is_fold = ends.misalignment_deg.at, ends.misalignment_deg.is_fold
+        at, is_fold = end_of_stick_slip(scene, 0.5, 25.0)
         agreement, goes_on = "", []
         if not is_fold:
             goes_on = [swings(scene, at, at * (1.0 + side * BESIDE)) for side in (-1, 1)]
@@ -52,6 +50,19 @@ def main() -> None:
             agreement = f"< {BESIDE:.0e}" if goes_on == [True, False] else f"no: {goes_on}"
         kind = "fold" if is_fold else "swing"
         print(f"{1e3 * velocity:9g} {at:16.12f} {kind:>6s} {agreement:>12s}")
+
+
+def end_of_stick_slip(scene: ds.Scene, low: float, high: float) -> tuple[float, bool]:
+    """The angle [deg] between two from which on no stable cycle of the slow motion swings by 5 % of F_0, and whether it is a fold."""
+
+    def cycles(angle: float) -> ds.Cycles:
+        return ds.cycles(scene.replace(misalignment_deg=angle), model="low_frequency")
+
+    while high - low > 1e-13 * high:
+        middle = 0.5 * (low + high)
+        goes_on = any(cycle.swing >= LEAST for cycle in cycles(middle).stable)
+        low, high = (middle, high) if goes_on else (low, middle)
+    return high, bool(cycles(high * (1.0 - 1e-6)).unstable)
 
 
 def timed(call) -> float:

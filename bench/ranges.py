@@ -17,7 +17,7 @@ from statistics import median
 import dynstiction as ds
 
 KEYS = ("system.misalignment_deg", "drive.velocity", "system.damping_x")
-LEAST_SWING, BESIDE, LENGTHS = 0.05, 0.01, (1000.0, 3000.0)
+LEAST_SWING, BESIDE, LENGTHS = 0.05, 0.01, (2000.0, 6000.0)
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ import math
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,9 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+from limit_cycles import end_of_stick_slip  # noqa: E402
+
 AUTO = Path(os.environ.get("AUTO_DIR", "/usr/lib/auto-07p"))
 
 # Fig. 3: m [kg], k_x [N/m], F_0 [N], mu_inf/mu_0, v_f [mm/s].
@@ -43,7 +47,7 @@ CLOSE = 1e-7
 
 
 def reference_values() -> dict[str, list[dict[str, float]]]:
-    """Reference values for AUTO's, from `dynstiction.stick_slip_ends` and `dynstiction.cycles`.
+    """Reference values for AUTO's, from `dynstiction.cycles` and `dynstiction.branch`.
 
     `ends` and `drive_ends` have V [mm/s] and phi [deg]; `cycles` V, phi, valley and peak of k_x u_x/F_0, period [s], multiplier.
     """
@@ -57,11 +61,9 @@ def reference_values() -> dict[str, list[dict[str, float]]]:
 
     ends = []
     for velocity in VELOCITIES:
-        end = ds.stick_slip_ends(scene(velocity, 1.0)).misalignment
-        assert end is not None
-        ends.append({"V": velocity, "phi": math.degrees(end.at)})
-    _, high = ds.stick_slip_ends(scene(75.0, 3.5)).velocity
-    assert high is not None
+        angle, _ = end_of_stick_slip(scene(velocity, 1.0), 0.5, 25.0)
+        ends.append({"V": velocity, "phi": angle})
+    (high,) = ds.branch(scene(75.0, 3.5), "drive.velocity", 0.05, 0.15, model="low_frequency").special("fold")
     cycles = [
         {
             "V": velocity,
@@ -74,7 +76,7 @@ def reference_values() -> dict[str, list[dict[str, float]]]:
         for velocity, angle in ((75.0, 3.5), (1.0, 1.0))
         for cycle in reversed(ds.cycles(scene(velocity, angle), model="low_frequency").cycles)
     ]
-    return {"ends": ends, "drive_ends": [{"V": 1e3 * high.at, "phi": 3.5}], "cycles": cycles}
+    return {"ends": ends, "drive_ends": [{"V": 1e3 * high.value, "phi": 3.5}], "cycles": cycles}
 
 
 @dataclass

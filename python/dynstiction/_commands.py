@@ -212,12 +212,6 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     )
     _trace(add)
     add(
-        "--displacement",
-        metavar="COLUMN",
-        type=_column,
-        help="the same for the displacement along the pull, if it was measured",
-    )
-    add(
         "--lateral", metavar="COLUMN", type=_column, help="the same for the lateral force, if it was measured"
     )
     _output(add, "FIGURE", "default: TRACE with _compared.png, in the current folder; also .pdf, .svg")
@@ -324,6 +318,12 @@ def _trace(add: Callable[..., Any]) -> None:
         metavar="COLUMN",
         type=_column,
         help="the same for the force along the pull; default: force, or 1",
+    )
+    add(
+        "--displacement",
+        metavar="COLUMN",
+        type=_column,
+        help="the same for the displacement along the pull, if it was measured",
     )
     add(
         "--unit",

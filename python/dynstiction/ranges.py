@@ -36,8 +36,8 @@ LEAST_SWING = 0.05
 """Swing of k_x u_x over F_0 from which on a motion is stick-slip."""
 FIRST_STEP, MOST = 1.2, 1e3
 """The first neighbour of a value that is tried, and the last, over the value; each step is FIRST_STEP times longer in ratio."""
-ACCURACY = 1e-4
-"""Relative accuracy of an end."""
+ACCURACY, JUMP_ACCURACY = 1e-4, 3e-4
+"""Relative accuracy of an end, and of one at which the swing jumps."""
 JUMP = 2.0
 """Swing on the inner side of an end over LEAST_SWING above which stick-slip ends in a jump."""
 
@@ -49,7 +49,7 @@ class KeyRange(NamedTuple):
     units: str
     value: float
     stick_slip: tuple[float, float]
-    """Nearest values below and above at which stick-slip ends (or begins, if the scene has none), to 1e-4; NaN if there is none."""
+    """Nearest values below and above at which stick-slip ends (or begins, if the scene has none), to 3e-4; NaN if there is none."""
     jumps: tuple[bool, bool]
     """Whether its swing jumps there: then stick-slip and sliding may both be stable, and the end is that of a motion from rest."""
     sliding: tuple[float, float]
@@ -109,7 +109,7 @@ def stick_slip_range(
 
     Every friction law, dampers and ``mu_static`` are those of the scene; nothing is assumed about its motion. Each value is a run from
     rest until it has settled; values are tried at growing distance up to a thousand times the scene's, and where the swing first passes
-    5 % of F_0 is found to 1e-4 as a root. A value that the deck refuses, or at which a run takes more than half a million steps, ends
+    5 % of F_0 is found to 1e-4 as a root, to 3e-4 where it jumps. A value that the deck refuses, or at which a run takes more than half a million steps, ends
     the search.
 
     Parameters
@@ -255,18 +255,28 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks:
         return rig.growth({name: at})
 
     last = 90.0 if name == KEYS[0] else math.inf
-    end, reached = _nearest(excess, sticks, value, begin, side, last)
+    end, reached = _nearest(excess, sticks, value, begin, side, last, JUMP * LEAST_SWING)
     sliding, _ = _nearest(growth, not slides, value, begin, side, last)
     beside = [
-        swing for at, swing in swings.items() if swing >= LEAST_SWING and abs(at / end - 1.0) < 3.0 * ACCURACY
+        swing
+        for at, swing in swings.items()
+        if swing >= LEAST_SWING and abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY
     ]
     return _Side(end, bool(beside) and min(beside) > JUMP * LEAST_SWING, sliding, reached)
 
 
 def _nearest(
-    function: Callable[[float], float], is_positive: bool, value: float, begin: float, side: int, last: float
+    function: Callable[[float], float],
+    is_positive: bool,
+    value: float,
+    begin: float,
+    side: int,
+    last: float,
+    gap: float = math.inf,
 ) -> tuple[float, float]:
-    """The nearest change of the sign of a function on one side of a value, NaN if there is none, and how far was searched."""
+    """The nearest change of the sign of a function on one side of a value, NaN if there is none, and how far was searched; values of the
+    function that differ by more than `gap` say only where it changes.
+    """
     from scipy.optimize import brentq  # noqa: PLC0415
 
     reached, known = value, {}
@@ -283,10 +293,19 @@ def _nearest(
             at = begin * ratio**side
             if ratio >= MOST or at >= last:
                 return math.nan, reached
-            if (seen(at) >= 0.0) != is_positive:
-                end = brentq(seen, reached, at, xtol=1e-300, rtol=0.5 * ACCURACY)
-                return float(end), at
-            reached = at
+            if (seen(at) >= 0.0) == is_positive:
+                reached = at
+                continue
+            inside, outside = reached, at
+            while abs(seen(inside) - seen(outside)) > gap:
+                # The line between both says little.
+                middle = 0.5 * (inside + outside)
+                if abs(outside - inside) < 2.0 * JUMP_ACCURACY * middle:
+                    return middle, at
+                inside, outside = (
+                    (middle, outside) if (seen(middle) >= 0.0) == is_positive else (inside, middle)
+                )
+            return float(brentq(seen, inside, outside, xtol=1e-300, rtol=0.5 * ACCURACY)), at
     except (DeckError, SolverError, UsageError):
         # Beyond what the key may be, or what the solver can do.
         pass

@@ -111,6 +111,8 @@ class Fit:
         Mean of the cycles, and its errors.
     fitted : ndarray, shape (n,)
         Force of the model in the bins of the waveform [N].
+    ahead : ndarray, shape (k,)
+        How far the object of the model is ahead of the drive in the creep [m], as in the waveform; empty without a measured displacement.
     period : float
         The model's period [s].
     notes : tuple of str
@@ -130,6 +132,7 @@ class Fit:
     cycles: TraceCycles
     waveform: Waveform
     fitted: _Floats
+    ahead: _Floats
     period: float
     notes: tuple[str, ...]
     evaluations: int
@@ -227,7 +230,7 @@ def fit(
     rng: int | np.random.Generator | None = 0,
     progress: bool | None = None,
 ) -> Fit:
-    """Find the parameters of a scene from a force trace.
+    """Find the parameters of a scene from a trace.
 
     The mean waveform of the trace's cycles and their period are fitted, first with the slow model, which takes a millisecond for
     each run. Then the difference between the scene's own model and the slow one is added, and the fit is repeated until neither
@@ -238,7 +241,7 @@ def fit(
     scene : str, PathLike or Scene
         The rig: its known parameters, and initial values of the free ones. The drive velocity must be constant.
     trace : Trace
-        Force along the pull, from `read_trace`.
+        Force along the pull, from `read_trace`; a displacement in it is fitted, too.
     free : sequence of str, or str
         Parameters to be found, ``group.key``; in a string they are separated by commas.
     starts : int
@@ -266,8 +269,7 @@ def fit(
     Warns
     -----
     FitWarning
-        If the model does not explain the trace, the trace does not determine a parameter, or it has a displacement, which
-        `fit_creep` uses.
+        If the model does not explain the trace, or the trace does not determine a parameter.
 
     Notes
     -----
@@ -277,12 +279,6 @@ def fit(
     """
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
-    if trace.displacement is not None:
-        warnings.warn(
-            "the displacement of the trace is not used: give one stick of it to fit_creep",
-            FitWarning,
-            stacklevel=2,
-        )
     problem = _problem(Scene(scene), trace, free)
     with progress_bar(progress, 1.0, BAR) as show:
         return problem.solve(starts, generator(rng), show)
@@ -509,14 +505,15 @@ class _Problem:
         p = len(self.names)
         weights = weights_of(wave, 0.0)
         inverse = np.linalg.inv(_normal(jacobian))
-        influence = (wave.cycles - wave.mean) * weights[:-1] @ jacobian[:-1] @ inverse
+        mean = wave.rows.mean(axis=0)
+        influence = (wave.rows - mean) * weights[:-1] @ jacobian[:-1] @ inverse
         n = len(wave.cycles)
         covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(
             inverse @ jacobian[-1], inverse @ jacobian[-1]
         )
-        residual = (wave.mean - values[:-1]) * weights[:-1]
-        explained = float(np.sum(wave.cycles.var(axis=0, ddof=1) / n * weights[:-1] ** 2))
-        used = int(np.count_nonzero(wave.used))
+        residual = (mean - values[:-1]) * weights[:-1]
+        explained = float(np.sum(wave.rows.var(axis=0, ddof=1) / n * weights[:-1] ** 2))
+        used = int(np.count_nonzero(wave.counts))
         misfit = float(residual @ residual) / explained * used / max(used - p - 1, 1)
         chance = float(f.sf(misfit, max(used - p - 1, 1), used * (n - 1)))
         covariance *= max(1.0, misfit)
@@ -560,7 +557,7 @@ class _Problem:
             chance,
             self.cycles,
             wave,
-            values[:-1],
+            *np.split(values[:-1], [wave.error.size]),
             float(values[-1]),
             tuple(notes),
             count,
@@ -648,7 +645,7 @@ def _problem(scene: Scene, trace: Trace, free: Sequence[str] | str) -> _Problem:
     begin = np.array(
         [values[name.partition(".")[0]][name.partition(".")[2]] for name in names], dtype=np.float64
     )
-    return _Problem(scene, names, begin, cycles, waveform_of(trace, cycles))
+    return _Problem(scene, names, begin, cycles, waveform_of(trace, cycles, abs(steady_velocity(scene))))
 
 
 def _given(scene: Scene, name: str) -> bool:

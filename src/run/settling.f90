@@ -19,11 +19,12 @@ module dst_settling
   public :: settling_t
 
   !> How long a motion is followed, one after the other, in times to load the spring up to F_0 and to oscillate once. One that does not
-  !> repeat, but whose swing has fallen by no more than a share since the time before, is followed no longer than the third, and no longer
-  !> than that if it swings clearly: by so many times the least swing of stick-slip. Conventions.
-  real(wp), parameter :: lengths(5) = [10.0_wp, 30.0_wp, 100.0_wp, 300.0_wp, 1000.0_wp]
+  !> repeat, but whose swing has fallen by no more than `lasting` since the time before, is followed no longer than the third, and no
+  !> longer than that if it swings clearly: by so many times the least swing of stick-slip. One whose swing has fallen by more than
+  !> `dying` is not followed beyond the last but one. Conventions.
+  real(wp), parameter :: lengths(6) = [10.0_wp, 30.0_wp, 100.0_wp, 300.0_wp, 1000.0_wp, 3000.0_wp]
   integer, parameter :: long_enough = 3
-  real(wp), parameter :: lasting = 1.0e-3_wp, clearly = 2.0_wp
+  real(wp), parameter :: lasting = 1.0e-3_wp, dying = 0.2_wp, clearly = 2.0_wp
   !> Accuracy of the motion, and of the agreement of its cycles. Conventions.
   real(wp), parameter :: rtol = 1.0e-6_wp, agreement = 1.0e-6_wp
   !> Steps of a run, some seconds. Convention.
@@ -98,6 +99,7 @@ contains
     type(outcome_t) :: outcome
     real(wp) :: before
     integer :: verdict
+    logical :: is_last
 
     call self%simulation%proceed(seconds, self%writer, error)
     if (.not. self%simulation%finished) return
@@ -116,7 +118,9 @@ contains
     if (.not. ieee_is_nan(outcome%summary_of('regularity'))) verdict = nint(outcome%summary_of('regularity'))
     ! Neighbours that come closer may yet go far together.
     if (verdict == regular .and. .not. outcome%summary_of('repeats') > 0.0_wp) verdict = undecided
-    associate (is_last => self%turn == size(lengths), lasts => self%swing >= (1.0_wp - lasting)*before .and. self%turn > 1)
+    is_last = self%turn == size(lengths)
+    if (self%turn == size(lengths) - 1) is_last = self%swing < (1.0_wp - dying)*before
+    associate (lasts => self%swing >= (1.0_wp - lasting)*before .and. self%turn > 1)
       if (verdict == regular) then
         self%is_finished = .true.
       else if (verdict == steady_sliding .or. (verdict == ringing_down .and. .not. self%stick_slips())) then

@@ -25,13 +25,11 @@ def cascade() -> ds.Branches:
 
 
 def test_a_fold_and_an_end_are_those_of_other_methods() -> None:
-    """The fold of the slow motion as `stick_slip_ends` finds it, the end in sliding as the eigenvalues say."""
+    """The fold of the slow motion as AUTO-07p finds it, the end in sliding as the theory says."""
     (found,) = ds.branch(SLOW, "misalignment_deg", 1.0, 6.0).branches
-    ends = ds.stick_slip_ends(FIG3.replace(velocity=0.075))
     assert kinds(found) == ["border", "fold", "sliding"]
-    assert ends.misalignment_deg is not None
-    assert found.points[1].value == pytest.approx(ends.misalignment_deg.at, rel=1e-9)
-    assert found.points[2].value == pytest.approx(ends.critical_misalignment_deg, rel=1e-9)
+    assert found.points[1].value == pytest.approx(4.3832563823545, rel=1e-9)
+    assert found.points[2].value == pytest.approx(ds.critical_misalignment(FIG3.replace(velocity=0.075)).limit, rel=1e-9)
     fold = int(np.argmax(found.values))
     assert found.stable[1:fold].all() and not found.stable[fold + 1 : -1].any()
 
@@ -89,15 +87,14 @@ def test_a_cycle_without_rest_ends_a_branch() -> None:
     assert found.stable.all()
 
 
-def test_a_curve_of_folds_is_that_of_the_ends() -> None:
+def test_a_curve_of_folds_is_that_of_branches() -> None:
     found = ds.branch(SLOW, "misalignment_deg", 3.0, 6.0)
     (fold,) = found.special("fold")
     speeds = [0.075, 0.08, 0.09, 0.1]
     curve = ds.fold_curve(SLOW, found, fold, "drive.velocity", speeds)
     for speed, at in zip(speeds, curve, strict=True):
-        end = ds.stick_slip_ends(FIG3.replace(velocity=speed)).misalignment_deg
-        assert end is not None and end.is_fold
-        assert at == pytest.approx(end.at, rel=1e-8)
+        (there,) = ds.branch(SLOW.replace(velocity=speed), "misalignment_deg", 2.0, 6.0).special("fold")
+        assert at == pytest.approx(there.value, rel=1e-8)
     with pytest.raises(ds.UsageError, match="follows a fold or a doubling"):
         ds.fold_curve(SLOW, found, found.branches[0].points[0], "drive.velocity", speeds)
 
@@ -105,8 +102,8 @@ def test_a_curve_of_folds_is_that_of_the_ends() -> None:
 @pytest.mark.parametrize(
     ("key", "ends", "text"),
     [
-        ("model", (1.0, 2.0), "no branch over 'model': name a real number of the deck"),
-        ("system.phi", (1.0, 2.0), "no branch over 'system.phi'"),
+        ("model", (1.0, 2.0), "'model' is no real number of the deck"),
+        ("system.phi", (1.0, 2.0), "'system.phi' is no real number of the deck"),
         ("misalignment_deg", (2.0, 1.0), "start = 2, end = 1: a range goes from a number to a larger one"),
     ],
 )

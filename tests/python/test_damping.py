@@ -536,8 +536,6 @@ def test_what_knows_no_dampers_says_so(model: str) -> None:
     given = scene({"system": {"damping_x": 1.0, **change}}, model=model)
     with pytest.raises(ds.Error, match="damping_x"):
         ds.cycles(given, model="low_frequency")
-    with pytest.raises(ds.Error, match="damping_x"):
-        ds.stick_slip_ends(given)
 
 
 def test_auto_is_full() -> None:

@@ -418,7 +418,6 @@ def test_every_numerical_function_is_tried() -> None:
         "derivatives",
         "fold_curve",
         "sensitivity",
-        "stick_slip_ends",
         "stick_slip_range",
         "slip_problem",
     }

@@ -12,7 +12,6 @@ import pytest
 from dynstiction import plot
 from dynstiction._native import Info
 from dynstiction.plot.paper import deck
-from dynstiction.plot.style import VERMILION
 from dynstiction.record import LOG_DTYPE
 from matplotlib import image
 from matplotlib.figure import Figure
@@ -409,15 +408,6 @@ def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> Non
         np.testing.assert_array_equal(there, (line[:, 0] > limit[0, 0]) == is_stable)
         np.testing.assert_allclose(line[there, 1], (1.5 + 0.5 * np.exp(-0.1)) * np.cos(np.radians(line[there, 0])))
     assert_readable_in_one_column(figure, units=False)
-
-
-@pytest.mark.parametrize(("stiffness", "ends"), [(1e7, 1), (2e3, 0)])
-def test_a_diagram_has_an_end_of_stick_slip_where_the_slow_motion_holds(stiffness: float, ends: int) -> None:
-    pytest.importorskip("xarray")
-    angles = {"system.misalignment_deg": [7.0, 9.0]}
-    data = ds.sweep(INPUTS / "fig3.nml", angles, system={"stiffness_y": stiffness}, scene={"t_end": 0.1}, threads=1)
-    lines = plot.draw(data, "map").axes[0].lines
-    assert [line.get_xdata()[0] for line in lines if line.get_color() == VERMILION] == [pytest.approx(8.184, abs=1e-3)] * ends
 
 
 def test_a_bifurcation_diagram_over_the_velocity_is_logarithmic(cycles) -> None:

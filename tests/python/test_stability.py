@@ -52,7 +52,7 @@ def test_table_of_fig3(stability):
     assert value(table, "Lambda") == pytest.approx(3623.9, abs=0.05)
     assert value(table, "zeta at theta = phi") == pytest.approx(0.01926, abs=5e-6)
     assert value(table, "theta*") == pytest.approx(3.733, abs=5e-4)
-    assert "steady sliding is                 not stable" in table
+    assert table.splitlines()[1] == "stick-slip (the load swings by 0.824 N, 41 % of mu_0 W); steady sliding is not stable"
     rows = re.findall(r"^ +[1-4]((?: +[-+.e0-9]+){4})$", table, re.MULTILINE)
     assert len(rows) == 4
     growth, rate, frequency, damping = np.array([row.split() for row in rows], dtype=float).T
@@ -67,7 +67,7 @@ def test_table_of_fig3(stability):
 )
 def test_table_gives_the_verdict(angle, verdict, stability):
     table = stability(f"system.misalignment_deg={angle}").stdout
-    assert re.search(rf"^steady sliding is +{verdict}$", table, re.MULTILINE)
+    assert re.search(rf"; steady sliding is {verdict}$", table, re.MULTILINE)
 
 
 @pytest.mark.deck
@@ -97,7 +97,7 @@ def test_table_where_eq_10_has_no_value(stability):
 def test_each_held_velocity_has_a_table(stability):
     profile = ["drive.time=0,1,1,2,3,4", "drive.velocity=1e-3,1e-3,0,0,-1e-3,5e-3"]
     table = stability(*profile).stdout
-    assert re.findall(r"steady sliding at V = (\S+) m/s", table) == ["0.001", "0.005"]
+    assert re.findall(r": at V = (\S+) m/s", table) == ["0.001", "0.005"]
     assert table.startswith(stability().stdout)
 
 

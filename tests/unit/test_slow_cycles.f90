@@ -1,4 +1,4 @@
-!> The map of the slow motion, its cycles and their ends, and the estimate of a Lyapunov exponent.
+!> The map of the slow motion and its cycles, and the estimate of a Lyapunov exponent.
 program test_slow_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use checks, only: check, check_close, finish
@@ -6,17 +6,14 @@ program test_slow_cycles
   use dst_divergence, only: divergence_t, regular, irregular, undecided
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
-  use dst_kinds, only: wp, degree
+  use dst_kinds, only: wp
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
-  use dst_slow_ends, only: slow_end_t, misalignment_end, velocity_end, ends_at_fold, ends_small
-  use dst_small_cycles, only: bautin_point, critical_velocities
   use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   implicit none
 
   call check_slope()
   call check_cycles()
-  call check_ends()
   call check_derivative()
   call check_estimate()
   call finish()
@@ -76,29 +73,6 @@ contains
     call find_slow_cycles(map, cycles, error)
     call check('a pair just before the fold', size(cycles) == 2)
   end subroutine check_cycles
-
-  subroutine check_ends()
-    type(slow_end_t) :: end
-    type(error_t), allocatable :: error
-    type(slider_t) :: slider
-    real(wp) :: velocity(2), angle
-    logical :: exists
-
-    slider = slider_at(3.5_wp)
-    call misalignment_end(slider, 0.075_wp, 2.129_wp*degree, end, error)
-    call check('a fold', end%kind == ends_at_fold)
-    call check_close('at 75 mm/s', end%at/degree, 4.38325638235_wp, 1.0e-10_wp)
-    call check_close('its multiplier is 1', end%cycle%log_multiplier, 0.0_wp, 1.0e-9_wp)
-    call misalignment_end(slider, 0.001_wp, 8.655_wp*degree, end, error)
-    call check('a small swing', end%kind == ends_small)
-    call check_close('at 1 mm/s', end%at/degree, 8.18422726699_wp, 1.0e-10_wp)
-    call critical_velocities(slider, velocity, exists)
-    call velocity_end(slider, velocity(2), 1.0_wp, end, error)
-    call check_close('fold at 3.5 degrees', end%at, 0.0925838509277_wp, 1.0e-11_wp)
-    call bautin_point(slider%law, velocity(1), angle, exists)
-    call check_close('Bautin point', velocity(1), 0.0360403_wp, 1.0e-7_wp)
-    call check_close('its angle', angle/degree, 10.20385_wp, 1.0e-5_wp)
-  end subroutine check_ends
 
   !> The derivative of T_0 + 2 T_1 + 3 T_2 + 4 T_3 is 2 + 12 x + 12 (4 x^2 - 1).
   subroutine check_derivative()

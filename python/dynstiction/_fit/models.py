@@ -14,7 +14,7 @@ from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene, used_settings
 from ..trace import pull_force
-from .waveform import Waveform, bin_means
+from .waveform import Waveform, bin_means, centred
 
 __all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_scene", "steady_velocity"]
 
@@ -47,20 +47,22 @@ def slow_scene(scene: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A force that repeats: its integral from `begin` on, over one period."""
+    """Quantities that repeat: their integrals from `begin` on, over one period."""
 
     begin: float
     period: float
     slip: float
-    integral: Callable[[_Floats], _Floats]
 
-    def means(self, wave: Waveform, delay: float) -> _Floats:
-        """Mean forces over the bins of a waveform, at the same phases, followed by the period."""
-        edges = wave.edges * (self.period / wave.period) + self.slip + delay
+    def means(
+        self, wave: Waveform, bins: _Floats, delay: float, integral: Callable[[_Floats], _Floats]
+    ) -> _Floats:
+        """Means of a quantity over bins of a waveform, at the same phases."""
+        edges = bins * (self.period / wave.period) + self.slip + delay
         turns = np.floor((edges - self.begin) / self.period)
-        whole = self.integral(np.array([self.begin + self.period]))[0]
-        total = self.integral(edges - turns * self.period) + turns * whole
-        return np.append(np.diff(total) / np.diff(edges), self.period)
+        whole = integral(np.array([self.begin + self.period]))[0]
+        total = integral(edges - turns * self.period) + turns * whole
+        means: _Floats = np.diff(total) / np.diff(edges)
+        return means
 
 
 def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
@@ -77,8 +79,9 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
 
     Returns
     -------
-    ndarray, shape (n + 1,)
-        Mean force of each bin [N], and the period [s].
+    ndarray, shape (n + k + 1,)
+        Mean force of each bin [N], how far the object is ahead of the drive in the bins of the creep [m] if the waveform has it, and the
+        period [s].
 
     Raises
     ------
@@ -112,7 +115,16 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
         total: _Floats = load_integral(t) + rest_integral(t) - load_integral(begin) - rest_integral(begin)
         return total
 
-    return _Curve(begin, period, slip, integral).means(wave, delay)
+    def ahead(t: _Floats) -> _Floats:
+        # X - V t = -u_x cos(phi) along the pull.
+        way: _Floats = (load_integral(t) - load_integral(begin)) / -float(scene.system.stiffness_x or 0.0)
+        return way
+
+    curve = _Curve(begin, period, slip)
+    means = [curve.means(wave, wave.edges, delay, integral)]
+    if wave.ahead is not None:
+        means.append(centred(curve.means(wave, wave.creep_edges, delay, ahead)))
+    return np.append(np.hstack(means), period)
 
 
 def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
@@ -125,7 +137,7 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
         times=np.arange(begin, end, wave.interval / FINER),
         progress=False,
         scene={"settle": 0.0, "t_end": end},
-        output={"fields": ["spring_force_x", "pull_force"]},
+        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.ahead is not None))]},
     )
     time = fine.time
     cosine, velocity = _geometry(scene)
@@ -138,7 +150,17 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     inside = slips[(slips + edges[0] >= begin) & (slips + edges[-1] <= end)]
     if inside.size == 0:
         raise NoCycleError("no whole cycle is found")
-    return np.append(bin_means(time, force, edges + inside[-1]), period)
+    edges = edges + inside[-1]
+    means = [bin_means(time, force, edges)]
+    if wave.ahead is not None:
+        means.append(
+            centred(
+                bin_means(
+                    time, np.sign(velocity) * (fine["X"] - velocity * time), edges[: wave.creep_edges.size]
+                )
+            )
+        )
+    return np.append(np.hstack(means), period)
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:

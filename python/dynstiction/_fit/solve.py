@@ -54,7 +54,7 @@ def residuals(
     model: Model, wave: Waveform, weights: _Floats, offset: _Floats | float = 0.0
 ) -> Callable[[_Floats], _Floats]:
     """Weighted difference of a model and a waveform at z; 0 for bins that are not used."""
-    measured = np.append(wave.mean, wave.period)
+    measured = np.append(wave.rows.mean(axis=0), wave.period)
 
     def at(z: _Floats) -> _Floats:
         try:
@@ -69,7 +69,7 @@ def residuals(
 
 def weights_of(wave: Waveform, coarse: float) -> _Floats:
     """Inverse errors of the bins and of the period, with shares of the swing and of the period added to the errors."""
-    bins = wave.used / np.hypot(wave.error, coarse * wave.swing)
+    bins = wave.counts / np.hypot(wave.errors, coarse * wave.sizes)
     return np.append(bins, 1.0 / np.hypot(wave.period_error, coarse * wave.period))
 
 

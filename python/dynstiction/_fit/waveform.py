@@ -1,4 +1,6 @@
-"""The mean waveform of a force trace around its slips, as means over bins; the same for a measurement and for a model."""
+"""The mean waveform of a trace around its slips, as means over bins: of the force, and of the displacement if it was measured; the same
+for a measurement and for a model.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from ..errors import UsageError
 from ..trace import Trace
 from ..trace_cycles import TraceCycles
 
-__all__ = ["Waveform", "bin_means", "waveform_of"]
+__all__ = ["Waveform", "bin_means", "centred", "waveform_of"]
 
 _Floats = NDArray[np.float64]
 
@@ -26,13 +28,17 @@ SLIP_BINS = 25
 CORNER = 0.1
 """Share of the fall that is left out around the valley, where the force along the pull jumps with the direction of friction and
 oscillates."""
+CREEP_ENDS = 1.5
+"""The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors."""
+NORMAL_MEDIAN = 0.6745
+"""Median of the size of a normal variable, over its standard deviation."""
 SMOOTHED = 2
 """Number of bins on either side over which the scatter of a bin is averaged."""
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """Force over one stick-slip cycle, and its period.
+    """Force over one stick-slip cycle, and its period; and how far the object is ahead of the drive, if that was measured.
 
     Attributes
     ----------
@@ -50,6 +56,10 @@ class Waveform:
         Time in which the force falls from 85 % to 15 % of its swing [s].
     interval : float
         Time between two samples [s].
+    ahead : ndarray, shape (cycles, k), or None
+        Mean over each of the first k bins, the creep, of the displacement minus that of the drive, minus its mean over these bins [m].
+    ahead_error : ndarray, shape (k,), or None
+        Standard error of its mean over the cycles [m].
     """
 
     edges: _Floats
@@ -60,6 +70,36 @@ class Waveform:
     period_error: float
     fall: float
     interval: float
+    ahead: _Floats | None = None
+    ahead_error: _Floats | None = None
+
+    @property
+    def rows(self) -> _Floats:
+        """What is fitted, of each cycle: the force, followed by the displacement in the creep, since how it slips is in the force."""
+        return self.cycles if self.ahead is None else np.hstack([self.cycles, self.ahead])
+
+    @property
+    def errors(self) -> _Floats:
+        """Standard errors of the means of `rows`."""
+        return self.error if self.ahead_error is None else np.append(self.error, self.ahead_error)
+
+    @property
+    def counts(self) -> NDArray[np.bool_]:
+        """Which of `rows` count in a fit."""
+        return np.append(self.used, np.full(self.errors.size - self.error.size, True))
+
+    @property
+    def sizes(self) -> _Floats:
+        """Swing of the quantity of each of `rows`."""
+        force = np.full(self.error.size, self.swing)
+        if self.ahead is None:
+            return force
+        return np.append(force, np.full(self.ahead.shape[1], np.ptp(self.ahead.mean(axis=0))))
+
+    @property
+    def creep_edges(self) -> _Floats:
+        """Edges of the bins of the displacement [s]."""
+        return self.edges[: 0 if self.ahead is None else self.ahead.shape[1] + 1]
 
     @property
     def mean(self) -> _Floats:
@@ -104,7 +144,13 @@ def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
     return means
 
 
-def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
+def centred(values: _Floats) -> _Floats:
+    """Without the mean over the bins (last axis): only changes of a displacement are compared."""
+    rest: _Floats = values - values.mean(axis=-1, keepdims=True)
+    return rest
+
+
+def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     """Waveform of a trace.
 
     Parameters
@@ -113,6 +159,8 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
         The trace.
     cycles : TraceCycles
         Its cycles, from `find_cycles`.
+    velocity : float
+        |V| [m/s].
 
     Raises
     ------
@@ -130,8 +178,13 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
             f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: a fit needs at least {FEWEST}"
         )
     rows = np.array([bin_means(time, force, edges + slip) for slip in whole])
-    white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
-    scatter = _smoothed(rows.var(axis=0, ddof=1))
+    ahead = ahead_error = None
+    if trace.displacement is not None:
+        way, creep = trace.displacement - velocity * time, edges[edges < -CREEP_ENDS * fall]
+        ahead = centred(np.array([bin_means(time, way, creep + slip) for slip in whole]))
+        # Second differences show the noise alone.
+        bends = np.abs(np.diff(way, 2))
+        ahead_error = _error(ahead, float(np.median(bends)) / NORMAL_MEDIAN / np.sqrt(6.0), creep, interval)
     middle = 0.5 * (edges[1:] + edges[:-1])
     mean = rows.mean(axis=0)
     after = np.flatnonzero(middle > 0.0)
@@ -139,13 +192,22 @@ def waveform_of(trace: Trace, cycles: TraceCycles) -> Waveform:
     return Waveform(
         edges,
         rows,
-        np.sqrt(np.maximum(white, scatter) / len(whole)),
+        _error(rows, noise, edges, interval),
         np.abs(middle - valley) > max(3.0 * interval, CORNER * fall),
         period,
         _period_error(np.diff(slips), period),
         fall,
         interval,
+        ahead,
+        ahead_error,
     )
+
+
+def _error(rows: _Floats, noise: float, edges: _Floats, interval: float) -> _Floats:
+    """Standard error of the mean over cycles, from their scatter and from the noise of the samples."""
+    white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
+    error: _Floats = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
+    return error
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:

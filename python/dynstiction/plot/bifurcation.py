@@ -12,7 +12,7 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from .._native import group_of
-from ..errors import Error, UsageError
+from ..errors import UsageError
 from ..stability import critical_misalignment
 from .notation import PARAMETERS, with_unit
 from .samples import Floats

@@ -18,7 +18,7 @@ __all__ = ["draw_fit", "fit_figure"]
 
 AROUND = 2.5
 """Time that is shown before and after the middle of the slip, in durations of the fall."""
-MILLI = 1e3
+MILLI, MICRO = 1e3, 1e6
 
 
 def fit_figure(fit: Fit) -> Figure:
@@ -27,10 +27,19 @@ def fit_figure(fit: Fit) -> Figure:
 
 
 def draw_fit(fit: Fit, figure: Figure) -> None:
-    """(a) Mean force over a cycle, (b) around the slip, (c) residuals in standard errors over both."""
-    figure.set_size_inches(COLUMN_WIDTH, 130.0 * MM)
-    cycle, slip, residual = figure.subplots(3, 1, height_ratios=(3.0, 3.0, 2.0))
+    """Mean force over a cycle and around the slip, displacement in the creep if it was measured, residuals in standard errors."""
     wave = fit.waveform
+    has_way = wave.ahead is not None
+    figure.set_size_inches(COLUMN_WIDTH, (170.0 if has_way else 130.0) * MM)
+    axes = figure.subplots(3 + has_way, 1, height_ratios=(3.0, 3.0, *([3.0] * has_way), 2.0))
+    cycle, slip, residual = axes[0], axes[1], axes[-1]
+    if wave.ahead is not None:
+        time = wave.time[: fit.ahead.size]
+        axes[2].plot(time, MICRO * wave.ahead.mean(axis=0), ".", color=BLUE, markersize=2.5)
+        axes[2].plot(time, MICRO * fit.ahead, color=VERMILION)
+        axes[2].set_ylabel("$X - V t$ [µm]")
+        axes[2].set_xlabel("time from the slip [s]")
+        axes[2].margins(y=0.08)
     _draw(cycle, fit, wave.time, 1.0)
     cycle.set_xlim(wave.edges[0], wave.edges[-1])
     cycle.set_xlabel("time from the slip [s]")
@@ -39,14 +48,14 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     near = AROUND * wave.fall
     slip.set_xlim(MILLI * max(-near, wave.edges[0]), MILLI * min(near, wave.edges[-1]))
     slip.set_xlabel("time from the slip [ms]")
-    off = (wave.mean - fit.fitted) / wave.error
-    residual.plot(np.arange(off.size), np.where(wave.used, off, np.nan), ".", color=BLUE, markersize=2.5)
+    off = (wave.rows.mean(axis=0) - np.append(fit.fitted, fit.ahead)) / wave.errors
+    residual.plot(np.arange(off.size), np.where(wave.counts, off, np.nan), ".", color=BLUE, markersize=2.5)
     for level in (-2.0, 0.0, 2.0):
         residual.axhline(level, color="black", linewidth=0.4, linestyle="-" if level == 0.0 else ":")
     residual.set_ylabel("residual / error")
-    residual.set_xlabel("bin, in the order of time")
+    residual.set_xlabel("bin, in the order of time" + (", force and displacement" if has_way else ""))
     residual.set_xlim(0, off.size)
-    for axis, letter in ((cycle, "a"), (slip, "b"), (residual, "c")):
+    for axis, letter in zip(axes, "abcd", strict=False):
         axis.set_title(f"({letter})", loc="left", fontsize=8.0, fontweight="bold")
 
 
