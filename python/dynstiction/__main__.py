@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
 
+UNEXPLAINED = 6
+"""Exit status of a fit that does not explain its trace."""
 READER_GONE = 141
 """Exit status when the reader of the output has ended, as for a program that is ended by SIGPIPE."""
 
@@ -158,8 +160,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
             if given[:1] == ["help"]:
                 given = [*(word for word in given[1:] if word != "python"), "--help"]
             options = parser.parse_all(given)
-            COMMANDS[options.name](options)
-            return 0
+            return COMMANDS[options.name](options) or 0
     except _ReaderGoneError:
         return READER_GONE
     except Error as error:
@@ -323,9 +324,9 @@ def _compare(options: argparse.Namespace) -> None:
     _say(printable(str(output)))
 
 
-def _fit(options: argparse.Namespace) -> None:
+def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
-    from .trace_fit import fit  # noqa: PLC0415
+    from .trace_fit import fit, verdict  # noqa: PLC0415
 
     stem = Path(options.trace).stem
     deck = options.fitted or Path(f"{stem}_fitted.nml")
@@ -335,18 +336,16 @@ def _fit(options: argparse.Namespace) -> None:
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
-        found = fit(
-            Scene.of_command(options.deck, options.set),
-            _trace(options),
-            options.free,
-            starts=options.starts,
-            rng=options.seed,
-        )
+        given, trace = Scene.of_command(options.deck, options.set), _trace(options)
+        found = fit(given, trace, options.free, starts=options.starts, rng=options.seed)
+        explains, words = verdict(found, given, trace)
+    _say(words)
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
     write(found.plot(), output, overwrite=options.overwrite)
     _say(printable(str(deck)))
     _say(printable(str(output)))
+    return 0 if explains else UNEXPLAINED
 
 
 def _report(options: argparse.Namespace) -> None:
@@ -473,7 +472,7 @@ def _warnings_in_one_line() -> Iterator[None]:
 PAGES = (".html", ".htm")
 """Suffixes of a report."""
 
-COMMANDS = {
+COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "plot": _plot,
     "report": _report,
     "export": _export,

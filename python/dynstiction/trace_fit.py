@@ -21,12 +21,13 @@ from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
+from .trace_comparison import compare
 from .trace_cycles import TraceCycles, find_cycles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "fit"]
+__all__ = ["Fit", "FittedParameter", "fit", "verdict"]
 
 _Floats = NDArray[np.float64]
 
@@ -36,14 +37,18 @@ SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 COARSE = (0.02, 0.005, 0.001)
 """Errors relative to swing and period that are added, one fit after another."""
+COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
+"""The same for fits of the scene's own model by itself."""
+NEAR = 100.0
+"""Misfit below which a fit begins with the errors of the trace."""
 CORRECTIONS = 6
 """Largest number of times that the difference between the full model and the slow one is computed."""
 CORRECTED = 0.1
 """Change of a parameter, in standard errors, below which this ends."""
 MISFIT = 1e-4
 """Probability of such a misfit by chance, below which there is a note."""
-BROAD_STEP = 0.02
-"""Change of a logarithm for a derivative of the full model, whose runs are sampled."""
+BROAD_STEP, OWN_STEP = 0.02, 5e-3
+"""Changes of a logarithm for a derivative of the full model, whose runs are sampled."""
 RANDOM_STARTS = 6
 WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
 LAW_STEP = 0.01
@@ -358,17 +363,72 @@ class _Problem:
         notes: list[str] = []
         offset: _Floats | float = 0.0
         count = found.evaluations
+        fitted, why = slowly, None
         if own is not None:
             try:
                 found, offset, extra = self._corrected(slowly, own, found, mute)
                 count += extra
             except NoCycleError as error:
+                why = error
+            if why or self._misfit(self._values(slowly, found) + offset)[1] < MISFIT:
+                alone = self._alone(own, found, say)
+                count += alone.evaluations if alone else 0
+                if alone and (why or alone.cost < self._cost(slowly, found, offset)):
+                    found, offset, fitted, why = alone, 0.0, own, None
+            if why:
                 notes.append(
-                    f"the model {model} has no stick-slip that repeats at these values ({error}): they are those of low_frequency"
+                    f"the model {model} has no stick-slip that repeats at these values ({why}): they are those of low_frequency"
                 )
                 model = "low_frequency"
         say(1.0)
-        return self._told(slowly, found, offset, model, notes, count, self._of_other_laws(slow, heard, found))
+        return self._told(fitted, found, offset, model, notes, count, self._of_other_laws(slow, heard, found))
+
+    def _values(self, model: Model, found: Solution) -> _Floats:
+        return model(found.z[:-1], float(found.z[-1]) * self.wave.fall)
+
+    def _cost(self, model: Model, found: Solution, offset: _Floats | float) -> float:
+        off = residuals(model, self.wave, weights_of(self.wave, 0.0), offset)(found.z)
+        return float(off @ off)
+
+    def _alone(self, own: Model, found: Solution, say: Callable[[float], None]) -> Solution | None:
+        """The best fit of the scene's own model with its own derivatives, from the scene's values and from those of the slow model: where
+        k_y/k_x is small, that one leads astray.
+        """
+        given = Solution(
+            np.append(self.coordinates(np.log(np.abs(self.begin))), 0.0), math.inf, np.empty((0, 0)), 0
+        )
+        best: Solution | None = None
+        count = 0
+        for start in (given, found):
+            one = start
+            try:
+                is_near = self._misfit(self._values(own, start))[0] < NEAR
+                for i, coarse in enumerate(COARSE_OF_OWN[-1:] if is_near else COARSE_OF_OWN):
+                    say(0.8 + 0.02 * i)
+                    one = least_squares_of(
+                        own, self.wave, one.z[:-1], coarse=coarse, delay=float(one.z[-1]), step=OWN_STEP
+                    )
+                    count += one.evaluations
+            except NoCycleError:
+                continue
+            if best is None or one.cost < best.cost:
+                best = one
+            if self._misfit(self._values(own, one))[1] >= MISFIT:
+                break
+        return None if best is None else Solution(best.z, best.cost, best.jacobian, count)
+
+    def _misfit(self, values: _Floats) -> tuple[float, float]:
+        """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
+        from scipy.stats import f  # noqa: PLC0415  (slow to import)
+
+        wave, p = self.wave, len(self.names)
+        n = len(wave.cycles)
+        weights = weights_of(wave, 0.0)[:-1]
+        residual = (wave.rows.mean(axis=0) - values[:-1]) * weights
+        explained = float(np.sum((wave.rows.var(axis=0, ddof=1) / n + wave.model_error**2) * weights**2))
+        used = int(np.count_nonzero(wave.counts))
+        misfit = float(residual @ residual) / explained * used / max(used - p - 1, 1)
+        return misfit, float(f.sf(misfit, max(used - p - 1, 1), used * (n - 1)))
 
     def _of_other_laws(self, slow: Scene, heard: Sequence[str], found: Solution) -> _Floats | None:
         """Effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (n + 1, 2)."""
@@ -485,7 +545,7 @@ class _Problem:
 
     def _told(
         self,
-        slowly: Model,
+        model_of: Model,
         found: Solution,
         offset: _Floats | float,
         model: str,
@@ -493,11 +553,9 @@ class _Problem:
         count: int,
         other_laws: _Floats | None,
     ) -> Fit:
-        from scipy.stats import f  # noqa: PLC0415  (slow to import)
-
         wave = self.wave
         z, jacobian = found.z.copy(), found.jacobian.copy()
-        values = slowly(z[:-1], float(z[-1]) * wave.fall) + offset
+        values = self._values(model_of, found) + offset
         scene = self.with_values(self.scene, z[:-1], self.names)
         # From the coordinates to the logarithms.
         jacobian[:, :-1] = np.linalg.solve(self.slopes(z[:-1]).T, jacobian[:, :-1].T).T
@@ -511,11 +569,7 @@ class _Problem:
         covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(
             inverse @ jacobian[-1], inverse @ jacobian[-1]
         )
-        residual = (mean - values[:-1]) * weights[:-1]
-        explained = float(np.sum(wave.rows.var(axis=0, ddof=1) / n * weights[:-1] ** 2))
-        used = int(np.count_nonzero(wave.counts))
-        misfit = float(residual @ residual) / explained * used / max(used - p - 1, 1)
-        chance = float(f.sf(misfit, max(used - p - 1, 1), used * (n - 1)))
+        misfit, chance = self._misfit(values)
         covariance *= max(1.0, misfit)
         # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
         broad = np.sqrt(np.diag(inverse))[:-1]
@@ -595,6 +649,51 @@ class _Problem:
                     f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
                     "nothing that is measured: fix one of them at a known value"
                 )
+
+
+def verdict(found: Fit, given: Scene, trace: Trace) -> tuple[bool, str]:
+    """Whether a fit explains its trace, and what runs of the fitted deck and of the given one say of that.
+
+    Parameters
+    ----------
+    found : Fit
+        The fit.
+    given : Scene
+        The scene with which it began.
+    trace : Trace
+        Its trace.
+
+    Returns
+    -------
+    explains : bool
+        Whether its misfit is that of the scatter, its model the scene's own, and no mean over the cycles differs by more than three
+        errors.
+    words : str
+        One line for each deck.
+    """
+    lines, agree = [], []
+    for name, scene in (("fitted", found.scene), ("given", given)):
+        try:
+            differing = [each for each in compare(scene, trace).statistics if each.differs]
+        except Error as error:
+            agree.append(False)
+            lines.append(f"the run of the {name} deck cannot be compared with the trace: {error}")
+            continue
+        agree.append(not differing)
+        each = ", ".join(f"{one.name} by {one.deviation:.1f}" for one in differing)
+        lines.append(
+            f"the run of the {name} deck "
+            + (f"differs from the trace: {each} standard errors" if differing else "agrees with the trace")
+        )
+    explains = found.explains and agree[0]
+    first = (
+        "the fit explains the trace"
+        if explains
+        else "the fit does NOT explain the trace: do not use its values"
+    )
+    if not explains and agree[1]:
+        first += "; the given deck agrees with it"
+    return explains, "\n".join([first, *lines])
 
 
 def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:

@@ -138,6 +138,7 @@ module dst_command_table
     exit_status_t(3, 'a file or the output could not be read or written, exists already, or cannot be resumed'), &
     exit_status_t(4, 'the solver gave up, or there was no memory'), &
     exit_status_t(5, 'some cases of a sweep failed'), &
+    exit_status_t(6, 'a fit does not explain its trace'), &
     exit_status_t(75, 'stopped early by a signal or at the wall-time limit: can be continued')]
 
 contains

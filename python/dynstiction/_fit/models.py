@@ -22,8 +22,8 @@ _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6
 """The motion has settled if two cycles agree to this."""
-LONGEST = 100.0
-"""Longest time to settle, in measured periods. Leaps over cycles that repeat cover at most half of it."""
+LONGEST = (100.0, 1000.0)
+"""Longest time to settle, in measured periods: the second if the motion is known to be regular."""
 MOST_STEPS = 20_000
 """Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
 TOLERANCE = 1e-7
@@ -129,7 +129,7 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
 
 def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     """As `slow_means`, for any model, from runs that are sampled more finely than the trace."""
-    result = _settled(scene, wave, {"interval": LONGEST * wave.period, "fields": ["sticking"]})
+    result = _settled(scene, wave, {"interval": LONGEST[-1] * wave.period, "fields": ["sticking"]})
     begin, period = float(result.time[-1]), float(result.summary["period"])
     end = begin + CYCLES * period
     fine = run(
@@ -151,16 +151,19 @@ def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     if inside.size == 0:
         raise NoCycleError("no whole cycle is found")
     edges = edges + inside[-1]
-    means = [bin_means(time, force, edges)]
+    means = [_sampled_means(time, force, edges)]
     if wave.ahead is not None:
-        means.append(
-            centred(
-                bin_means(
-                    time, np.sign(velocity) * (fine["X"] - velocity * time), edges[: wave.creep_edges.size]
-                )
-            )
-        )
+        way = np.sign(velocity) * (fine["X"] - velocity * time)
+        means.append(centred(_sampled_means(time, way, edges[: wave.creep_edges.size])))
     return np.append(np.hstack(means), period)
+
+
+def _sampled_means(time: _Floats, values: _Floats, edges: _Floats) -> _Floats:
+    """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle."""
+    means: _Floats = np.mean(
+        [bin_means(time[k::FINER], values[k::FINER], edges) for k in range(FINER)], axis=0
+    )
+    return means
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:
@@ -170,19 +173,22 @@ def fastest_slip(scene: Scene, wave: Waveform) -> float:
 
 def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: bool = False) -> Result:
     integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS} if precise else {}
-    try:
-        result = run_sampled(
-            scene,
-            progress=False,
-            scene={"settle": SETTLED, "t_end": LONGEST * wave.period},
-            integrator=integrator,
-            output=output,
-        )
-    except SolverError as error:
-        raise NoCycleError(str(error)) from error
-    if "settled_at" in result.summary and result.summary["period"] < result.time[-1]:
-        return result
-    raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {LONGEST:g} measured periods")
+    for longest in LONGEST:
+        try:
+            result = run_sampled(
+                scene,
+                progress=False,
+                scene={"settle": SETTLED, "t_end": longest * wave.period},
+                integrator=integrator,
+                output=output,
+            )
+        except SolverError as error:
+            raise NoCycleError(str(error)) from error
+        if "settled_at" in result.summary and result.summary["period"] < result.time[-1]:
+            return result
+        if precise or result.summary.get("regularity") != 1:
+            break
+    raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {longest:g} measured periods")
 
 
 def steady_velocity(scene: Scene) -> float:

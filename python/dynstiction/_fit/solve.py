@@ -80,30 +80,30 @@ def best_start(model: Model, wave: Waveform, starts: Sequence[_Floats], count: i
     return [starts[i] for i in np.argsort(costs, kind="stable")[:count]]
 
 
-def derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats) -> _Floats:
+def derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats, step: float) -> _Floats:
     """Jacobian by differences, shape (residuals, parameters); 0 where there is stick-slip on neither side."""
     columns = np.zeros((here.size, z.size))
     for i in range(z.size):
-        for step in (STEP, -STEP):
+        for change in (step, -step):
             there = z.copy()
-            there[i] += step
+            there[i] += change
             values = at(there)
             if np.max(np.abs(values)) < FAILED:
-                columns[:, i] = (values - here) / step
+                columns[:, i] = (values - here) / change
                 break
     return columns
 
 
-def central_derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats) -> _Floats:
+def central_derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats, step: float) -> _Floats:
     """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
-    columns = derivatives(at, z, here)
+    columns = derivatives(at, z, here, step)
     for i in range(z.size):
         there, back = z.copy(), z.copy()
-        there[i] += STEP
-        back[i] -= STEP
+        there[i] += step
+        back[i] -= step
         ends = at(there), at(back)
         if max(np.max(np.abs(values)) for values in ends) < FAILED:
-            columns[:, i] = (ends[0] - ends[1]) / (2.0 * STEP)
+            columns[:, i] = (ends[0] - ends[1]) / (2.0 * step)
     return columns
 
 
@@ -115,6 +115,7 @@ def least_squares_of(
     coarse: float = 0.0,
     offset: _Floats | float = 0.0,
     delay: float = 0.0,
+    step: float = STEP,
 ) -> Solution:
     """Fit from one start.
 
@@ -132,13 +133,15 @@ def least_squares_of(
         Added to the model.
     delay : float
         Initial delay, over the fall.
+    step : float
+        Change of a logarithm for a derivative.
     """
     from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     at = residuals(model, wave, weights_of(wave, coarse), offset)
     exact = 1.0 / weights_of(wave, coarse)[-1] / wave.period
     z = np.append(start, delay)
-    jacobian = derivatives(at, z, at(z))
+    jacobian = derivatives(at, z, at(z), step)
     held = int(np.argmax(np.abs(jacobian[-1, :-1])))
     free = np.delete(np.arange(z.size), held)
     known = {"z": z, "jacobian": jacobian}
@@ -178,7 +181,7 @@ def least_squares_of(
         nonlocal count
         fun(part)
         z, here = last[part.tobytes()]
-        full = derivatives(at, z, here)
+        full = derivatives(at, z, here, step)
         count += z.size
         known["z"], known["jacobian"] = z, full
         slope = full[-1]
@@ -203,9 +206,9 @@ def least_squares_of(
     if np.max(np.abs(here)) >= FAILED:
         raise NoCycleError("no stick-slip near this start")
     # One step with all parameters: it includes the error of the period.
-    full = central_derivatives(at, z, here)
-    step = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
-    there = at(z + step)
+    full = central_derivatives(at, z, here, step)
+    change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
+    there = at(z + change)
     if there @ there < here @ here:
-        z, here = z + step, there
+        z, here = z + change, there
     return Solution(z, float(here @ here), full, count)

@@ -30,6 +30,8 @@ CORNER = 0.1
 oscillates."""
 CREEP_ENDS = 1.5
 """The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors."""
+EXACT = 1e-4
+"""Error of a model's means over their range: of sampling and of the fast oscillation."""
 NORMAL_MEDIAN = 0.6745
 """Median of the size of a normal variable, over its standard deviation."""
 SMOOTHED = 2
@@ -95,6 +97,11 @@ class Waveform:
         if self.ahead is None:
             return force
         return np.append(force, np.full(self.ahead.shape[1], np.ptp(self.ahead.mean(axis=0))))
+
+    @property
+    def model_error(self) -> _Floats:
+        """The part of `errors` that is a model's."""
+        return EXACT * self.sizes
 
     @property
     def creep_edges(self) -> _Floats:
@@ -204,10 +211,10 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float) -> _Floats:
-    """Standard error of the mean over cycles, from their scatter and from the noise of the samples."""
+    """Standard error of the mean over cycles, from their scatter and the noise of the samples, and that of a model."""
     white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
-    error: _Floats = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
-    return error
+    error = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
+    return np.asarray(np.hypot(error, EXACT * np.ptp(rows.mean(axis=0))))
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:

@@ -35,9 +35,13 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     cycle, slip, residual = axes[0], axes[1], axes[-1]
     if wave.ahead is not None:
         time = wave.time[: fit.ahead.size]
-        axes[2].plot(time, MICRO * wave.ahead.mean(axis=0), ".", color=BLUE, markersize=2.5)
-        axes[2].plot(time, MICRO * fit.ahead, color=VERMILION)
-        axes[2].set_ylabel("$X - V t$ [µm]")
+        drive = abs(float(np.ravel(fit.scene.drive.velocity or 0.0)[0])) * (time - time[0])
+        for ahead, style in (
+            (wave.ahead.mean(axis=0), {"marker": ".", "linestyle": "", "color": BLUE}),
+            (fit.ahead, {"color": VERMILION}),
+        ):
+            axes[2].plot(time, MICRO * (ahead - fit.ahead[0] + drive), markersize=2.5, **style)
+        axes[2].set_ylabel("creep along the pull [µm]")
         axes[2].set_xlabel("time from the slip [s]")
         axes[2].margins(y=0.08)
     _draw(cycle, fit, wave.time, 1.0)
