@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,13 +33,25 @@ Units: TypeAlias = Mapping[str, str | float]
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
-    "force": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kN": 1e3},
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "cN": 1e-2,
+        "uN": 1e-6,
+        "nN": 1e-9,
+        "kN": 1e3,
+        "gf": 9.80665e-3,
+        "kgf": 9.80665,
+        "lbf": 4.4482216152605,
+    },
     "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
     "speed": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6},
     "mu": {"1": 1.0, "-": 1.0, "%": 1e-2},
 }
 """Names of the units in the file of a trace or of friction coefficients, and their factors to SI."""
 UNITS["lateral_force"] = UNITS["force"]
+
+SYNONYMS = {"sec": "s", "msec": "ms", "usec": "us"}
 
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "time_series/time"),
@@ -47,6 +60,15 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "mu": ("mu", "friction", "friction_coefficient", "table_mu"),
 }
 """Column names by which these are found if the user gives none."""
+
+STYLES = tuple(
+    re.compile(f".*\\S{style}")
+    for style in (r"\s*\[([^\[]*)\]", r"\s*\(([^(]*)\)", r"\s*/\s*(\S+)", r"\s+in\s+(\S+)")
+)
+"""How a head names the unit of a column: F [mN], F (mN), F/mN, F in mN."""
+EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+"""A number of which nobody knows whether its comma is a decimal one or separates thousands."""
+BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
 
 HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512, 1024, 2048)
@@ -85,7 +107,8 @@ def unit_factor(quantity: str, unit: str | float) -> float:
 
 
 def _unit_name(text: str) -> str:
-    return text.strip().replace("µ", "u").replace("μ", "u")
+    name = text.strip().replace("µ", "u").replace("μ", "u")
+    return SYNONYMS.get(name, name)
 
 
 def read_trace(
@@ -234,16 +257,20 @@ class _Table:
             return "the columns are " + ", ".join(f"{i} {shown(each)}" for i, each in enumerate(self.names))
         return f"there are {self.width} columns without names, 0 to {self.width - 1}"
 
-    def unit(self, column: int) -> tuple[str, bool]:
-        """Unit of a column in the head, '' if none, and whether it is in square brackets or in a line of units."""
+    def unit(self, quantity: str, column: int) -> str:
+        """Unit of a column in the head, '' if none: in a line of units, in brackets, after a slash or 'in', or, if it is one of the
+        quantity, after an underscore.
+        """
         if len(self.heads) > 1 and column < len(self.heads[1][1]):
-            return self.heads[1][1][column].strip("[]() "), True
-        name = self.names[column] if column < len(self.names) else ""
-        for opening, closing in ("[]", "()"):
-            before, bracket, rest = name.rpartition(opening)
-            if bracket and rest.rstrip().endswith(closing) and before.strip():
-                return rest.rstrip()[:-1].strip(), opening == "["
-        return "", False
+            below = self.heads[1][1][column].strip("[]() ")
+            if below:
+                return below
+        name = self.names[column].strip() if column < len(self.names) else ""
+        for style in STYLES:
+            if (found := style.fullmatch(name)) and (unit := found[1].strip()):
+                return unit
+        before, _, unit = name.rpartition("_")
+        return unit if before and _unit_name(unit) in UNITS[quantity] else ""
 
 
 def _read_table(
@@ -285,6 +312,9 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
     lines: list[tuple[int, str]] = []
     for i, line in enumerate(text.split("\n"), 1):
         before, mark, after = line.partition("#")
+        if before.strip() and not BEGINS_WITH_NUMBER.match(before):
+            # A sign in a name.
+            before = line
         if before.strip():
             lines.append((i, before.rstrip("\r")))
         elif mark and not lines:
@@ -299,16 +329,86 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
     # Empty columns from delimiters at the ends of all lines.
     empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
     rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
-    heads: list[tuple[int, list[str]]] = []
-    while rows and len(heads) < MOST_HEADS and not any(_is_number(f, delimiter) for f in rows[0][1]):
-        heads.append(rows.pop(0))
+    # What stands before the data, and begins with a word; the last lines of it with as many words as there are columns are names and
+    # units.
+    begin = next((i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter)), None)
+    if begin is None:
+        begin = next(
+            (i for i, (_, fields) in enumerate(rows) if any(_is_number(f, delimiter) for f in fields)),
+            len(rows),
+        )
+    above, rows = rows[:begin], rows[begin:]
     if not rows:
         raise FileError(f"{name}: has names and no samples: a table has one sample a line, time and force")
-    if not heads and comments:
-        fields = _fields(comments[-1][1], delimiter)
-        if len(fields) == len(rows[0][1]) and not any(_is_number(f, delimiter) for f in fields):
-            heads.append((comments[-1][0], fields))
+    heads = [(i, fields) for i, fields in above if any(fields) and _are_names(fields, delimiter, rows[0][1])]
+    # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
+    has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
+    heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
+    # A line with numbers below the names is damaged, which is reported later.
+    last = heads[-1][0] if heads else 0
+    rows = [
+        each for each in above if each[0] > last and any(_is_number(f, delimiter) for f in each[1])
+    ] + rows
+    heads = heads or _commented_head(name, comments, delimiter, rows[0][1])
+    _refuse_either(name, delimiter, rows)
     return _Table(name, delimiter, heads, rows)
+
+
+def _name_units(fields: Sequence[str]) -> bool:
+    """Whether one of the words is a name with a unit."""
+    return any(style.fullmatch(field) for style in STYLES for field in fields)
+
+
+def _are_units(fields: Sequence[str]) -> bool:
+    """Whether one of the words is a unit."""
+    every = {unit for units in UNITS.values() for unit in units}
+    return any(_unit_name(field.strip("[]() ")) in every for field in fields)
+
+
+def _are_names(fields: Sequence[str], delimiter: str, row: Sequence[str]) -> bool:
+    """Whether fields are words, one for each column."""
+    return (len(fields) == len(row) or _filled(fields) == _filled(row)) and not any(
+        _is_number(field, delimiter) for field in fields
+    )
+
+
+def _commented_head(
+    name: str, comments: Sequence[tuple[int, str]], delimiter: str, row: Sequence[str]
+) -> list[tuple[int, list[str]]]:
+    """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
+    known = (set(UNITS["time"]) | set(UNITS["force"])) - {"s", "N", "h", "min"}
+    units = [
+        {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)} & known
+        for _, text in comments
+    ]
+    for (line, text), named in reversed(list(zip(comments, units, strict=True))):
+        for mark in (delimiter, *(DELIMITERS[:-1] if named else ())):
+            if _are_names(fields := _fields(text, mark), mark, row):
+                return [(line, fields)]
+    for (line, _), named in zip(comments, units, strict=True):
+        if named:
+            raise UsageError(
+                f"{name}:{line}: names units, but not {_filled(row)} columns: name the units, like --unit force=mN, "
+                "units={'force': 'mN'}"
+            )
+    return []
+
+
+def _refuse_either(name: str, delimiter: str, rows: Sequence[tuple[int, list[str]]]) -> None:
+    """Refuse a table in which every comma may separate thousands."""
+    first = 0
+    for line, fields in rows:
+        for field in fields:
+            if delimiter == "," or "," not in field or "." in field:
+                continue
+            if not EITHER.fullmatch(field):
+                return
+            first = first or line
+    if first:
+        raise FileError(
+            f"{name}:{first}: the comma in all numbers may be a decimal one or separate thousands: write them with points, or without "
+            "separators"
+        )
 
 
 def _text_of(name: str) -> str:
@@ -428,12 +528,12 @@ def _usual(table: _Table, quantity: str, usual: int, taken: set[int]) -> int:
 def _factor(table: _Table, quantity: str, column: int, factors: Mapping[str, float]) -> float:
     if quantity in factors:
         return factors[quantity]
-    unit, certain = table.unit(column)
+    unit = table.unit(quantity, column)
     if _unit_name(unit) in UNITS[quantity]:
         return UNITS[quantity][_unit_name(unit)]
-    if unit and certain:
+    if unit:
         raise UsageError(
-            f"{table.name}: {quantity} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its "
+            f"{table.name}:{table.heads[0][0]}: {quantity} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its "
             f"factor to {next(iter(UNITS[quantity]))}"
         )
     return 1.0
@@ -507,7 +607,8 @@ def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str, factors: Ma
     values = np.asarray(dataset[()], dtype=np.float64).reshape(-1)
     if quantity in factors:
         return values * factors[quantity]
-    (unit,) = np.asarray(dataset.attrs.get("units", "")).reshape(-1)[:1].tolist() or [""]
+    units = dataset.attrs.get("units", dataset.attrs.get("unit", ""))
+    (unit,) = np.asarray(units).reshape(-1)[:1].tolist() or [""]
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
     if unit in ("", "1"):
         return values

@@ -53,6 +53,8 @@ RANDOM_STARTS = 6
 WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
 LAW_STEP = 0.01
 """For other laws: changes of the exponent and of the viscous term over the weakening, for a derivative. Twice: the same to 2 %."""
+LARGE_FRICTION = 2.0
+"""Coefficient of friction above which there is a note."""
 HANGING = 3.0
 """Change of a parameter by another law, in standard errors, above which there is a note."""
 LEAST_DROP = 1e-3
@@ -586,6 +588,8 @@ class _Problem:
                 "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
                 "errors include the misfit, but the values may be wrong by more"
             )
+        if "friction.mu_0" in self.names and math.exp(z[self.names.index("friction.mu_0")]) > LARGE_FRICTION:
+            notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
         notes += self.cycles.notes
         for note in notes:
             warnings.warn(note, FitWarning, stacklevel=4)

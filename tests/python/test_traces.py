@@ -64,6 +64,46 @@ def table(rows: Any, head: str = "", delimiter: str = ",") -> str:
 ROWS = [(round(0.01 * i, 6), round(1.0 + 0.1 * (i % 7), 6)) for i in range(30)]
 
 
+HEADS = {
+    "brackets": "t [ms];F [mN]\n",
+    "round": "t (msec);F (mN)\n",
+    "slash": "t/ms;F/mN\n",
+    "in": "time in ms;force in mN\n",
+    "underscore": "time_ms;force_mN\n",
+    "line of units": "Zeit;Kraft\nms;mN\n",
+    "empty line": "t [ms];F [mN]\n;\n",
+    "sign in a name": "t [ms];Force #1 [mN]\n",
+    "comment above others": "# t [ms]; F [mN]\n# load cell 3\n",
+    "comment with another delimiter": "# t [ms], F [mN]\n",
+    "preamble": "Test;friction\nDate;1.2.2024\nRate:;500 Hz\nBy;X\n\nt [ms];F [mN]\n",
+    "LabVIEW": "LabVIEW Measurement\nWriter_Version;2\n***End_of_Header***\nTime;Force\nms;mN\n",
+}
+MISREAD = {
+    "unknown in round brackets": ("t (ms);F (pound)\n", "1600;1600", r"trace.csv:1: force is in 'pound', which is unknown"),
+    "unknown after a slash": ("t/ms;F/V\n", "1600;1600", "force is in 'V'"),
+    "units of no columns": ("# units: [mN] and [ms]\n", "1600;1600", "trace.csv:1: names units, but not 2 columns"),
+    "thousands or decimals": ("t [ms];F [mN]\n", "1,600;1,600", "trace.csv:2: the comma in all numbers may be"),
+    "a damaged first line": ("t [ms];F [mN]\nabc;1.0\n", "1600;1600", "trace.csv:2: time .column 0. is 'abc'"),
+}
+
+
+@pytest.mark.parametrize("head", HEADS.values(), ids=HEADS)
+def test_units_are_found_in_any_usual_head(tmp_path: Path, head: str) -> None:
+    """A unit that is overlooked makes the force wrong by a thousand."""
+    rows = "\n".join(f"{10 * i};{1000 + i % 7}" for i in range(100))
+    read = ds.read_trace(write(tmp_path, head + rows + "\n"))
+    assert (read.time[1], read.force[3]) == pytest.approx((0.01, 1.003), rel=1e-14)
+    assert read.lines is not None and read.lines[0] == 1 + head.count("\n")
+
+
+@pytest.mark.parametrize("case", MISREAD)
+def test_a_head_that_is_not_understood_is_refused(tmp_path: Path, case: str) -> None:
+    head, first, told = MISREAD[case]
+    rows = "\n".join([first, *(first.replace("600", f"{601 + i}") for i in range(100))])
+    with pytest.raises((ds.FileError, ds.UsageError), match=told):
+        ds.read_trace(write(tmp_path, head + rows + "\n"))
+
+
 # What is read -------------------------------------------------------------------------------------------------------------
 
 
@@ -236,7 +276,7 @@ BAD_USE: dict[str, tuple[dict[str, Any], str]] = {
     "taken": ({"force": "time"}, r"which column is time\? Name it: the columns are 0 'time'"),
     "unit": (
         {"units": {"force": "pound"}},
-        r"units: force in 'pound': the units are N, mN, uN, nN, kN; for another give its factor to N",
+        r"units: force in 'pound': the units are N, mN, cN, uN, nN, kN, gf, kgf, lbf; for another give its factor to N",
     ),
     "no factor": ({"units": {"force": 0.0}}, r"units: the factor of force is 0"),
     "quantity": ({"units": {"load": "N"}}, r"units: 'load': a trace has time, force, displacement, lateral_force"),
