@@ -109,8 +109,8 @@ def stick_slip_range(
 
     Every friction law, dampers and ``mu_static`` are those of the scene; nothing is assumed about its motion. Each value is a run from
     rest until it has settled; values are tried at growing distance up to a thousand times the scene's, and where the swing first passes
-    5 % of F_0 is found to 1e-4 as a root, to 3e-4 where it jumps. A value that the deck refuses, or at which a run takes more than half a million steps, ends
-    the search.
+    5 % of F_0 is found to 1e-4 as a root, to 3e-4 where it jumps. A value that the deck refuses, or at which the solver gives up, ends the
+    search.
 
     Parameters
     ----------
@@ -288,7 +288,6 @@ def _nearest(
 
     try:
         for count in itertools.count(1 if value else 0):
-            # Ratios FIRST_STEP**(0), 1, 3, 6, 10, …
             ratio = FIRST_STEP ** (count * (count + 1) // 2)
             at = begin * ratio**side
             if ratio >= MOST or at >= last:

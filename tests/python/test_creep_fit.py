@@ -130,9 +130,15 @@ def test_wrong_use(arguments: dict[str, Any], told: str) -> None:
         ds.fit_creep(**(good | arguments))
 
 
-def test_a_fit_of_the_force_says_that_it_leaves_out_the_displacement() -> None:
+@pytest.mark.filterwarnings("ignore::dynstiction.FitWarning")
+def test_a_fit_of_the_force_uses_the_displacement() -> None:
     run = ds.run(INPUTS / "fig3.nml", scene={"t_end": 12.0}, output={"interval": 2e-3, "fields": ["spring_force_x", "spring_force_y", "X"]})
-    trace = ds.Trace.of(run).part(start=3.0).with_noise(0.005, rng=1)
-    assert trace.displacement is not None
-    with pytest.warns(ds.FitWarning, match="fit_creep"):
-        ds.fit(INPUTS / "fig3.nml", trace, ["system.misalignment_deg"])
+    both = ds.Trace.of(run).part(start=3.0).with_noise(0.005, rng=1)
+    assert both.displacement is not None
+    name = "system.misalignment_deg"
+    with_way, alone = (
+        ds.fit(INPUTS / "fig3.nml", trace, [name]).parameters[name] for trace in (both, ds.Trace(both.time, both.force))
+    )
+    assert with_way.error < 0.7 * alone.error
+    for found in (with_way, alone):
+        assert abs(found.value - 1.0) < 4.0 * found.error
