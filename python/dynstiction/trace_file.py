@@ -259,13 +259,16 @@ class _Table:
 
     def unit(self, quantity: str, column: int) -> str:
         """Unit of a column in the head, '' if none: in a line of units, in brackets, after a slash or 'in', or, if it is one of the
-        quantity, after an underscore.
+        quantity, after a blank or an underscore.
         """
         if len(self.heads) > 1 and column < len(self.heads[1][1]):
             below = self.heads[1][1][column].strip("[]() ")
             if below:
                 return below
         name = self.names[column].strip() if column < len(self.names) else ""
+        words = name.split()
+        if len(words) > 1 and _unit_name(words[-1]) in UNITS[quantity]:
+            return words[-1]
         for style in STYLES:
             if (found := style.fullmatch(name)) and (unit := found[1].strip()):
                 return unit

@@ -70,6 +70,7 @@ HEADS = {
     "slash": "t/ms;F/mN\n",
     "in": "time in ms;force in mN\n",
     "underscore": "time_ms;force_mN\n",
+    "blank": "time ms;force mN\n",
     "line of units": "Zeit;Kraft\nms;mN\n",
     "empty line": "t [ms];F [mN]\n;\n",
     "sign in a name": "t [ms];Force #1 [mN]\n",

@@ -28,8 +28,8 @@ SLIP_BINS = 25
 CORNER = 0.1
 """Share of the fall that is left out around the valley, where the force along the pull jumps with the direction of friction and
 oscillates."""
-CREEP_ENDS = 1.5
-"""The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors."""
+CREEP_ENDS, LEAST_CREEP = 1.5, 5
+"""The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors; and up to so many edges."""
 EXACT = 1e-4
 """Error of a model's means over their range: of sampling and of the fast oscillation."""
 NORMAL_MEDIAN = 0.6745
@@ -82,13 +82,14 @@ class Waveform:
 
     @property
     def errors(self) -> _Floats:
-        """Standard errors of the means of `rows`."""
-        return self.error if self.ahead_error is None else np.append(self.error, self.ahead_error)
+        """Standard errors of the means of `rows`, and of a model's."""
+        of_means = self.error if self.ahead_error is None else np.append(self.error, self.ahead_error)
+        return np.asarray(np.hypot(of_means, self.model_error))
 
     @property
     def counts(self) -> NDArray[np.bool_]:
         """Which of `rows` count in a fit."""
-        return np.append(self.used, np.full(self.errors.size - self.error.size, True))
+        return np.append(self.used, np.full(self.sizes.size - self.error.size, True))
 
     @property
     def sizes(self) -> _Floats:
@@ -187,7 +188,8 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     rows = np.array([bin_means(time, force, edges + slip) for slip in whole])
     ahead = ahead_error = None
     if trace.displacement is not None:
-        way, creep = trace.displacement - velocity * time, edges[edges < -CREEP_ENDS * fall]
+        way = trace.displacement - velocity * time
+        creep = edges[: max(LEAST_CREEP, int(np.count_nonzero(edges < -CREEP_ENDS * fall)))]
         ahead = centred(np.array([bin_means(time, way, creep + slip) for slip in whole]))
         # Second differences show the noise alone.
         bends = np.abs(np.diff(way, 2))
@@ -211,10 +213,10 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float) -> _Floats:
-    """Standard error of the mean over cycles, from their scatter and the noise of the samples, and that of a model."""
+    """Standard error of the mean over cycles, from their scatter and from the noise of the samples."""
     white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
-    error = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
-    return np.asarray(np.hypot(error, EXACT * np.ptp(rows.mean(axis=0))))
+    error: _Floats = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
+    return error
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
