@@ -4,7 +4,7 @@ Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. `python bench/fit.py` fits 200 traces (`--count`); other
-options are `--first N` (number of the first rig), `--noise` and `--csv FILE`.
+options are `--first N` (number of the first rig), `--noise`, `--csv FILE`, and `--ratio LOW HIGH`: a random k_y/k_x in place of k_y = 1e7 N/m.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
     return scene.replace(**groups)  # type: ignore[arg-type]
 
 
-def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
+def rigs(seed: int, ratio: tuple[float, float] | None) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
     """Values, scene, period and time at which the motion has settled, for one rig after another."""
     draw = np.random.default_rng(seed)
     while True:
@@ -66,7 +66,11 @@ def rigs(seed: int) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]
             "system.stiffness_x": 10.0 ** draw.uniform(2.5, 3.7),
         }
         velocity = 10.0 ** draw.uniform(-3.5, -2.5)
-        scene = with_values(ds.Scene(RIG), values | {"drive.velocity": velocity})
+        known = {"drive.velocity": velocity}
+        if ratio:
+            share = float(np.exp(draw.uniform(*np.log(ratio))))
+            known["system.stiffness_y"] = share * values["system.stiffness_x"]
+        scene = with_values(ds.Scene(RIG), values | known)
         # The drive loads the soft spring to F_0 in this time.
         loading = (
             mu_0
@@ -102,13 +106,14 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="four traces")
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--csv", type=Path)
+    parser.add_argument("--ratio", type=float, nargs=2, metavar=("LOW", "HIGH"))
     options = parser.parse_args()
     count = 4 if options.short else options.count
     rows: list[str] = []
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
     for seed in range(options.first, options.first + count):
-        values, scene, period, begin = next(rigs(seed))
+        values, scene, period, begin = next(rigs(seed, options.ratio))
         trace = trace_of(scene, period, begin, options.noise, seed)
         draw = np.random.default_rng(seed + 1_000_000)
         deck = with_values(scene, {k: v * np.exp(draw.uniform(-AWAY, AWAY)) for k, v in values.items()})
