@@ -338,12 +338,13 @@ contains
     status = status_of(self)
   end subroutine settling_open
 
-  !> Continue with the motion for at most `seconds` of wall time [s]; then `limit` and `swing` are F_0 and the swing of the load [N].
-  subroutine settling_advance(handle, seconds, finished, limit, swing, stick_slips, status)
+  !> Continue with the motion for at most `seconds` of wall time [s]; then `limit`, `swing` and `least` are F_0, the swing of the load, and
+  !> that from which on it is stick-slip [N].
+  subroutine settling_advance(handle, seconds, finished, limit, swing, least, status)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds
-    real(c_double), intent(out) :: limit, swing
-    integer(c_int), intent(out) :: finished, stick_slips, status
+    real(c_double), intent(out) :: limit, swing, least
+    integer(c_int), intent(out) :: finished, status
     !f2py threadsafe
     type(holder_t), pointer :: held
 
@@ -351,9 +352,9 @@ contains
     associate (motion => held%cycles%settling)
       call motion%proceed(real(seconds, wp), held%cycles%error)
       finished = merge(1_c_int, 0_c_int, motion%is_finished)
-      stick_slips = merge(1_c_int, 0_c_int, motion%stick_slips())
       limit = motion%limit
       swing = motion%swing
+      least = motion%least()
     end associate
     status = status_of(held%cycles)
   end subroutine settling_advance

@@ -444,16 +444,14 @@ class Settling(Session):
         handle, status = _core.settling_open(*deck.arguments())
         super().__init__(handle)
         self._raise(deck, status)
-        self.limit = self.swing = 0.0
-        """F_0 and the swing of the load [N]; valid after the end."""
-        self.stick_slips = False
+        self.limit = self.swing = self.least = 0.0
+        """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
 
     def advance(self, seconds: float) -> bool:
         """Continue for at most `seconds` [s]; whether the motion has settled."""
         with self._use() as handle:
-            finished, self.limit, self.swing, stick_slips, status = _core.settling_advance(handle, seconds)
+            finished, self.limit, self.swing, self.least, status = _core.settling_advance(handle, seconds)
         self._raise(self.deck, status)
-        self.stick_slips = bool(stick_slips)
         return bool(finished)
 
 

@@ -32,14 +32,12 @@ KEYS = (
 )
 """Keys of a table without a choice."""
 GROUPS = ("system", "friction", "drive")
-LEAST_SWING = 0.05
-"""Swing of k_x u_x over F_0 from which on a motion is stick-slip."""
 FIRST_STEP, MOST = 1.2, 1e3
 """The first neighbour of a value that is tried, and the last, over the value; each step is FIRST_STEP times longer in ratio."""
 ACCURACY, JUMP_ACCURACY = 1e-4, 3e-4
 """Relative accuracy of an end, and of one at which the swing jumps."""
 JUMP = 2.0
-"""Swing on the inner side of an end over LEAST_SWING above which stick-slip ends in a jump."""
+"""Swing on the inner side of an end over the least one of stick-slip above which stick-slip ends in a jump."""
 
 
 class KeyRange(NamedTuple):
@@ -67,13 +65,15 @@ class StickSlipRange(NamedTuple):
     """Swing of k_x u_x of the motion from rest [N]; 0 in steady sliding."""
     limit: float
     """F_0 = mu_0 W [N]."""
+    least: float
+    """Swing from which on it is stick-slip, 5 % of F_0 [N]."""
     sliding_is_stable: bool
     keys: tuple[KeyRange, ...]
 
     @property
     def has_stick_slip(self) -> bool:
-        """Whether the swing is at least 5 % of F_0."""
-        return self.swing >= LEAST_SWING * self.limit
+        """Whether the swing is that of stick-slip."""
+        return self.swing >= self.least
 
     def __str__(self) -> str:
         motion = (
@@ -151,7 +151,7 @@ def stick_slip_range(
     rig = _Rig(Scene(scene))
     wanted = [rig.name(key) for key in names_in("keys", keys)]
     starts = {name: rig.start(name) for name in wanted}
-    motion, sliding = rig.motion({}), rig.growth({}) < 0.0
+    own, sliding = rig.own, rig.growth({}) < 0.0
     sides = [(name, side) for name in wanted for side in (-1, 1)]
     done, lock = 0, threading.Lock()
     bar = progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}")
@@ -159,7 +159,7 @@ def stick_slip_range(
 
         def search(place: tuple[str, int]) -> _Side:
             nonlocal done
-            found = _search(rig, *place, starts[place[0]], motion.stick_slips, sliding)
+            found = _search(rig, *place, starts[place[0]], sliding)
             with lock:
                 done += 1
                 show(done)
@@ -184,7 +184,7 @@ def stick_slip_range(
         for name in wanted
         for low, high in [(found[name, -1], found[name, 1])]
     ]
-    return StickSlipRange(rig.velocity, motion.swing, motion.limit, sliding, tuple(ranges))
+    return StickSlipRange(rig.velocity, own.swing, own.limit, own.least, sliding, tuple(ranges))
 
 
 class _Side(NamedTuple):
@@ -205,6 +205,7 @@ class _Rig:
             )
         self.scene = held_drive(scene)
         self.velocity = own_number(self.scene, "drive.velocity")
+        self.own = self.motion({})
 
     @staticmethod
     def name(key: str) -> str:
@@ -239,7 +240,7 @@ class _Rig:
         return float(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real))
 
 
-def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks: bool, slides: bool) -> _Side:
+def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], slides: bool) -> _Side:
     """What changes on one side of a value."""
     value, begin = start
     if value == 0.0 and side < 0:
@@ -247,22 +248,20 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], sticks:
     swings: dict[float, float] = {}
 
     def excess(at: float) -> float:
-        motion = rig.motion({name: at})
-        swings[at] = motion.swing / motion.limit
-        return swings[at] - LEAST_SWING
+        motion = rig.own if at == value else rig.motion({name: at})
+        swings[at] = motion.swing / motion.least
+        return swings[at] - 1.0
 
     def growth(at: float) -> float:
         return rig.growth({name: at})
 
     last = 90.0 if name == KEYS[0] else math.inf
-    end, reached = _nearest(excess, sticks, value, begin, side, last, JUMP * LEAST_SWING)
+    end, reached = _nearest(excess, rig.own.swing >= rig.own.least, value, begin, side, last, JUMP)
     sliding, _ = _nearest(growth, not slides, value, begin, side, last)
     beside = [
-        swing
-        for at, swing in swings.items()
-        if swing >= LEAST_SWING and abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY
+        swing for at, swing in swings.items() if swing >= 1.0 and abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY
     ]
-    return _Side(end, bool(beside) and min(beside) > JUMP * LEAST_SWING, sliding, reached)
+    return _Side(end, bool(beside) and min(beside) > JUMP, sliding, reached)
 
 
 def _nearest(

@@ -52,6 +52,7 @@ UNITS: dict[str, dict[str, float]] = {
 UNITS["lateral_force"] = UNITS["force"]
 
 SYNONYMS = {"sec": "s", "msec": "ms", "usec": "us"}
+"""Other names of units."""
 
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "time_series/time"),
@@ -332,6 +333,17 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
     # Empty columns from delimiters at the ends of all lines.
     empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
     rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
+    heads, rows = _heads_and_data(name, rows, delimiter)
+    heads = heads or _commented_head(name, comments, delimiter, rows[0][1])
+    _refuse_either(name, delimiter, rows)
+    return _Table(name, delimiter, heads, rows)
+
+
+_Line = tuple[int, list[str]]
+
+
+def _heads_and_data(name: str, rows: list[_Line], delimiter: str) -> tuple[list[_Line], list[_Line]]:
+    """The lines with names and units, and those of the data."""
     # What stands before the data, and begins with a word; the last lines of it with as many words as there are columns are names and
     # units.
     begin = next((i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter)), None)
@@ -352,9 +364,7 @@ def _split_table(name: str, delimiter: str | None) -> _Table:
     rows = [
         each for each in above if each[0] > last and any(_is_number(f, delimiter) for f in each[1])
     ] + rows
-    heads = heads or _commented_head(name, comments, delimiter, rows[0][1])
-    _refuse_either(name, delimiter, rows)
-    return _Table(name, delimiter, heads, rows)
+    return heads, rows
 
 
 def _name_units(fields: Sequence[str]) -> bool:

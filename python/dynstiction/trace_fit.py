@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slow_scene, steady_velocity
-from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, weights_of
+from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, unfitted, weights_of
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
 from ._progress import progress_bar
@@ -372,10 +372,11 @@ class _Problem:
                 count += extra
             except NoCycleError as error:
                 why = error
-            if why or self._misfit(self._values(slowly, found) + offset)[1] < MISFIT:
+            values = self._values(slowly, found) + offset
+            if why or self._misfit(values)[1] < MISFIT:
                 alone = self._alone(own, found, say)
                 count += alone.evaluations if alone else 0
-                if alone and (why or alone.cost < self._cost(slowly, found, offset)):
+                if alone and (why or alone.cost < self._cost(values)):
                     found, offset, fitted, why = alone, 0.0, own, None
             if why:
                 notes.append(
@@ -388,17 +389,15 @@ class _Problem:
     def _values(self, model: Model, found: Solution) -> _Floats:
         return model(found.z[:-1], float(found.z[-1]) * self.wave.fall)
 
-    def _cost(self, model: Model, found: Solution, offset: _Floats | float) -> float:
-        off = residuals(model, self.wave, weights_of(self.wave, 0.0), offset)(found.z)
-        return float(off @ off)
+    def _cost(self, values: _Floats) -> float:
+        measured = np.append(self.wave.rows.mean(axis=0), self.wave.period)
+        return float(np.sum(((values - measured) * weights_of(self.wave, 0.0)) ** 2))
 
     def _alone(self, own: Model, found: Solution, say: Callable[[float], None]) -> Solution | None:
         """The best fit of the scene's own model with its own derivatives, from the scene's values and from those of the slow model: where
         k_y/k_x is small, that one leads astray.
         """
-        given = Solution(
-            np.append(self.coordinates(np.log(np.abs(self.begin))), 0.0), math.inf, np.empty((0, 0)), 0
-        )
+        given = unfitted(self.coordinates(np.log(np.abs(self.begin))))
         best: Solution | None = None
         count = 0
         for start in (given, found):
@@ -472,7 +471,7 @@ class _Problem:
         for i, start in enumerate(best_start(slowly, self.wave, near, starts)):
             say(0.1 + 0.7 * i / starts)
             try:
-                found = Solution(np.append(start, 0.0), math.inf, np.empty((0, 0)), 0)
+                found = unfitted(start)
                 for coarse in COARSE:
                     offset = 0.0 if math.isinf(found.cost) else self._difference(slowly, own, found)
                     found = self._fit(slowly, found, offset, coarse)
@@ -589,7 +588,9 @@ class _Problem:
                 "errors include the misfit, but the values may be wrong by more"
             )
         if "friction.mu_0" in self.names and math.exp(z[self.names.index("friction.mu_0")]) > LARGE_FRICTION:
-            notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
+            notes.append(
+                "friction.mu_0 is very large: are the unit of the force and friction.normal_load right?"
+            )
         notes += self.cycles.notes
         for note in notes:
             warnings.warn(note, FitWarning, stacklevel=4)

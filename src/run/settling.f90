@@ -46,6 +46,7 @@ module dst_settling
     procedure :: start
     procedure :: proceed
     procedure :: stick_slips
+    procedure :: least
   end type settling_t
 
 contains
@@ -106,7 +107,7 @@ contains
     call self%simulation%outcome(none, outcome)
     if (allocated(error)) then
       ! It has been seen long enough if it clearly goes on.
-      if (error%code /= too_many_steps .or. .not. outcome%summary_of('swing') >= clearly*least_swing*self%limit) return
+      if (error%code /= too_many_steps .or. .not. outcome%summary_of('swing') >= clearly*self%least()) return
       deallocate (error)
       self%is_finished = .true.
       self%swing = outcome%summary_of('swing')
@@ -127,7 +128,7 @@ contains
         self%swing = 0.0_wp
         self%is_finished = .true.
       else
-        self%is_finished = is_last .or. lasts .and. (self%turn >= long_enough .or. self%swing >= clearly*least_swing*self%limit)
+        self%is_finished = is_last .or. lasts .and. (self%turn >= long_enough .or. self%swing >= clearly*self%least())
         ! It dies out, slowly.
         if (is_last .and. .not. lasts) self%swing = 0.0_wp
       end if
@@ -141,6 +142,13 @@ contains
   pure logical function stick_slips(self)
     class(settling_t), intent(in) :: self
 
-    stick_slips = self%swing >= least_swing*self%limit
+    stick_slips = self%swing >= self%least()
   end function stick_slips
+
+  !> The swing from which on a motion is stick-slip [N].
+  pure real(wp) function least(self)
+    class(settling_t), intent(in) :: self
+
+    least = least_swing*self%limit
+  end function least
 end module dst_settling

@@ -16,7 +16,7 @@ from ..errors import Error
 from .models import NoCycleError
 from .waveform import Waveform
 
-__all__ = ["Model", "Solution", "best_start", "least_squares_of", "residuals"]
+__all__ = ["Model", "Solution", "best_start", "least_squares_of", "residuals", "unfitted", "weights_of"]
 
 _Floats = NDArray[np.float64]
 
@@ -48,6 +48,11 @@ class Solution:
     cost: float
     jacobian: _Floats
     evaluations: int
+
+
+def unfitted(start: _Floats) -> Solution:
+    """The logarithms of a start, without a delay."""
+    return Solution(np.append(start, 0.0), np.inf, np.empty((0, 0)), 0)
 
 
 def residuals(
