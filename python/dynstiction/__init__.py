@@ -77,6 +77,7 @@ _MODULE_OF = {
     "fit_creep": "creep_fit",
     "FrictionFit": "friction_fit",
     "fit_friction_law": "friction_fit",
+    "Chain": "trace_chain",
     "CreepTest": "trace_creep",
     "creep_test": "trace_creep",
     "KeyRange": "ranges",
@@ -86,6 +87,8 @@ _MODULE_OF = {
     "derivatives": "tangents",
     "Sensitivity": "tangents",
     "sensitivity": "tangents",
+    "TracePlan": "trace_plan",
+    "plan_traces": "trace_plan",
     "TraceCycles": "trace_cycles",
     "Waveform": "trace_cycles",
     "find_cycles": "trace_cycles",
@@ -94,6 +97,7 @@ _MODULE_OF = {
     "read_trace": "trace_file",
     "Fit": "trace_fit",
     "FittedParameter": "trace_fit",
+    "FittedTrace": "trace_fit",
     "fit": "trace_fit",
 }
 if _TYPE_CHECKING:
@@ -105,11 +109,13 @@ if _TYPE_CHECKING:
     from .ranges import KeyRange, StickSlipRange, stick_slip_range
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
+    from .trace_chain import Chain
     from .trace_comparison import Statistic, TraceComparison, compare
     from .trace_creep import CreepTest, creep_test
     from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
     from .trace_file import read_trace
-    from .trace_fit import Fit, FittedParameter, fit
+    from .trace_fit import Fit, FittedParameter, FittedTrace, fit
+    from .trace_plan import TracePlan, plan_traces
 
 __version__ = _native.origin()["version"]
 
@@ -117,6 +123,7 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Branches",
+    "Chain",
     "ColumnError",
     "Creep",
     "CreepEnd",
@@ -133,6 +140,7 @@ __all__ = [
     "Fit",
     "FitWarning",
     "FittedParameter",
+    "FittedTrace",
     "Friction",
     "FrictionFit",
     "IncompleteWarning",
@@ -162,6 +170,7 @@ __all__ = [
     "Trace",
     "TraceComparison",
     "TraceCycles",
+    "TracePlan",
     "Trade",
     "UsageError",
     "Waveform",
@@ -187,6 +196,7 @@ __all__ = [
     "mean_waveform",
     "open",
     "oscillation_frequency",
+    "plan_traces",
     "read_trace",
     "rhs",
     "ridge",

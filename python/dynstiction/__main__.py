@@ -37,6 +37,7 @@ from .scene import Scene
 
 if TYPE_CHECKING:
     from .trace import Trace
+    from .trace_chain import Chain
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
@@ -288,8 +289,8 @@ def _short_names(files: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
 
 
-def _trace(options: argparse.Namespace) -> Trace:
-    """The trace that the options of a command describe."""
+def _trace(options: argparse.Namespace, path: str) -> Trace:
+    """The trace in a file that the options of a command describe."""
     from .trace_file import read_trace  # noqa: PLC0415
 
     units = {}
@@ -299,8 +300,8 @@ def _trace(options: argparse.Namespace) -> Trace:
             raise UsageError(f"--unit {setting}: write --unit QUANTITY=UNIT, as --unit force=mN")
         units[quantity] = unit
     delimiter = {"tab": "\t", "\\t": "\t", "blank": " "}.get(options.delimiter, options.delimiter)
-    return read_trace(
-        options.trace,
+    trace = read_trace(
+        path,
         time=options.time,
         force=options.force,
         displacement=vars(options).get("displacement"),
@@ -308,7 +309,44 @@ def _trace(options: argparse.Namespace) -> Trace:
         units=units,
         delimiter=delimiter,
         interval=options.interval,
-    ).part(vars(options)["from"], options.to)
+    )
+    if options.zero:
+        trace = trace.zeroed(*_numbers("--zero", options.zero, "FROM:TO", ":", 2))
+    return trace.part(vars(options)["from"], options.to)
+
+
+def _chain(options: argparse.Namespace) -> Chain:
+    """The measuring chain that the options of a command describe."""
+    from .trace_chain import Chain  # noqa: PLC0415
+
+    if not options.filter:
+        return Chain()
+    corner, *order = _numbers("--filter", options.filter, "HZ:ORDER", ":", None)
+    if len(order) > 1 or any(each != int(each) for each in order):
+        raise UsageError(f"--filter {options.filter}: write --filter HZ:ORDER, as --filter 300:4")
+    return Chain(filter=corner, order=int(order[0])) if order else Chain(filter=corner)
+
+
+def _numbers(option: str, text: str, form: str, mark: str, count: int | None) -> list[float]:
+    """Numbers of an option."""
+    try:
+        numbers = [float(each) for each in text.split(mark)]
+    except ValueError:
+        numbers = []
+    if not numbers or (count is not None and len(numbers) != count):
+        raise UsageError(f"{option} {text}: write {option} {form}")
+    return numbers
+
+
+def _pairs(
+    option: str, settings: Sequence[str], form: str, mark: str, count: int | None
+) -> dict[str, tuple[float, ...]]:
+    """Numbers by key, of an option that may be repeated."""
+    found = {}
+    for setting in settings:
+        key, _, values = setting.partition("=")
+        found[key] = tuple(_numbers(f"{option} {key}", values, form, mark, count))
+    return found
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -318,7 +356,8 @@ def _compare(options: argparse.Namespace) -> None:
     output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
     format_of(output)
     check_outputs([output], [options.deck, options.trace], overwrite=options.overwrite)
-    comparison = compare(Scene.of_command(options.deck, options.set), _trace(options))
+    trace = _trace(options, options.trace)
+    comparison = compare(Scene.of_command(options.deck, options.set), trace, chain=_chain(options))
     _say(comparison.report())
     write(comparison.plot(), output, overwrite=options.overwrite)
     _say(printable(str(output)))
@@ -328,18 +367,32 @@ def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
 
-    stem = Path(options.trace).stem
+    stem = Path(options.trace[0]).stem
     deck = options.fitted or Path(f"{stem}_fitted.nml")
     output = options.output or Path(f"{stem}_fitted.png")
     format_of(output)
-    check_outputs([deck, output], [options.deck, options.trace], overwrite=options.overwrite)
+    check_outputs([deck, output], [options.deck, *options.trace], overwrite=options.overwrite)
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
-        given, trace = Scene.of_command(options.deck, options.set), _trace(options)
-        found = fit(given, trace, options.free, starts=options.starts, rng=options.seed)
-        explains, words = verdict(found, given, trace)
+        given, traces = (
+            Scene.of_command(options.deck, options.set),
+            [_trace(options, each) for each in options.trace],
+        )
+        found = fit(
+            given,
+            traces,
+            options.free,
+            each=_pairs("--with", vars(options)["with"], "KEY=VALUE,VALUE", ",", None),
+            known=_pairs("--known", options.known, "KEY=VALUE:ERROR", ":", 2),  # type: ignore[arg-type]
+            chain=_chain(options),
+            starts=options.starts,
+            rng=options.seed,
+        )
+        explains, words = verdict(found)
     _say(words)
+    for trace in traces:
+        _say(f"{printable(trace.name)}: {trace.units}")
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
     write(found.plot(), output, overwrite=options.overwrite)

@@ -208,9 +208,10 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
         slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a table of text or an HDF5 file with
         time and force. Prints a table, draws a figure.""",
         "compare my.nml trace.csv",
+        "compare my.nml trace.csv --zero 0:1.9 --filter 300:4",
         'compare my.nml trace.csv --time t --force "F [mN]" --unit time=ms --from 10',
     )
-    _trace(add)
+    _trace(add, "TRACE")
     add(
         "--lateral", metavar="COLUMN", type=_column, help="the same for the lateral force, if it was measured"
     )
@@ -219,20 +220,36 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     add = command(
         "fit",
         "find the parameters of a measured trace",
-        """Find parameters of a deck from a measured trace of the force along the pull: least squares on the mean waveform of its cycles
-        and their period, first with the slow model, then with that of the deck. Prints values, errors, intervals, and what the trace
-        does not determine; writes the fitted deck, draws waveform and residuals. TRACE is as for compare.""",
+        """Find parameters of a deck from measured traces of the force along the pull: least squares on the mean waveform of the cycles and
+        their period, or, if the cycles are not alike, on each of them. Says whether the fit explains the traces; prints values, errors,
+        intervals, and what the traces do not determine; writes the fitted deck, draws waveform and residuals. Exit status 6 if the fit
+        does not explain the traces. TRACE is as for compare.""",
         "fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0",
-        "fit my.nml trace.csv --free system.mass --fitted fitted.nml",
+        "fit my.nml slow.csv fast.csv --with drive.velocity=1e-3,5e-3 --free friction.mu_0,friction.mu_inf,friction.v_f",
+        "fit my.nml trace.csv --free system.mass,chain.tare --known system.mass=0.4:0.01",
     )
-    _trace(add)
+    _trace(add, "TRACE", nargs="+")
     add(
         "--free",
         metavar="KEYS",
         required=True,
-        help="parameters GROUP.KEY to be found, with commas between them",
+        help="parameters GROUP.KEY to be found, with commas between them; also drive.velocity, chain.tare, chain.filter and chain.gain",
     )
-    _number(add, "--starts", "N", 2, "number of starts that are completed (2)")
+    add(
+        "--with",
+        metavar="KEY=VALUES",
+        action="append",
+        default=[],
+        help="values of a key that differ from trace to trace, with commas between them; may be repeated",
+    )
+    add(
+        "--known",
+        metavar="KEY=VALUE:ERROR",
+        action="append",
+        default=[],
+        help="value of a free parameter that is known from elsewhere, with its standard error; may be repeated",
+    )
+    _number(add, "--starts", "N", 2, "number of the slow model's starts that are completed (2)")
     _number(add, "--seed", "N", 0, "seed of the random starts (0): the same seed gives the same bits")
     add(
         "--fitted",
@@ -301,10 +318,10 @@ def _part(add: Callable[..., Any], of: str) -> None:
     add("--to", metavar="T", type=float, help=f"last time {of.partition(';')[0]}")
 
 
-def _trace(add: Callable[..., Any]) -> None:
-    """The deck and the trace, and how the trace is read."""
+def _trace(add: Callable[..., Any], metavar: str, **how: Any) -> None:
+    """The deck and the trace, how the trace is read, and its measuring chain."""
     add("deck", metavar="DECK")
-    add("trace", metavar="TRACE")
+    add("trace", metavar=metavar, **how)
     _settings(add)
     _overwrite(add)
     add(
@@ -341,6 +358,16 @@ def _trace(add: Callable[..., Any]) -> None:
         help="time between two samples [s], if there is no column of times",
     )
     _part(add, "of the trace that is used [s]")
+    add(
+        "--zero",
+        metavar="T",
+        help="FROM:TO, times between which nothing pulls [s]: their mean force is the zero",
+    )
+    add(
+        "--filter",
+        metavar="N",
+        help="HZ or HZ:ORDER, corner frequency and order (2) of the Butterworth low pass of the measuring chain",
+    )
 
 
 def _column(text: str) -> int | str:

@@ -82,7 +82,7 @@ def _words(kind: str, typed: str) -> Iterator[str]:
         for key in names["keys"]:
             name = f"{key['group']}.{key['name']}="
             yield from (f"{name}{choice}" for choice in key["choices"]) if typed.startswith(name) else (name,)
-    elif kind == "KEY=FROM:TO":
+    elif kind.startswith("KEY="):
         yield from (f"{k['group']}.{k['name']}=" for k in names["keys"] if k["kind"] in ("real", "reals"))
     elif kind == "QUANTITY=UNIT":
         yield from ("time=", "force=")

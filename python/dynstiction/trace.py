@@ -46,6 +46,8 @@ class Trace:
         Name of the trace, as messages and figures show it.
     lines : array_like of int, shape (n,), optional
         Lines of the file that the samples come from, for messages.
+    units : str
+        Units in the file, as 'time in ms, force in mN'.
 
     Raises
     ------
@@ -69,6 +71,7 @@ class Trace:
     lateral_force: _Floats | None = None
     name: str = "trace"
     lines: NDArray[np.int64] | None = None
+    units: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -174,7 +177,8 @@ class Trace:
                 f"it has times from {self.time[0]:g} to {self.time[-1]:g} s"
             )
         columns = {quantity: values[inside] for quantity, values in self._columns().items()}
-        return Trace(**columns, name=self.name, lines=None if self.lines is None else self.lines[inside])
+        lines = None if self.lines is None else self.lines[inside]
+        return Trace(**columns, name=self.name, lines=lines, units=self.units)
 
     def regular(self, interval: float | None = None) -> Trace:
         """The trace at regular times, by linear interpolation; the trace itself if it is regular and no interval is given.
@@ -200,7 +204,7 @@ class Trace:
             )
         time = np.minimum(self.time[0] + step * np.arange(count), self.time[-1])
         columns = {q: np.interp(time, self.time, v) for q, v in self._columns().items() if q != "time"}
-        return Trace(time, **columns, name=self.name)
+        return Trace(time, **columns, name=self.name, units=self.units)
 
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
         """The trace with white noise added to the force.
@@ -215,7 +219,19 @@ class Trace:
         size = number("deviation", deviation, least=0.0, units="N")
         noise = generator(rng).standard_normal(self.time.size)
         columns = self._columns() | {"force": self.force + size * noise}
-        return Trace(**columns, name=self.name, lines=self.lines)
+        return Trace(**columns, name=self.name, lines=self.lines, units=self.units)
+
+    def zeroed(self, start: float, end: float) -> Trace:
+        """The trace with the mean force between two times, at which nothing pulled, as its zero.
+
+        Parameters
+        ----------
+        start, end : float
+            First and last time [s].
+        """
+        tare = float(np.mean(self.part(start, end).force))
+        columns = self._columns() | {"force": self.force - tare}
+        return Trace(**columns, name=self.name, lines=self.lines, units=self.units)
 
     @classmethod
     def of(cls, result: Result, interval: float | None = None) -> Trace:

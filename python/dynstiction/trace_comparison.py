@@ -14,6 +14,7 @@ from .html import page_table
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Trace
+from .trace_chain import Chain
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
 
 if TYPE_CHECKING:
@@ -130,6 +131,7 @@ class TraceComparison:
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         lines = [
             f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample"
+            + (f"; {self.trace.units}" if self.trace.units else "")
         ]
         lines.append(f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise")
         lines.append("")
@@ -203,7 +205,12 @@ def _row(each: Statistic) -> tuple[str, ...]:
 
 
 def compare(
-    deck: DeckLike, trace: Trace, *, noise: bool = True, **changes: Unpack[Changes]
+    deck: DeckLike,
+    trace: Trace,
+    *,
+    chain: Chain | None = None,
+    noise: bool = True,
+    **changes: Unpack[Changes],
 ) -> TraceComparison:
     """Compare a scene with a measured trace.
 
@@ -217,6 +224,8 @@ def compare(
         Path of a deck, text of a deck, or a scene.
     trace : Trace
         The measured trace, from `read_trace` or `Trace`.
+    chain : Chain, optional
+        The measuring chain that the run passes; by default it changes nothing.
     noise : bool
         Whether the run gets noise like that of the trace.
     **changes : value of a key, or Setup, System, Friction, Drive, Initial, Integrator, Output, or mapping
@@ -240,6 +249,8 @@ def compare(
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     measured = find_cycles(trace)
     run = simulate_like(scene, trace, measured)
+    if chain is not None:
+        run = instance("chain", chain, Chain, "give a dynstiction.Chain")(run, SEED)
     if noise:
         run = run.with_noise(measured.noise, SEED)
     try:

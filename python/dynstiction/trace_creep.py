@@ -14,6 +14,8 @@ __all__ = ["CreepTest", "creep_test"]
 INERTIA = 0.17
 """Inertia rounds the peak of a slip that begins at a sharp limit, by at most this share of slip duration over period. Measured:
 0.15 to 0.17 for misalignment 0 and static limits from mu_0 to 1.5 mu_0 (docs/fit.md)."""
+ROUND = 0.12
+"""Slip duration over period above which the peak is round whatever friction does: in a fast motion, behind a filter, in a sine."""
 
 
 class CreepTest(NamedTuple):
@@ -28,17 +30,27 @@ class CreepTest(NamedTuple):
     cycles: int
     probability: float
     """Probability of this much creep if there is only static friction."""
+    slip_share: float
+    """Slip duration over period."""
+
+    @property
+    def can_tell(self) -> bool:
+        """Whether slips are so short that the shape of the peak shows creep: at most 0.12 of the period."""
+        return self.slip_share <= ROUND
 
     @property
     def creeps(self) -> bool:
-        """Whether this probability is below one in a thousand."""
-        return self.probability < 1e-3
+        """Whether this probability is below one in a thousand, and slips are short enough to tell."""
+        return self.can_tell and self.probability < 1e-3
 
     def __str__(self) -> str:
         verdict = (
             "the object creeps before it slips: dynamic stiction, or friction that grows at rest"
             if self.creeps
             else "no creep before slip is seen: static friction, or creep that is too small for this trace"
+            if self.can_tell
+            else f"a slip takes {100.0 * self.slip_share:.0f} % of a cycle: inertia, or a filter, rounds such a peak as creep does; fit the "
+            "deck with a misalignment, and without one but with friction.mu_static, and compare the misfits"
         )
         return (
             f"creep before slip: {self.creep_share:.4f} ± {self.error:.4f} of the swing, inertia alone {self.of_inertia:.4f}; "
@@ -72,7 +84,8 @@ def creep_test(trace: Trace) -> CreepTest:
     cycles = find_cycles(trace)
     means, errors = cycles.means(), cycles.errors()
     slip = means["slip_duration"]
-    inertia = INERTIA * (2.0 * trace.interval if np.isnan(slip) else slip) / means["period"]
+    slip_share = (2.0 * trace.interval if np.isnan(slip) else slip) / means["period"]
     share, error = means["creep_share"], max(errors["creep_share"], 1e-12)
     n = len(cycles)
-    return CreepTest(share, error, inertia, n, float(t.sf((share - inertia) / error, n - 1)))
+    inertia = INERTIA * slip_share
+    return CreepTest(share, error, inertia, n, float(t.sf((share - inertia) / error, n - 1)), slip_share)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -72,6 +73,7 @@ EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
 
 HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
+GZIP_BEGINNING = b"\x1f\x8b"
 HDF5_PLACES = (0, 512, 1024, 2048)
 DELIMITERS = (";", "\t", ",", " ")
 SNIFFED = 20
@@ -202,7 +204,7 @@ def read_friction(
         raise UsageError("units: a table of friction has speed and mu")
     if _is_hdf5(name):
         raise FileError(f"{name}: is an HDF5 file: give a table of text, or arrays")
-    values = _columns(_split_table(name, delimiter), {}, factors, ("speed", "mu"))
+    values, _ = _columns(_split_table(name, delimiter), {}, factors, ("speed", "mu"))
     return values["speed"], values["mu"]
 
 
@@ -226,9 +228,11 @@ def _is_hdf5(name: str) -> bool:
         raise FileError(f"{name}: cannot be read: {reason}: give the file of a trace") from error
 
 
-def _trace(values: Mapping[str, _Floats], name: str, lines: NDArray[np.int64] | None = None) -> Trace:
+def _trace(
+    values: Mapping[str, _Floats], name: str, units: str, lines: NDArray[np.int64] | None = None
+) -> Trace:
     displacement, across = values.get("displacement"), values.get("lateral_force")
-    return Trace(values["time"], values["force"], displacement, across, name, lines)
+    return Trace(values["time"], values["force"], displacement, across, name, lines, units)
 
 
 # Tables -------------------------------------------------------------------------------------------------------------------
@@ -285,17 +289,17 @@ def _read_table(
     interval: float | None,
 ) -> Trace:
     table = _split_table(name, delimiter)
-    values = _columns(table, wanted, factors, ("time", "force") if interval is None else ("force",))
+    values, units = _columns(table, wanted, factors, ("time", "force") if interval is None else ("force",))
     lines = np.array([line for line, _ in table.rows], dtype=np.int64)
     if interval is not None:
         values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
-    return _trace(values, name, lines)
+    return _trace(values, name, units, lines)
 
 
 def _columns(
     table: _Table, wanted: Mapping[str, Column | None], factors: Mapping[str, float], required: Sequence[str]
-) -> dict[str, _Floats]:
-    """The wanted columns in SI units. A required one that is not named is the one with a usual name, else that at its place."""
+) -> tuple[dict[str, _Floats], str]:
+    """The wanted columns in SI units, and the units of the file. A required one that is not named is the one with a usual name, else that at its place."""
     columns = {
         quantity: _find(table, quantity, column) for quantity, column in wanted.items() if column is not None
     }
@@ -307,7 +311,9 @@ def _columns(
         raise UsageError(
             f"{table.name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
         )
-    return {q: _numbers(table, q, c) * _factor(table, q, c, factors) for q, c in columns.items()}
+    units = {q: _factor(table, q, c, factors) for q, c in columns.items()}
+    values = {q: _numbers(table, q, c) * units[q] for q, c in columns.items()}
+    return values, ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, units[q])}" for q in columns)
 
 
 def _split_table(name: str, delimiter: str | None) -> _Table:
@@ -430,6 +436,11 @@ def _text_of(name: str) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{name}: cannot be read: {reason}") from error
+    if data.startswith(GZIP_BEGINNING):
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError) as error:
+            raise FileError(f"{name}: cannot be decompressed: {error}") from error
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encodings: tuple[str, ...] = ("utf-16",)
     else:
@@ -552,6 +563,12 @@ def _factor(table: _Table, quantity: str, column: int, factors: Mapping[str, flo
     return 1.0
 
 
+def _name_of(quantity: str, factor: float) -> str:
+    """Name of a unit, or its factor to SI."""
+    known = UNITS[quantity]
+    return next((name for name, each in known.items() if each == factor), f"{factor:g} {next(iter(known))}")
+
+
 def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
     values = np.empty(len(table.rows))
     for k, (line, fields) in enumerate(table.rows):
@@ -584,14 +601,16 @@ def _read_hdf5(
         if quantity != "time" or interval is None
     }
     with open_file(name) as file:
-        values = {
+        found = {
             quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity, factors)
             for quantity, each in paths.items()
             if each
         }
+    values = {quantity: array * factor for quantity, (array, factor) in found.items()}
+    units = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factor)}" for q, (_, factor) in found.items())
     if interval is not None:
         values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))
-    return _trace(values, name)
+    return _trace(values, name, units)
 
 
 def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
@@ -610,7 +629,10 @@ def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column])
     )
 
 
-def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str, factors: Mapping[str, float]) -> _Floats:
+def _dataset_values(
+    dataset: h5py.Dataset, name: str, quantity: str, factors: Mapping[str, float]
+) -> tuple[_Floats, float]:
+    """Values of a dataset, and their factor to SI."""
     # MATLAB writes columns as matrices.
     if dataset.ndim == 0 or max(dataset.shape) != dataset.size or dataset.dtype.kind not in "biuf":
         raise UsageError(
@@ -618,15 +640,23 @@ def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str, factors: Ma
             "one dimension; otherwise read it yourself and give the arrays to Trace"
         )
     values = np.asarray(dataset[()], dtype=np.float64).reshape(-1)
+    # Conventions of netCDF.
+    if (missing := dataset.attrs.get("_FillValue")) is not None:
+        values = np.where(values == float(np.ravel(missing)[0]), np.nan, values)
+    scale, shift = (
+        float(np.ravel(dataset.attrs.get(key, usual))[0])
+        for key, usual in (("scale_factor", 1.0), ("add_offset", 0.0))
+    )
+    values = values * scale + shift
     if quantity in factors:
-        return values * factors[quantity]
+        return values, factors[quantity]
     units = dataset.attrs.get("units", dataset.attrs.get("unit", ""))
     (unit,) = np.asarray(units).reshape(-1)[:1].tolist() or [""]
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
     if unit in ("", "1"):
-        return values
+        return values, 1.0
     if _unit_name(unit) not in UNITS[quantity]:
         raise UsageError(
             f"{name}: {dataset.name} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its factor"
         )
-    return values * UNITS[quantity][_unit_name(unit)]
+    return values, UNITS[quantity][_unit_name(unit)]

@@ -1,33 +1,37 @@
-"""The parameters behind a measured force trace (docs/fit.md)."""
+"""The parameters behind measured force traces (docs/fit.md)."""
 
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
-from ._fit.models import NoCycleError, fastest_slip, full_means, slow_means, slow_scene, steady_velocity
-from ._fit.solve import PRIOR, Model, Solution, best_start, least_squares_of, residuals, unfitted, weights_of
+from ._fit.models import NoCycleError, fastest_slip, full_cycles, slow_cycles, slow_scene, steady_velocity
+from ._fit.problem import CHAIN, PRIOR, LeadsNowhereError, Problem, Recording, unit_of
+from ._fit.solve import Solution, has_failed
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
+from .trace_chain import Chain
 from .trace_comparison import compare
 from .trace_cycles import TraceCycles, find_cycles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "fit", "verdict"]
+__all__ = ["Fit", "FittedParameter", "FittedTrace", "fit", "problem_of", "verdict"]
 
 _Floats = NDArray[np.float64]
 
@@ -35,32 +39,55 @@ TOLD = 0.5
 """Largest standard error of a logarithm at which a trace determines the parameter."""
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
-COARSE = (0.02, 0.005, 0.001)
-"""Errors relative to swing and period that are added, one fit after another."""
+STEP, OWN_STEP = 1e-4, 5e-3
+"""Changes of a logarithm for a derivative: of the slow model, and of the scene's own, whose runs are sampled."""
+COARSE = (0.02, 0.005)
+"""Errors relative to swing and period that are added, one fit after another: of the slow model."""
 COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
-"""The same for fits of the scene's own model by itself."""
+"""The same for the scene's own model."""
+CORRECTIONS, CORRECTED = 6, 0.1
+"""Largest number of times that the difference between the scene's model and the slow one is computed, and the change of all coordinates, in
+standard errors, below which this ends."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
-CORRECTIONS = 6
-"""Largest number of times that the difference between the full model and the slow one is computed."""
-CORRECTED = 0.1
-"""Change of a parameter, in standard errors, below which this ends."""
 MISFIT = 1e-4
 """Probability of such a misfit by chance, below which there is a note."""
-BROAD_STEP, OWN_STEP = 0.02, 5e-3
-"""Changes of a logarithm for a derivative of the full model, whose runs are sampled."""
+USUAL = 0.05
+"""The same, above which a search has found what it looked for."""
+SMOOTH = 100.0
+"""Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
+ANGLE = "system.misalignment_deg"
+RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
+"""Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
+HELD = 1e-3
+"""Relative error with which an angle is held."""
+CLEARLY = 3.0
+"""Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
 RANDOM_STARTS = 6
-WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
+MOST_RUNS = 700
+"""Runs of the scene's model after which no further random start is completed."""
+TRIED, COMPLETED = 96, 4
+"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
+SECANT = 0.03
+"""Change of a coordinate for a derivative of noisy residuals."""
+FIRST, AGAIN = 30.0, 8.0
+"""Sizes of the first cloud of a search, and of one that ends near, in standard errors."""
+NEAR_SLOW, WIDE = 0.2, 1.4
+"""Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
 LAW_STEP = 0.01
 """For other laws: changes of the exponent and of the viscous term over the weakening, for a derivative. Twice: the same to 2 %."""
 LARGE_FRICTION = 2.0
 """Coefficient of friction above which there is a note."""
 HANGING = 3.0
 """Change of a parameter by another law, in standard errors, above which there is a note."""
-LEAST_DROP = 1e-3
-"""Least weakening at the start of a fit, as a share of mu_0."""
+LINKED = 0.999
+"""Correlation of two parameters above which there is a note."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
+RELATED, SURELY = 0.5, 3.5
+"""Correlation of one cycle with the next above which they change slowly, and its least significance."""
+ALSO = 3.84
+"""Excess of the cost, over the misfit, up to which other values explain a trace as well: 95 % of one parameter."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 
@@ -93,9 +120,32 @@ class FittedParameter:
     law_error: float
 
 
+class FittedTrace(NamedTuple):
+    """One trace of a fit."""
+
+    trace: Trace
+    """The trace."""
+    given: Scene
+    """The scene with the values with which the fit began."""
+    scene: Scene
+    """The scene with the fitted values."""
+    chain: Chain
+    """Its measuring chain."""
+    cycles: TraceCycles
+    """The cycles of the trace."""
+    waveform: Waveform
+    """Mean of the cycles, and its errors."""
+    fitted: _Floats
+    """Force of the model in the bins of the waveform [N], shape (n,)."""
+    ahead: _Floats
+    """How far the object of the model is ahead of the drive in the creep [m], shape (k,); empty without a measured displacement."""
+    period: float
+    """The model's period [s]."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """Parameters behind a trace, and their errors.
+    """Parameters behind one trace or several, and their errors. What is of a trace is of the first: `traces` has all.
 
     Attributes
     ----------
@@ -103,47 +153,92 @@ class Fit:
         By ``group.key``.
     correlation : ndarray, shape (p, p)
         Correlation of the logarithms of the parameters, in their order.
-    scene : Scene
-        The scene with the fitted values: ``fit.scene.to_deck()`` is a deck that runs. A parameter that the trace does not
-        determine has one of the values that fit.
+    traces : tuple of FittedTrace
+        What is fitted to each trace; ``fit.scene.to_deck()`` is a deck that runs. A parameter that the trace does not determine has one
+        of the values that fit.
     model : str
         The model of the fitted values.
     misfit : float
         Mean square of the residuals over that expected from the scatter of the cycles: 1 if the model is right.
     chance : float
         Probability of such a misfit if the model is right.
-    cycles : TraceCycles
-        The cycles of the trace.
-    waveform : Waveform
-        Mean of the cycles, and its errors.
-    fitted : ndarray, shape (n,)
-        Force of the model in the bins of the waveform [N].
-    ahead : ndarray, shape (k,)
-        How far the object of the model is ahead of the drive in the creep [m], as in the waveform; empty without a measured displacement.
-    period : float
-        The model's period [s].
     notes : tuple of str
         Cautions about the result; also given as `FitWarning`.
-    evaluations : int
-        Number of model runs.
-    logarithms : ndarray, shape (2, p)
-        Logarithms of the parameters, and their standard errors.
+    sets : tuple of ndarray, shape (2, p)
+        Logarithms of the parameters (of the tare: the tare over the swing) and their standard errors: of the best fit, and of others that
+        explain the trace as well.
+    problem : object
+        What was fitted.
+    coordinates : ndarray
+        The fit in its coordinates.
     """
 
     parameters: Mapping[str, FittedParameter]
     correlation: _Floats
-    scene: Scene
+    traces: tuple[FittedTrace, ...]
     model: str
     misfit: float
     chance: float
-    cycles: TraceCycles
-    waveform: Waveform
-    fitted: _Floats
-    ahead: _Floats
-    period: float
     notes: tuple[str, ...]
-    evaluations: int
-    logarithms: _Floats
+    sets: tuple[_Floats, ...]
+    problem: Problem
+    coordinates: _Floats
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the fitted values."""
+        return self.traces[0].scene
+
+    @property
+    def cycles(self) -> TraceCycles:
+        """The cycles of the trace."""
+        return self.traces[0].cycles
+
+    @property
+    def waveform(self) -> Waveform:
+        """Mean of the cycles, and its errors."""
+        return self.traces[0].waveform
+
+    @property
+    def fitted(self) -> _Floats:
+        """Force of the model in the bins of the waveform [N], shape (n,)."""
+        return self.traces[0].fitted
+
+    @property
+    def ahead(self) -> _Floats:
+        """How far the object of the model is ahead of the drive in the creep [m], shape (k,)."""
+        return self.traces[0].ahead
+
+    @property
+    def period(self) -> float:
+        """The model's period [s]."""
+        return self.traces[0].period
+
+    @property
+    def covariance(self) -> _Floats:
+        """Covariance of the logarithms of the parameters, shape (p, p)."""
+        return np.asarray(self.correlation * np.outer(self.sets[0][1], self.sets[0][1]))
+
+    def residuals(self, values: Mapping[str, float] | Sequence[float]) -> _Floats:
+        """Residuals over their errors at other values, for a sampler or another least squares.
+
+        Parameters
+        ----------
+        values : mapping, or sequence of float
+            Values of the free parameters, by name or in their order; those that a mapping lacks are as fitted.
+
+        Returns
+        -------
+        ndarray, shape (r,)
+            Of all bins of all traces and their periods: the logarithm of the likelihood is minus half of the sum of squares. 1e6 each
+            where there is no stick-slip.
+        """
+        problem = self.problem
+        p = len(problem.names)
+        here = dict(zip(problem.names, problem.values(self.coordinates[:p]), strict=True))
+        here |= dict(values) if isinstance(values, Mapping) else dict(zip(problem.names, values, strict=True))
+        at = np.array([number(name, here[name]) for name in problem.names])
+        return problem.residuals(np.append(problem.coordinates(at), self.coordinates[p:]), 0.0)
 
     @property
     def explains(self) -> bool:
@@ -179,13 +274,14 @@ class Fit:
         if not self.parameters[name].told:
             return 0.0, math.inf
         i = list(self.parameters).index(name)
-        width = float(t.ppf(0.5 * (1.0 + level), len(self.waveform.cycles) - 1)) * float(
-            self.logarithms[1][i]
-        )
-        ends = sorted(
-            math.copysign(math.exp(self.logarithms[0][i] + side * width), self[name]) for side in (-1.0, 1.0)
-        )
-        return ends[0], ends[1]
+        cycles = sum(len(each.waveform.rows) for each in self.traces)
+        width = float(t.ppf(0.5 * (1.0 + level), cycles - 1))
+        ends = [float(each[0][i] + side * width * each[1][i]) for each in self.sets for side in (-1.0, 1.0)]
+        scale = self.problem.scales[i]
+        if math.isfinite(scale):
+            return min(ends) * scale, max(ends) * scale
+        low, high = sorted(math.copysign(math.exp(end), self[name]) for end in (min(ends), max(ends)))
+        return low, high
 
     def plot(self) -> Figure:
         """Measured waveform and that of the model, and the residuals.
@@ -230,29 +326,39 @@ class Fit:
 
 def fit(
     scene: DeckLike,
-    trace: Trace,
+    trace: Trace | Sequence[Trace],
     free: Sequence[str] | str,
     *,
+    each: Mapping[str, Sequence[float]] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    chain: Chain | None = None,
     starts: int = 2,
     rng: int | np.random.Generator | None = 0,
     progress: bool | None = None,
 ) -> Fit:
-    """Find the parameters of a scene from a trace.
+    """Find the parameters of a scene from one trace or from several.
 
-    The mean waveform of the trace's cycles and their period are fitted, first with the slow model, which takes a millisecond for
-    each run. Then the difference between the scene's own model and the slow one is added, and the fit is repeated until neither
-    changes.
+    The mean waveform of a trace's cycles and their period are fitted; if the cycles are not alike, each cycle by itself, by the nearest
+    one of a long run. The model is that of the scene, and it passes the same measuring chain and the same sampling as the trace. The slow
+    model only proposes starts.
 
     Parameters
     ----------
     scene : str, PathLike or Scene
         The rig: its known parameters, and initial values of the free ones. The drive velocity must be constant.
-    trace : Trace
+    trace : Trace, or sequence of Trace
         Force along the pull, from `read_trace`; a displacement in it is fitted, too.
     free : sequence of str, or str
-        Parameters to be found, ``group.key``; in a string they are separated by commas.
+        Parameters to be found, ``group.key`` of &system and &friction, ``drive.velocity``, and ``chain.tare``, ``chain.filter``,
+        ``chain.gain``; in a string they are separated by commas. All traces share them.
+    each : mapping of str to sequence of float, optional
+        Values that differ from trace to trace, ``{"drive.velocity": (1e-3, 5e-3)}``.
+    known : mapping of str to (float, float), optional
+        Values of free parameters that are known from elsewhere, with their standard errors.
+    chain : Chain, optional
+        The measuring chain; by default it changes nothing.
     starts : int
-        Number of starts from which the fit is completed: the best among the scene's values, several rough estimates from the
+        Number of the slow model's starts that are completed: the best among the scene's values, several rough estimates from the
         waveform, and random changes of both.
     rng : int or numpy.random.Generator, optional
         Source of the random starts: the same seed gives the same bits, None other starts each time.
@@ -269,7 +375,7 @@ def fit(
     UsageError
         If a parameter cannot be free, or has no initial value in the scene, or no start has stick-slip.
     FileError
-        If the trace has no stick-slip to fit, see `find_cycles`.
+        If a trace has no stick-slip to fit, see `find_cycles`.
     DeckError
         If the scene is refused.
 
@@ -281,424 +387,478 @@ def fit(
     Notes
     -----
     Logarithms are fitted, so that values keep their sign. Standard errors follow from the scatter of the cycles, by the effect of
-    each single cycle on the fit. They are valid for noise that is correlated within a cycle, but do not include an error that all
-    cycles share.
+    each single cycle on the fit. They are valid for noise that is correlated within a cycle, and for cycles of which each resembles the
+    next, but do not include an error that all cycles share.
     """
-    trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
+    traces = [trace] if isinstance(trace, Trace) else list(trace) if isinstance(trace, Sequence) else [trace]
+    for one in traces:
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
     whole("starts", starts, least=1)
-    problem = _problem(Scene(scene), trace, free)
-    with progress_bar(progress, 1.0, BAR) as show:
-        return problem.solve(starts, generator(rng), show)
+    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+        given = problem_of(
+            Scene(scene), traces, free, dict(each or {}), dict(known or {}), chain or Chain(), pool
+        )
+        return _Search(given, starts, generator(rng), show).fit(traces)
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
-    scene: Scene
-    names: tuple[str, ...]
-    begin: _Floats
-    """Values in the scene."""
-    cycles: TraceCycles
-    wave: Waveform
+class _Search:
+    problem: Problem
+    starts: int
+    random: np.random.Generator
+    show: Callable[[float], None]
 
-    @property
-    def weakening(self) -> tuple[int, int, int] | None:
-        """Indices of mu_0, mu_inf and v_f, if all three are free."""
-        if not set(WEAKENING) <= set(self.names):
-            return None
-        i, j, k = (self.names.index(name) for name in WEAKENING)
-        return i, j, k
-
-    def logarithms(self, q: _Floats) -> _Floats:
-        """Logarithms of the parameters from the coordinates of the fit, in which mu_inf is replaced by ln((mu_0 - mu_inf)/v_f).
-
-        Creep depends on the slope of friction only, which hardly distinguishes mu_inf from v_f: in these coordinates the valley of
-        good fits is straight.
-        """
-        z = q.copy()
-        if self.weakening:
-            i, j, k = self.weakening
-            limit = math.exp(q[i]) - math.exp(q[j] + q[k])
-            if limit <= 0.0:
-                raise NoCycleError("mu_inf would be negative")
-            z[j] = math.log(limit)
-        return z
-
-    def coordinates(self, z: _Floats) -> _Floats:
-        """The coordinates for which `logarithms` returns z."""
-        q = z.copy()
-        if self.weakening:
-            i, j, k = self.weakening
-            q[j] = math.log(max(math.exp(z[i]) - math.exp(z[j]), LEAST_DROP * math.exp(z[i]))) - z[k]
-        return q
-
-    def slopes(self, q: _Floats) -> _Floats:
-        """Derivatives of `logarithms`, shape (p, p)."""
-        slopes = np.eye(q.size)
-        if self.weakening:
-            i, j, k = self.weakening
-            top, drop = math.exp(q[i]), math.exp(q[j] + q[k])
-            slopes[j, [i, j, k]] = np.array([top, -drop, -drop]) / (top - drop)
-        return slopes
-
-    def with_values(self, scene: Scene, q: _Floats, names: Sequence[str]) -> Scene:
-        groups: dict[str, dict[str, float]] = {}
-        for name, value, old in zip(self.names, np.exp(self.logarithms(q)), self.begin, strict=True):
-            group, _, key = name.partition(".")
-            if name in names:
-                groups.setdefault(group, {})[key] = math.copysign(float(value), old)
-        return scene.replace(**groups)
-
-    def solve(self, starts: int, random: np.random.Generator, say: Callable[[float], None]) -> Fit:
-        slow = slow_scene(self.scene)
-        heard = tuple(name for name in self.names if _given(slow, name))
-
-        def slowly(z: _Floats, delay: float) -> _Floats:
-            return slow_means(self.with_values(slow, z, heard), self.wave, delay)
-
-        def fully(z: _Floats, delay: float) -> _Floats:
-            return full_means(self.with_values(self.scene, z, self.names), self.wave, delay)
-
-        model = str(self.scene.scene.model or "full")
-        own = None if model == "low_frequency" else fully
-        mute = [i for i, name in enumerate(self.names) if name not in heard]
-        found = self._first(slowly, own, starts, random, say)
+    def fit(self, traces: Sequence[Trace]) -> Fit:
+        problem = self.problem
+        own = problem.recordings[0].scene
+        model = str(own.scene.model or "full")
+        slow = None if model == "low_frequency" else _slow(problem)
+        found, why = self._found(slow)
         notes: list[str] = []
-        offset: _Floats | float = 0.0
-        count = found.evaluations
-        fitted, why = slowly, None
-        if own is not None:
-            try:
-                found, offset, extra = self._corrected(slowly, own, found, mute)
-                count += extra
-            except NoCycleError as error:
-                why = error
-            values = self._values(slowly, found) + offset
-            if why or self._misfit(values)[1] < MISFIT:
-                alone = self._alone(own, found, say)
-                count += alone.evaluations if alone else 0
-                if alone and (why or alone.cost < self._cost(values)):
-                    found, offset, fitted, why = alone, 0.0, own, None
-            if why:
-                notes.append(
-                    f"the model {model} has no stick-slip that repeats at these values ({why}): they are those of low_frequency"
-                )
-                model = "low_frequency"
-        say(1.0)
-        return self._told(fitted, found, offset, model, notes, count, self._of_other_laws(slow, heard, found))
+        if not found and slow is not None and why is not None:
+            notes.append(
+                f"the model {model} has no stick-slip near these values ({why}): they are those of low_frequency"
+            )
+            problem, model = slow, "low_frequency"
+            found = [slow.improved(why.z, (0.0,))]
+        best = min(found, key=lambda each: each.cost)
+        if not all(each.wave.repeats for each in problem.recordings):
+            # The scatter of the cycles about those of the model is their error.
+            better = [each.reweighted(problem.cycles(best.z, k)) for k, each in enumerate(problem.recordings)]
+            problem = replace(problem, recordings=tuple(better))
+            best = problem.regressed(best, AGAIN, self.random)
+            found = [best]
+        self.show(1.0)
+        return _told(problem, best, found, model, notes, traces, slow or problem)
 
-    def _values(self, model: Model, found: Solution) -> _Floats:
-        return model(found.z[:-1], float(found.z[-1]) * self.wave.fall)
+    def _found(self, slow: Problem | None) -> tuple[list[Solution], _Proposal | None]:
+        """Fits of the scene's model from several starts, until two of them agree; without any, the slow model's."""
+        problem = self.problem
+        given = np.append(problem.coordinates(problem.begin), np.zeros(len(problem.recordings)))
+        if slow is None:
+            found: list[Solution] = []
+            faults: list[NoCycleError] = []
+            for start in self._slow_starts(problem, given):
+                self._attempt(start, found, faults)
+            self._add_nearest(found, faults)
+            if not found:
+                raise self._nothing(problem)
+            return found, None
+        proposal = self._proposed(slow, given)
+        if not all(each.wave.repeats for each in problem.recordings):
+            return self._of_each_cycle(given, proposal), None
+        return self._of_like_cycles(slow, given, proposal)
 
-    def _cost(self, values: _Floats) -> float:
-        measured = np.append(self.wave.rows.mean(axis=0), self.wave.period)
-        return float(np.sum(((values - measured) * weights_of(self.wave, 0.0)) ** 2))
+    def _of_like_cycles(
+        self, slow: Problem, given: _Floats, proposal: _Floats | None
+    ) -> tuple[list[Solution], _Proposal | None]:
+        """Fits of cycles that are alike: guided by the slow model, then from other starts until one explains the trace."""
+        problem = self.problem
+        found: list[Solution] = []
+        faults: list[NoCycleError] = []
+        self.show(0.2)
+        if proposal is not None and slow.heard == problem.names:
+            found += self._guided(slow, proposal)
+        if found and self._is_smooth(found):
+            return found, None
+        queue = [given] if self._levels(given) == COARSE_OF_OWN[-1:] else []
+        for start in queue if proposal is None else [*queue, proposal]:
+            if not (found and self._explains(found)):
+                self._attempt(start, found, faults)
+        if not (found and self._explains(found)):
+            self._from_random(given, proposal, found, faults)
+        self._add_nearest(found, faults)
+        if found:
+            return self._along_the_angle(found), None
+        if proposal is None:
+            raise self._nothing(problem)
+        return [], _Proposal(proposal, str(faults[-1]))
 
-    def _alone(self, own: Model, found: Solution, say: Callable[[float], None]) -> Solution | None:
-        """The best fit of the scene's own model with its own derivatives, from the scene's values and from those of the slow model: where
-        k_y/k_x is small, that one leads astray.
+    def _attempt(self, start: _Floats, found: list[Solution], faults: list[NoCycleError]) -> None:
+        """A fit from one start, or why there is none."""
+        try:
+            found.append(self.problem.improved(start, self._levels(start)))
+        except NoCycleError as error:
+            faults.append(error)
+
+    def _add_nearest(self, found: list[Solution], faults: Sequence[NoCycleError]) -> None:
+        """If no search was completed, the one that came nearest."""
+        far = [each for each in faults if isinstance(each, LeadsNowhereError)]
+        if far and not found:
+            found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
+
+    def _from_random(
+        self, given: _Floats, proposal: _Floats | None, found: list[Solution], faults: list[NoCycleError]
+    ) -> None:
+        """Fits from random starts, until one explains the trace or they have cost enough."""
+        for i, start in enumerate(self._own_starts(given, proposal)):
+            if found and len(self.problem.runs) > MOST_RUNS:
+                break
+            self.show(0.4 + 0.4 * i / COMPLETED)
+            self._attempt(start, found, faults)
+            if found and self._explains(found):
+                break
+
+    def _guided(self, slow: Problem, proposal: _Floats) -> list[Solution]:
+        """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
+
+        With many sticks in a cycle the slow model is near, and its derivatives are smooth where the other's cost is rough by a stick more or less.
         """
-        given = unfitted(self.coordinates(np.log(np.abs(self.begin))))
-        best: Solution | None = None
-        count = 0
-        for start in (given, found):
-            one = start
-            try:
-                is_near = self._misfit(self._values(own, start))[0] < NEAR
-                for i, coarse in enumerate(COARSE_OF_OWN[-1:] if is_near else COARSE_OF_OWN):
-                    say(0.8 + 0.02 * i)
-                    one = least_squares_of(
-                        own, self.wave, one.z[:-1], coarse=coarse, delay=float(one.z[-1]), step=OWN_STEP
-                    )
-                    count += one.evaluations
-            except NoCycleError:
-                continue
-            if best is None or one.cost < best.cost:
-                best = one
-            if self._misfit(self._values(own, one))[1] >= MISFIT:
-                break
-        return None if best is None else Solution(best.z, best.cost, best.jacobian, count)
-
-    def _misfit(self, values: _Floats) -> tuple[float, float]:
-        """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
-        from scipy.stats import f  # noqa: PLC0415  (slow to import)
-
-        wave, p = self.wave, len(self.names)
-        n = len(wave.cycles)
-        weights = weights_of(wave, 0.0)[:-1]
-        residual = (wave.rows.mean(axis=0) - values[:-1]) * weights
-        explained = float(np.sum((wave.rows.var(axis=0, ddof=1) / n + wave.model_error**2) * weights**2))
-        used = int(np.count_nonzero(wave.counts))
-        misfit = float(residual @ residual) / explained * used / max(used - p - 1, 1)
-        return misfit, float(f.sf(misfit, max(used - p - 1, 1), used * (n - 1)))
-
-    def _of_other_laws(self, slow: Scene, heard: Sequence[str], found: Solution) -> _Floats | None:
-        """Effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (n + 1, 2)."""
-        if slow.friction.law not in (None, "weakening"):
-            return None
-        here = self.with_values(slow, found.z[:-1], heard)
-        friction = here.friction
-        drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
-        delay = float(found.z[-1]) * self.wave.fall
-        try:
-            before = slow_means(here, self.wave, delay)
-            viscous = drop / fastest_slip(here, self.wave)
-            columns = [
-                (slow_means(here.replace(friction={"law": "stribeck", **law}), self.wave, delay) - before)
-                / LAW_STEP
-                for law in ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
-            ]
-        except NoCycleError:
-            return None
-        return np.column_stack(columns)
-
-    def _first(
-        self,
-        slowly: Model,
-        own: Model | None,
-        starts: int,
-        random: np.random.Generator,
-        say: Callable[[float], None],
-    ) -> Solution:
-        """The best of several fits with errors that shrink to those of the trace; each fit computes the difference again."""
-        given = self.coordinates(np.log(np.abs(self.begin)))
-        near = [given, *self._glances(np.log(np.abs(self.begin)))]
-        near += [
-            near[int(random.integers(len(near)))] + random.uniform(-SPREAD, SPREAD, given.size)
-            for _ in range(RANDOM_STARTS)
-        ]
-        best: Solution | None = None
-        count = len(near)
-        for i, start in enumerate(best_start(slowly, self.wave, near, starts)):
-            say(0.1 + 0.7 * i / starts)
-            try:
-                found = unfitted(start)
-                for coarse in COARSE:
-                    offset = 0.0 if math.isinf(found.cost) else self._difference(slowly, own, found)
-                    found = self._fit(slowly, found, offset, coarse)
-                    count += found.evaluations + 2
-            except NoCycleError:
-                continue
-            if best is None or found.cost < best.cost:
-                best = found
-        if best is None:
-            raise UsageError(
-                f"{self.scene.name}: no stick-slip near any start: begin with values of {', '.join(self.names)} with which "
-                "'dynstiction cycles' finds a stable cycle"
-            )
-        return Solution(best.z, best.cost, best.jacobian, count)
-
-    def _fit(self, slowly: Model, found: Solution, offset: _Floats | float, coarse: float) -> Solution:
-        return least_squares_of(
-            slowly, self.wave, found.z[:-1], coarse=coarse, offset=offset, delay=float(found.z[-1])
-        )
-
-    def _difference(self, slowly: Model, own: Model | None, found: Solution) -> _Floats | float:
-        """The scene's own model minus the slow one; 0 if the own model has no stick-slip there."""
-        if own is None:
-            return 0.0
-        delay = float(found.z[-1]) * self.wave.fall
-        try:
-            return own(found.z[:-1], delay) - slowly(found.z[:-1], delay)
-        except Error:
-            return 0.0
-
-    def _glances(self, own: _Floats) -> Iterator[_Floats]:
-        normal_load = self.scene.friction.normal_load or 1.0
-        for values in glances(self.wave, steady_velocity(self.scene), normal_load):
-            start = own.copy()
-            for i, name in enumerate(self.names):
-                if name in values:
-                    start[i] = math.log(values[name])
-            yield self.coordinates(start)
-
-    def _corrected(
-        self, slowly: Model, fully: Model, found: Solution, mute: Sequence[int]
-    ) -> tuple[Solution, _Floats, int]:
-        """The fit of the full model with the derivatives of the slow one, except for parameters that the slow one does not have."""
-        wave = self.wave
-        count = 0
+        problem = self.problem
+        z = proposal
         for _ in range(CORRECTIONS):
-            z, delay = found.z[:-1], float(found.z[-1]) * wave.fall
-            here = fully(z, delay)
-            offset = here - slowly(z, delay)
-            new = self._fit(slowly, found, offset, 0.0)
-            jacobian = new.jacobian.copy()
-            weights = weights_of(wave, 0.0)
-            for i in mute:
-                there = z.copy()
-                there[i] += BROAD_STEP
-                jacobian[:, i] = (fully(there, delay) - here) / BROAD_STEP * weights
-            count += new.evaluations + 2 + len(mute)
-            change = new.z - found.z
-            if mute:
-                # A step of all parameters, with the columns that the slow model lacks.
-                at = residuals(slowly, wave, weights, offset)(new.z)
-                change_of_all = -np.linalg.solve(_normal(jacobian), jacobian.T @ at)
-                new = Solution(new.z + np.clip(change_of_all, -0.5, 0.5), new.cost, jacobian, 0)
-                change = new.z - found.z
-            else:
-                new = Solution(new.z, new.cost, jacobian, 0)
-            found = new
-            error = np.sqrt(np.diag(np.linalg.inv(_normal(jacobian))))
-            if np.all(np.abs(change[:-1]) < CORRECTED * error[:-1]):
+            here, slowly = problem.residuals(z, 0.0), slow.residuals(z, 0.0)
+            if has_failed(here) or has_failed(slowly):
+                return []
+            try:
+                new = slow.solve(z, 0.0, offset=here - slowly)
+            except NoCycleError:
+                return []
+            errors = np.sqrt(np.diag(np.linalg.inv(problem.normal(new.jacobian))))
+            change, z = np.abs(new.z - z), new.z
+            if np.all(change < CORRECTED * errors):
                 break
-        return found, offset, count
+        here = problem.residuals(z, 0.0)
+        return [Solution(z, float(here @ here), new.jacobian)]
 
-    def _told(
-        self,
-        model_of: Model,
-        found: Solution,
-        offset: _Floats | float,
-        model: str,
-        notes: list[str],
-        count: int,
-        other_laws: _Floats | None,
-    ) -> Fit:
-        wave = self.wave
-        z, jacobian = found.z.copy(), found.jacobian.copy()
-        values = self._values(model_of, found) + offset
-        scene = self.with_values(self.scene, z[:-1], self.names)
-        # From the coordinates to the logarithms.
-        jacobian[:, :-1] = np.linalg.solve(self.slopes(z[:-1]).T, jacobian[:, :-1].T).T
-        z[:-1] = self.logarithms(z[:-1])
-        p = len(self.names)
-        weights = weights_of(wave, 0.0)
-        inverse = np.linalg.inv(_normal(jacobian))
-        mean = wave.rows.mean(axis=0)
-        influence = (wave.rows - mean) * weights[:-1] @ jacobian[:-1] @ inverse
-        n = len(wave.cycles)
-        covariance = influence.T @ influence / (n * (n - 1.0)) + np.outer(
-            inverse @ jacobian[-1], inverse @ jacobian[-1]
-        )
-        misfit, chance = self._misfit(values)
-        covariance *= max(1.0, misfit)
-        # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
-        broad = np.sqrt(np.diag(inverse))[:-1]
-        error = np.sqrt(np.diag(covariance))[:-1]
-        told = np.maximum(broad, error) < TOLD
-        notes += self._flat(inverse[:-1, :-1], told)
-        law_error = np.full(p, math.nan)
-        if other_laws is not None:
-            law_error = _law_errors(jacobian, other_laws * weights[:, np.newaxis])[:p]
-            notes += self._hanging_on_the_law(z, error, law_error, told)
-        if chance < MISFIT:
-            notes.append(
-                f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: "
-                "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
-                "errors include the misfit, but the values may be wrong by more"
+    def _of_each_cycle(self, given: _Floats, proposal: _Floats | None) -> list[Solution]:
+        """Fits of cycles that are not alike: rough ones from the best starts, then the best of these with the errors of the trace."""
+        problem = self.problem
+        rough = []
+        for start in self._own_starts(given, proposal)[: self.starts + 1]:
+            here = problem.at(start, COARSE_OF_OWN[0], SECANT)
+            rough.append(
+                problem.regressed(here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
             )
-        if "friction.mu_0" in self.names and math.exp(z[self.names.index("friction.mu_0")]) > LARGE_FRICTION:
-            notes.append(
-                "friction.mu_0 is very large: are the unit of the force and friction.normal_load right?"
-            )
-        notes += self.cycles.notes
-        for note in notes:
-            warnings.warn(note, FitWarning, stacklevel=4)
-        logarithms = np.where(told, z[:-1], np.log(np.abs(self.begin)))
-        parameters = {
-            name: FittedParameter(
-                name,
-                math.copysign(math.exp(z[i]), self.begin[i]) if told[i] else math.nan,
-                math.exp(z[i]) * float(error[i]) if told[i] else math.inf,
-                _unit(name),
-                bool(told[i]),
-                math.exp(z[i]) * float(law_error[i]),
-            )
-            for i, name in enumerate(self.names)
-        }
-        scale = np.sqrt(np.diag(inverse))[:-1]
-        return Fit(
-            parameters,
-            inverse[:-1, :-1] / np.outer(scale, scale),
-            scene,
-            model,
-            misfit,
-            chance,
-            self.cycles,
-            wave,
-            *np.split(values[:-1], [wave.error.size]),
-            float(values[-1]),
-            tuple(notes),
-            count,
-            np.array([logarithms, error]),
+        found: list[Solution] = []
+        for i, near in enumerate(sorted(rough, key=lambda each: each.cost)[: self.starts]):
+            self.show(0.4 + 0.5 * i / self.starts)
+            # The Jacobian with the errors of the trace, from large differences.
+            found.append(problem.regressed(problem.at(near.z, 0.0, SECANT), FIRST, self.random))
+            if self._explains(found):
+                break
+        return found
+
+    def _nothing(self, problem: Problem) -> UsageError:
+        return UsageError(
+            f"{problem.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(problem.names)} with which "
+            "'dynstiction cycles' finds a stable cycle"
         )
 
-    def _hanging_on_the_law(
-        self, z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
-    ) -> Iterator[str]:
-        hanging = [i for i in range(len(self.names)) if told[i] and law_error[i] > HANGING * error[i]]
-        if hanging:
-            each = ", ".join(f"{self.names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
-            yield (
-                f"{each} if friction need not fall exponentially (another exponent, a viscous term): the trace depends on friction "
-                "at the speeds of its slips only, and laws that agree there fit equally well"
-            )
+    def _explains(self, found: Sequence[Solution]) -> bool:
+        return self.problem.misfit(min(found, key=lambda each: each.cost).z)[1] >= USUAL
 
-    def _flat(self, inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
-        """Notes on the parameters that the trace does not determine."""
-        if told.all():
-            return
-        sizes, directions = np.linalg.eigh(inverse)
-        for size, column in zip(sizes, directions.T, strict=True):
-            if size < TOLD**2:
-                continue
-            direction = column / column[np.argmax(np.abs(column))]
-            seen = [
-                (name, power) for name, power in zip(self.names, direction, strict=True) if abs(power) > SEEN
-            ]
-            if len(seen) == 1:
-                yield f"the trace does not determine {seen[0][0]}: fix it at a known value"
-            else:
-                powers = " ".join(f"{name}^{power:.2g}" for name, power in seen)
-                yield (
-                    f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
-                    "nothing that is measured: fix one of them at a known value"
+    def _is_smooth(self, found: Sequence[Solution]) -> bool:
+        """Whether the best fit has many sticks in a cycle, or none: then one more or less does not matter."""
+        best = min(found, key=lambda each: each.cost)
+        return not 0.0 < self.problem.cycles(best.z, 0).sticks < SMOOTH
+
+    def _along_the_angle(self, found: list[Solution]) -> list[Solution]:
+        """With fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.
+
+        A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
+        """
+        problem = self.problem
+        best = min(found, key=lambda each: each.cost)
+        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth(found):
+            return found
+        if problem.misfit(best.z)[1] < MISFIT:
+            return found
+        i = problem.names.index(ANGLE)
+        least = best
+        for side in (1.0, -1.0):
+            z, above = best.z.copy(), 0
+            z[i] = max(z[i], math.log(LEAST_ANGLE))
+            for _ in range(MOST_ANGLES):
+                z[i] += side * math.log(RATIO)
+                angle = math.exp(z[i])
+                if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
+                    break
+                held = replace(
+                    problem,
+                    known={**problem.known, ANGLE: (math.copysign(angle, problem.begin[i]), HELD * angle)},
                 )
+                try:
+                    one = held.improved(z, self._levels(z))
+                except NoCycleError:
+                    above += 1
+                    continue
+                z = one.z.copy()
+                found = [*found, one]
+                least = min(least, one, key=lambda each: each.cost)
+                above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
+        if least is not best:
+            found = [*found, problem.solve(least.z, 0.0)]
+        return found
 
-
-def verdict(found: Fit, given: Scene, trace: Trace) -> tuple[bool, str]:
-    """Whether a fit explains its trace, and what runs of the fitted deck and of the given one say of that.
-
-    Parameters
-    ----------
-    found : Fit
-        The fit.
-    given : Scene
-        The scene with which it began.
-    trace : Trace
-        Its trace.
-
-    Returns
-    -------
-    explains : bool
-        Whether its misfit is that of the scatter, its model the scene's own, and no mean over the cycles differs by more than three
-        errors.
-    words : str
-        One line for each deck.
-    """
-    lines, agree = [], []
-    for name, scene in (("fitted", found.scene), ("given", given)):
+    def _levels(self, start: _Floats) -> tuple[float, ...]:
+        """Errors that are added in turn: fewer near the traces."""
+        if not all(each.wave.repeats for each in self.problem.recordings):
+            return COARSE_OF_OWN
+        off = self.problem.residuals(start, 0.0)
+        if has_failed(off):
+            return COARSE_OF_OWN
         try:
-            differing = [each for each in compare(scene, trace).statistics if each.differs]
-        except Error as error:
-            agree.append(False)
-            lines.append(f"the run of the {name} deck cannot be compared with the trace: {error}")
-            continue
-        agree.append(not differing)
-        each = ", ".join(f"{one.name} by {one.deviation:.1f}" for one in differing)
-        lines.append(
-            f"the run of the {name} deck "
-            + (f"differs from the trace: {each} standard errors" if differing else "agrees with the trace")
+            misfit = self.problem.misfit(start)[0]
+        except Error:
+            return COARSE_OF_OWN
+        return (
+            COARSE_OF_OWN[-1:] if misfit < NEAR else COARSE_OF_OWN[-3:] if misfit < NEAR**2 else COARSE_OF_OWN
         )
-    explains = found.explains and agree[0]
-    first = (
-        "the fit explains the trace"
-        if explains
-        else "the fit does NOT explain the trace: do not use its values"
+
+    def _slow_starts(self, slow: Problem, given: _Floats) -> list[_Floats]:
+        """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
+        recording = self.problem.recordings[0]
+        near = [given]
+        load = recording.scene.friction.normal_load or 1.0
+        for values in glances(recording.wave, steady_velocity(recording.scene), load):
+            here = np.array(
+                [values.get(name, value) for name, value in zip(slow.names, np.abs(slow.begin), strict=True)]
+            )
+            near.append(np.append(slow.coordinates(here), np.zeros(len(slow.recordings))))
+        p = len(slow.names)
+        for _ in range(RANDOM_STARTS):
+            start = near[int(self.random.integers(len(near)))].copy()
+            start[:p] += self.random.uniform(-SPREAD, SPREAD, p)
+            near.append(start)
+        costs = [float(np.sum(slow.residuals(start, COARSE[0]) ** 2)) for start in near]
+        return [near[i] for i in np.argsort(costs, kind="stable")[: self.starts]]
+
+    def _own_starts(self, given: _Floats, proposal: _Floats | None) -> list[_Floats]:
+        """The best of many random starts near the scene's values and near the slow model's fit."""
+        p = len(self.problem.names)
+        starts = [given]
+        for i in range(TRIED):
+            if i % 2 and proposal is not None:
+                spread = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
+                start = proposal.copy()
+            else:
+                spread, start = np.full(p, SPREAD), given.copy()
+            start[:p] += spread * self.random.uniform(-1.0, 1.0, p)
+            starts.append(start)
+        costs = list(
+            self.problem.pool.map(
+                lambda start: float(np.sum(self.problem.residuals(start, COARSE_OF_OWN[0]) ** 2)), starts
+            )
+        )
+        return [starts[i] for i in np.argsort(costs, kind="stable")[:COMPLETED]]
+
+    def _proposed(self, slow: Problem, given: _Floats) -> _Floats | None:
+        """The best fit of the slow model."""
+        found = []
+        for start in self._slow_starts(slow, given):
+            try:
+                found.append(slow.improved(start, COARSE))
+            except NoCycleError:
+                continue
+        return min(found, key=lambda each: each.cost).z if found else None
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """A fit of the slow model, where the scene's own has none."""
+
+    z: _Floats
+    fault: str
+
+    def __str__(self) -> str:
+        return self.fault
+
+
+def _slow(problem: Problem) -> Problem:
+    """The same for the slow model."""
+    recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in problem.recordings)
+    scene = recordings[0].scene
+    groups: dict[str, Mapping[str, Any]] = {**scene.groups(), "chain": {"tare": 0.0, "gain": 1.0}}
+    heard = tuple(
+        name for name in problem.names if name.partition(".")[2] in groups.get(name.partition(".")[0], {})
     )
-    if not explains and agree[1]:
-        first += "; the given deck agrees with it"
-    return explains, "\n".join([first, *lines])
+    return replace(problem, recordings=recordings, cycles_of=slow_cycles, heard=heard, step=STEP, runs=[])
+
+
+def _told(
+    problem: Problem,
+    best: Solution,
+    found: Sequence[Solution],
+    model: str,
+    notes: list[str],
+    traces: Sequence[Trace],
+    slow: Problem,
+) -> Fit:
+    names, p = problem.names, len(problem.names)
+    misfit, chance = problem.misfit(best.z)
+    covariance, inverse = problem.covariance(best)
+    # From the coordinates to the logarithms.
+    turn = np.eye(best.z.size)
+    turn[:p, :p] = problem.slopes(best.z[:p])
+    covariance, inverse = (
+        turn @ matrix @ turn.T * max(1.0, misfit) ** i for i, matrix in ((1, covariance), (0, inverse))
+    )
+    z = problem.logarithms(best.z[:p])
+    broad, error = np.sqrt(np.diag(inverse))[:p], np.sqrt(np.diag(covariance))[:p]
+    # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
+    told = np.maximum(broad, error) < TOLD
+    notes += _flat(names, inverse[:p, :p], told)
+    notes += _linked(names, inverse[:p, :p], told)
+    law_error = np.full(p, math.nan)
+    other_laws = _of_other_laws(slow, best.z)
+    if other_laws is not None:
+        jacobian = best.jacobian.copy()
+        jacobian[:, :p] = np.linalg.solve(turn[:p, :p].T, jacobian[:, :p].T).T
+        law_error = _law_errors(jacobian, other_laws)[:p]
+        notes += _hanging_on_the_law(names, z, error, law_error, told)
+    if chance < MISFIT:
+        notes.append(
+            f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: "
+            "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
+            "errors include the misfit, but the values may be wrong by more"
+        )
+    values = dict(zip(names, problem.values(best.z[:p]), strict=True))
+    if abs(values.get("friction.mu_0", 0.0)) > LARGE_FRICTION:
+        notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
+    related = problem.scatter(best)[1].max()
+    fewest = min(len(each.wave.rows) for each in problem.recordings)
+    if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].wave.repeats:
+        notes.append(
+            f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
+            "constant; the errors allow for it, but the values may be wrong by more"
+        )
+    others = [
+        each
+        for each in found
+        if each is not best
+        and each.cost - best.cost < ALSO * max(1.0, misfit)
+        and np.any(np.abs(problem.logarithms(each.z[:p]) - z) > error)
+    ]
+    sets = []
+    for each in others:
+        turn[:p, :p] = problem.slopes(each.z[:p])
+        spread = turn @ problem.covariance(each)[0] @ turn.T * max(1.0, misfit)
+        sets.append(np.array([problem.logarithms(each.z[:p]), np.sqrt(np.diag(spread))[:p]]))
+    if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):
+        notes.append("other values explain the trace as well: the intervals contain them")
+    for record in problem.recordings:
+        notes += record.cycles.notes
+    for note in notes:
+        warnings.warn(note, FitWarning, stacklevel=4)
+    scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(problem.values(best.z[:p])))
+    parameters = {
+        name: FittedParameter(
+            name,
+            float(values[name]) if told[i] else math.nan,
+            float(scales[i] * error[i]) if told[i] else math.inf,
+            unit_of(name),
+            bool(told[i]),
+            float(scales[i] * law_error[i]),
+        )
+        for i, name in enumerate(names)
+    }
+    fitted = []
+    for k, (record, trace) in enumerate(zip(problem.recordings, traces, strict=True)):
+        scene, chain = problem.of_recording(record, best.z[:p])
+        cycles = problem.cycles(best.z, k)
+        force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
+        fitted.append(
+            FittedTrace(
+                trace, record.scene, scene, chain, record.cycles, record.wave, force, ahead, cycles.period
+            )
+        )
+    begun = problem.logarithms(problem.coordinates(problem.begin))
+    logarithms = np.array([np.where(told, z, begun), error])
+    scale = np.sqrt(np.diag(inverse))[:p]
+    return Fit(
+        parameters,
+        inverse[:p, :p] / np.outer(scale, scale),
+        tuple(fitted),
+        model,
+        misfit,
+        chance,
+        tuple(notes),
+        (logarithms, *sets),
+        problem,
+        best.z,
+    )
+
+
+def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
+    """Weighted effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (residuals, 2)."""
+    p = len(slow.names)
+    columns: list[list[_Floats]] = [[], []]
+    for k, record in enumerate(slow.recordings):
+        try:
+            here, _ = slow.of_recording(record, z[:p])
+            friction = here.friction
+            if friction.law not in (None, "weakening"):
+                return None
+            drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
+            viscous = drop / fastest_slip(here, record.wave)
+            delay = float(z[p + k]) * record.wave.fall
+            before = slow_cycles(here, record.wave, delay, record.chain, False)
+            for i, law in enumerate(({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})):
+                there = slow_cycles(
+                    here.replace(friction={"law": "stribeck", **law}), record.wave, delay, record.chain, False
+                )
+                change = (there.rows - before.rows)[0] * record.wave.weights(0.0)
+                if not record.wave.repeats:
+                    n = len(record.wave.rows)
+                    change = np.tile(change / math.sqrt(n), n)
+                columns[i].append(
+                    np.append(change, (there.period - before.period) / record.period_error(0.0)) / LAW_STEP
+                )
+        except Error:
+            return None
+    for column in columns:
+        column.append(np.zeros(len(slow.known)))
+    return np.column_stack([np.concatenate(column) for column in columns])
+
+
+def _hanging_on_the_law(
+    names: Sequence[str], z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
+) -> Iterator[str]:
+    hanging = [
+        i
+        for i in range(len(names))
+        if told[i] and names[i] not in CHAIN and law_error[i] > HANGING * error[i]
+    ]
+    if hanging:
+        each = ", ".join(f"{names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
+        yield (
+            f"{each} if friction need not fall exponentially (another exponent, a viscous term): the trace depends on friction "
+            "at the speeds of its slips only, and laws that agree there fit equally well"
+        )
+
+
+def _flat(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
+    """Notes on the parameters that the trace does not determine."""
+    if told.all():
+        return
+    sizes, directions = np.linalg.eigh(inverse)
+    for size, column in zip(sizes, directions.T, strict=True):
+        if size < TOLD**2:
+            continue
+        direction = column / column[np.argmax(np.abs(column))]
+        seen = [(name, power) for name, power in zip(names, direction, strict=True) if abs(power) > SEEN]
+        if len(seen) == 1:
+            yield f"the trace does not determine {seen[0][0]}: fix it at a known value"
+        else:
+            powers = " ".join(f"{name}^{power:.2g}" for name, power in seen)
+            yield (
+                f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
+                "nothing that is measured: fix one of them at a known value"
+            )
+
+
+def _linked(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
+    """A note on parameters of which a trace shows little more than a product: speed, stiffness and mass, for example."""
+    scale = np.sqrt(np.diag(inverse))
+    close = np.abs(inverse / np.outer(scale, scale)) > LINKED
+    np.fill_diagonal(close, val=False)
+    linked = [name for name, row, is_told in zip(names, close, told, strict=True) if is_told and row.any()]
+    if linked:
+        yield (
+            f"the trace hardly distinguishes {', '.join(linked)}: a common change of them changes next to nothing that is measured: fix "
+            "one of them, if it is known"
+        )
 
 
 def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
@@ -709,54 +869,163 @@ def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
     return errors
 
 
-def _normal(jacobian: _Floats) -> _Floats:
-    """Normal matrix, with the prior that each parameter is known to a factor of ten."""
-    prior = np.append(np.full(jacobian.shape[1] - 1, PRIOR**-2), PRIOR**-2)
-    matrix: _Floats = jacobian.T @ jacobian + np.diag(prior)
-    return matrix
-
-
-def _problem(scene: Scene, trace: Trace, free: Sequence[str] | str) -> _Problem:
+def problem_of(
+    scene: Scene,
+    traces: Sequence[Trace],
+    free: Sequence[str] | str,
+    each: Mapping[str, Sequence[float]],
+    known: Mapping[str, tuple[float, float]],
+    chain: Chain,
+    pool: ThreadPoolExecutor,
+) -> Problem:
+    """The problem of a fit; arguments and errors are those of `fit`."""
     names = names_in("free", free)
     scene.check()
+    instance("chain", chain, Chain, "give a dynstiction.Chain")
     if not names or names == ("",):
         raise UsageError(
             "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
         )
+    if not traces:
+        raise UsageError("trace: give at least one trace")
     values = scene.groups()
+    begin = []
     for i, name in enumerate(names):
-        group, _, key = name.partition(".")
         if name in names[:i]:
             raise UsageError(f"free: {name} is named twice")
-        if group not in ("system", "friction") or key not in {
-            each.name for each in _native.schema() if each.group == group
-        }:
+        begin.append(_begin(scene, values, chain, name))
+    _check_known(names, len(traces), each, known)
+    recordings = []
+    for k, trace in enumerate(traces):
+        groups: dict[str, dict[str, Any]] = {}
+        for name, own in each.items():
+            group, _, key = name.partition(".")
+            groups.setdefault(group, {})[key] = float(own[k])
+        rig = scene.replace(**groups) if groups else scene
+        if steady_velocity(rig) == 0.0:
             raise UsageError(
-                f"free: {shown(name)}: only keys of &system and &friction can be found, like system.misalignment_deg"
+                f"{scene.name}: drive.velocity is 0 or changes: a fit needs a constant velocity that is not 0"
             )
-        if _native.key_info(group, key).kind != "real":
-            raise UsageError(f"free: {name} is not a real number: choose one of its values for each fit")
-        value = values.get(group, {}).get(key)
-        if not isinstance(value, float) or value == 0.0:
+        if trace.displacement is not None and "drive.velocity" in names:
             raise UsageError(
-                f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one"
+                "free: drive.velocity cannot be free with a displacement, which contains it: leave one of them out"
             )
-    if steady_velocity(scene) == 0.0:
-        raise UsageError(
-            f"{scene.name}: drive.velocity is 0 or changes: a fit needs a constant velocity that is not 0"
+        cycles = find_cycles(trace)
+        recordings.append(
+            Recording(rig, chain, cycles, waveform_of(trace, cycles, abs(steady_velocity(rig))))
         )
-    cycles = find_cycles(trace)
-    begin = np.array(
-        [values[name.partition(".")[0]][name.partition(".")[2]] for name in names], dtype=np.float64
+    slow = str(scene.scene.model or "full") == "low_frequency"
+    return Problem(
+        names,
+        np.array(begin),
+        known,
+        tuple(recordings),
+        slow_cycles if slow else full_cycles,
+        names,
+        STEP if slow else OWN_STEP,
+        pool,
     )
-    return _Problem(scene, names, begin, cycles, waveform_of(trace, cycles, abs(steady_velocity(scene))))
 
 
-def _given(scene: Scene, name: str) -> bool:
+def _check_known(
+    names: Sequence[str],
+    traces: int,
+    each: Mapping[str, Sequence[float]],
+    known: Mapping[str, tuple[float, float]],
+) -> None:
+    """Refuse values of traces and known values that do not fit to the free parameters."""
+    for name, own in each.items():
+        _check_key("each", name)
+        if name in names:
+            raise UsageError(f"each: {name} is free: a parameter is found, or its values are known")
+        if len(own) != traces:
+            raise UsageError(
+                f"each: {name} has {len(own)} values, and there are {traces} traces: give one for each"
+            )
+    for name, (_, error) in known.items():
+        if name not in names:
+            raise UsageError(f"known: {name} is not free: a fixed value stands in the deck")
+        number(f"the error of {name}", error, above=0.0)
+
+
+def _check_key(what: str, name: str) -> None:
+    """Refuse what is no number of the rig or its drive."""
     group, _, key = name.partition(".")
-    return key in scene.groups().get(group, {})
+    if name == "drive.velocity":
+        return
+    if group not in ("system", "friction") or key not in {
+        one.name for one in _native.schema() if one.group == group
+    }:
+        raise UsageError(
+            f"{what}: {shown(name)}: only keys of &system and &friction, like system.misalignment_deg, drive.velocity, and "
+            f"{', '.join(CHAIN)} can be found"
+        )
+    if _native.key_info(group, key).kind != "real":
+        raise UsageError(f"{what}: {name} is not a real number: choose one of its values for each fit")
 
 
-def _unit(name: str) -> str:
+def _begin(scene: Scene, values: Mapping[str, Mapping[str, Any]], chain: Chain, name: str) -> float:
+    """Value of a parameter with which a fit begins."""
     group, _, key = name.partition(".")
-    return _native.key_info(group, key).units
+    if name in CHAIN:
+        value = getattr(chain, key)
+        if value is None:
+            raise UsageError(f"free: {name} has no value: give one to begin with, chain=Chain({key}=...)")
+        return float(value)
+    _check_key("free", name)
+    value = steady_velocity(scene) if name == "drive.velocity" else values.get(group, {}).get(key)
+    if not isinstance(value, float) or value == 0.0:
+        raise UsageError(
+            f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one"
+        )
+    return value
+
+
+def verdict(found: Fit) -> tuple[bool, str]:
+    """Whether a fit explains its traces, and what runs of the fitted decks and of the given ones say of that.
+
+    Parameters
+    ----------
+    found : Fit
+        The fit.
+
+    Returns
+    -------
+    explains : bool
+        Whether its misfit is that of the scatter, its model the scene's own, and no mean over the cycles differs by more than three
+        errors.
+    words : str
+        One line for each deck.
+    """
+    lines: list[str] = []
+    agree = {"fitted": True, "given": True}
+    for each in found.traces:
+        of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
+        for name, scene in (("fitted", each.scene), ("given", each.given)):
+            try:
+                differing = [
+                    one for one in compare(scene, each.trace, chain=each.chain).statistics if one.differs
+                ]
+            except Error as error:
+                agree[name] = False
+                lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
+                continue
+            agree[name] &= not differing
+            words = ", ".join(f"{one.name} by {one.deviation:.1f}" for one in differing)
+            lines.append(
+                f"the run of the {name} deck "
+                + (
+                    f"differs from the trace{of}: {words} standard errors"
+                    if differing
+                    else f"agrees with the trace{of}"
+                )
+            )
+    explains = found.explains and agree["fitted"]
+    first = (
+        "the fit explains the trace"
+        if explains
+        else "the fit does NOT explain the trace: do not use its values"
+    )
+    if not explains and agree["given"]:
+        first += "; the given deck agrees with it"
+    return explains, "\n".join([first, *lines])

@@ -10,6 +10,9 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from dynstiction import trace_fit
+from dynstiction._fit.models import NoCycleError
+from dynstiction._fit.problem import Problem
+from dynstiction.trace_fit import verdict
 from programs import INPUTS, Program
 
 ALL = ("system.misalignment_deg", "friction.mu_0", "friction.mu_inf", "friction.v_f", "system.mass", "system.stiffness_x")
@@ -109,12 +112,14 @@ def test_the_same_seed_gives_the_same_bits(found: ds.Fit, trace: ds.Trace) -> No
 def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[bytes] = []
 
-    def nothing_near(model: object, wave: object, starts: list[np.ndarray], count: int) -> list[np.ndarray]:
-        tried.append(np.array(starts).tobytes())
-        return []
+    def nothing(problem: Problem, start: np.ndarray, levels: object) -> None:
+        tried[-1] += start.tobytes()
+        raise NoCycleError("none is completed")
 
-    monkeypatch.setattr(trace_fit, "best_start", nothing_near)
+    monkeypatch.setattr(Problem, "improved", nothing)
+    monkeypatch.setattr(trace_fit, "TRIED", 2)
     for seed in (3, 3, 4):
+        tried.append(b"")
         with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
             ds.fit(DECK, trace, ALL, rng=seed)
     assert tried[0] == tried[1] != tried[2]
@@ -195,7 +200,8 @@ def test_the_slow_model_is_fitted_alone_where_the_scene_says_so() -> None:
     [
         ("", "name the parameters"),
         ("friction.mu_0,friction.mu_0", "named twice"),
-        ("drive.velocity", "&system and &friction"),
+        ("output.interval", "&system and &friction"),
+        ("chain.filter", "has no value"),
         ("friction.law", "not a real number"),
         ("friction.mu", "&system and &friction"),
         ("friction.exponent", "has no value"),
@@ -216,6 +222,85 @@ def test_constant_friction_has_no_start(trace: ds.Trace) -> None:
     scene = DECK.replace(friction={"law": "constant", "mu_inf": None, "v_f": None})
     with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
         ds.fit(scene, trace, "friction.mu_0")
+
+
+def test_speeds_tell_the_law() -> None:
+    """Two speeds in one fit determine v_f and mu_inf better than one does; the values are those of both."""
+    velocities = (1e-3, 4e-3)
+    traces = [trace_of(RIG.replace(drive={"velocity": v}), seed=k, end=14.0) for k, v in enumerate(velocities)]
+    both = ds.fit(DECK, traces, ALL, each={"drive.velocity": velocities})
+    one = ds.fit(DECK, traces[0], ALL)
+    for name, value in TRUE.items():
+        assert abs(both[name] - value) < 4.0 * both.parameters[name].error, name
+    for name in ("friction.v_f", "friction.mu_inf"):
+        assert both.parameters[name].error < 0.6 * one.parameters[name].error, name
+    assert [each.scene.drive.velocity for each in both.traces] == list(velocities)
+    assert both.explains and verdict(both)[0]
+
+
+def test_a_zero_that_is_wrong_is_found(trace: ds.Trace) -> None:
+    shifted = ds.Trace(trace.time, trace.force + 0.35)
+    free = ("system.misalignment_deg", "friction.mu_0", "friction.v_f")
+    told = ds.fit(RIG, shifted, (*free, "chain.tare"), known={"friction.mu_0": (0.24, 1e-4)})
+    assert told["chain.tare"] == pytest.approx(0.35, abs=4.0 * told.parameters["chain.tare"].error)
+    assert told.parameters["chain.tare"].error < 0.01
+    assert told["system.misalignment_deg"] == pytest.approx(1.4, abs=4.0 * told.parameters["system.misalignment_deg"].error)
+    resting = ds.Trace(np.arange(1000) * 1e-3, np.append(np.full(500, 0.35), np.linspace(0.35, 1.0, 500)))
+    assert resting.zeroed(0.0, 0.4).force[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_model_passes_the_filter_of_the_trace(trace: ds.Trace) -> None:
+    filtered = ds.Chain(filter=40.0, order=4)(trace)
+    free = ("system.misalignment_deg", "friction.v_f", "system.mass")
+    found = ds.fit(RIG, filtered, free, chain=ds.Chain(filter=40.0, order=4))
+    assert found.explains
+    for name in free:
+        assert abs(found[name] - TRUE[name]) < 4.0 * found.parameters[name].error, name
+    with pytest.warns(ds.FitWarning, match="does not explain"):
+        ds.fit(RIG, filtered, free)
+
+
+def test_speed_and_lengths_are_not_told_apart(trace: ds.Trace) -> None:
+    with pytest.warns(ds.FitWarning, match=r"hardly distinguishes drive\.velocity, system\.stiffness_x, system\.mass, friction\.v_f"):
+        found = ds.fit(RIG, trace, ("drive.velocity", "system.stiffness_x", "system.mass", "friction.v_f"))
+    assert found.parameters["drive.velocity"].error > 0.05 * found["drive.velocity"]
+
+
+def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:
+    """An irregular rig: all three values within four errors of some per cent, from a start that is 20 % off."""
+    rig = ds.Scene(
+        model="full", mass=0.4, stiffness_x=2e4, stiffness_y=2e6, misalignment_deg=1.0, mu_0=0.25, mu_inf=0.18, v_f=4e-3,
+        normal_load=20.0, velocity=1e-3, t_end=9.0,
+    )  # fmt: skip
+    run = ds.run(rig, output={"interval": 5e-4, "fields": ["spring_force_x", "spring_force_y", "pull_force"]})
+    clean = ds.Trace.of(run).part(start=5.0)
+    trace = ds.Trace(clean.time, clean.force).with_noise(0.01 * np.ptp(clean.force), 3)
+    free = ("system.misalignment_deg", "friction.mu_0", "system.mass")
+    start = rig.replace(system={"misalignment_deg": 1.2, "mass": 0.36}, friction={"mu_0": 0.26})
+    found = ds.fit(start, trace, free)
+    assert not found.waveform.repeats and found.explains
+    for name, value in zip(free, (1.0, 0.25, 0.4), strict=True):
+        assert abs(found[name] - value) < 4.0 * found.parameters[name].error, name
+        assert found.parameters[name].error < 0.05 * value, name
+
+
+def test_residuals_are_those_of_the_likelihood(found: ds.Fit) -> None:
+    best = {name: found[name] for name in TRUE}
+    least = float(np.sum(found.residuals(best) ** 2))
+    for name in ALL:
+        moved = float(np.sum(found.residuals(best | {name: found[name] + 3.0 * found.parameters[name].error}) ** 2))
+        assert moved > least + 1.0, name
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), found.sets[0][1])
+
+
+def test_a_plan_expects_the_errors_of_a_fit(found: ds.Fit) -> None:
+    plan = ds.plan_traces(RIG, ALL, {"drive.velocity": (1e-3, 4e-3)}, duration=21.0)
+    assert list(plan.errors) == ["0.001", "0.004", "together"]
+    for i, name in enumerate(ALL):
+        expected = found.parameters[name].error / found[name]
+        assert 0.4 < plan.errors["0.001"][i] / expected < 2.5, name
+        assert plan.errors["together"][i] <= 1.05 * plan.errors["0.001"][i] * math.sqrt(2.0), name
+    assert "friction.v_f" in str(plan)
 
 
 # The page howto/fit_a_trace, which test_docs.py runs, has the command in short.

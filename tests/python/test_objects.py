@@ -421,7 +421,7 @@ def test_every_numerical_function_is_tried() -> None:
         "stick_slip_range",
         "slip_problem",
     }
-    others |= {"read_trace", "find_cycles", "mean_waveform", "mean_slip", "compare", "fit", "fit_creep", "fit_friction_law", "creep_test"}
+    others |= {"read_trace", "find_cycles", "mean_waveform", "mean_slip", "compare", "fit", "plan_traces", "fit_creep", "fit_friction_law", "creep_test"}
     assert set(NUMERICAL) == public - others
 
 

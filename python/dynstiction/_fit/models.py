@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +15,73 @@ from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene, used_settings
 from ..trace import pull_force
+from ..trace_chain import Chain
 from .waveform import Waveform, bin_means, centred
 
-__all__ = ["NoCycleError", "fastest_slip", "full_means", "slow_means", "slow_scene", "steady_velocity"]
+__all__ = [
+    "Cycles",
+    "NoCycleError",
+    "fastest_slip",
+    "full_cycles",
+    "slow_cycles",
+    "slow_scene",
+    "steady_velocity",
+]
 
 _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6
 """The motion has settled if two cycles agree to this."""
 LONGEST = (100.0, 1000.0)
-"""Longest time to settle, in measured periods: the second if the motion is known to be regular."""
+"""Longest time to settle, in measured periods: the second for a regular motion if the errors are those of the trace."""
 MOST_STEPS = 20_000
 """Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
+MOST_STEPS_OF_OWN = 200_000
+"""The same of the scene's own model: a run of parameters far from the truth does not stop a fit."""
 TOLERANCE = 1e-7
 """Relative tolerance of the slow model: its error is far below the effect of a change of a parameter by a thousandth."""
 SLOW_METHOD = "radau5"
 """Method whose steps are short enough for cubic polynomials between their ends."""
 FINER = 4
-"""Samples of the full model for each sample of the trace."""
+"""Samples of the full model for each sample of the trace, if its motion repeats."""
 CYCLES = 2.3
-"""Number of cycles of the full model that are used."""
+"""Number of cycles of the full model that are run if its motion repeats."""
+BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 100.0
+"""Periods that are left out, and those that are used, of a motion that does not repeat: so many cycles that each measured one is near;
+fewer if the errors are not yet those of the trace."""
+MEAN_OF = 12.0
+"""Periods that are used of a motion that does not repeat in time while a measured one does: for a rough mean."""
+LOADED = 0.95
+"""Runs begin at rest with this share of the measured peak of the load, just before a slip: their motion settles soon."""
+LATER = 0.05
+"""Step for the change of a cycle with the time of its slip, over the duration of the fall."""
 
 
 class NoCycleError(Error):
-    """The scene has no stick-slip that repeats."""
+    """The scene has no stick-slip."""
+
+
+class Cycles(NamedTuple):
+    """Slow cycles of a model, over the bins of a waveform."""
+
+    rows: _Floats
+    """Of each cycle, shape (m, n + k): mean force of each bin [N], and, if the waveform has it, how far the object is ahead of the drive
+    in the bins of the creep [m]. One row if cycles repeat."""
+    period: float
+    """Mean period [s]."""
+    later: _Floats
+    """Change of the rows with the time at which the measured slip is later, shape (m, n + k) [per second]."""
+    sticks: float
+    """Number of rests of the object in a slow cycle."""
+
+
+def _loaded(scene: Scene, wave: Waveform) -> Scene:
+    """The scene, beginning shortly before a slip."""
+    stiffness = float(scene.system.stiffness_x or 1.0)
+    _, velocity = _geometry(scene)
+    return scene.replace(
+        initial={"elongation_x": math.copysign(LOADED * float(wave.mean.max()) / stiffness, velocity)}
+    )
 
 
 def slow_scene(scene: Scene) -> Scene:
@@ -65,7 +109,7 @@ class _Curve:
         return means
 
 
-def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
+def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
     """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
 
     Parameters
@@ -76,12 +120,15 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
         The waveform whose bins are used.
     delay : float
         Time by which the slips of the waveform are later than those of the model [s].
+    chain : Chain
+        Its gain and tare; for starts its filter does not matter.
+    patient : bool
+        Whether a motion may take very long to settle.
 
     Returns
     -------
-    ndarray, shape (n + k + 1,)
-        Mean force of each bin [N], how far the object is ahead of the drive in the bins of the creep [m] if the waveform has it, and the
-        period [s].
+    Cycles
+        One cycle.
 
     Raises
     ------
@@ -90,7 +137,12 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
     """
     from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-    result = _settled(scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, precise=True)
+    scene = _loaded(scene, wave)
+    result = _settled(
+        scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, patient, precise=True
+    )
+    if "settled_at" not in result.summary:
+        raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {LONGEST[0]:g} measured periods")
     period = float(result.summary["period"])
     cosine, velocity = _geometry(scene)
     sense = np.sign(velocity)
@@ -121,58 +173,103 @@ def slow_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
         return way
 
     curve = _Curve(begin, period, slip)
-    means = [curve.means(wave, wave.edges, delay, integral)]
+    means = [chain.gain * curve.means(wave, wave.edges, delay, integral) + chain.tare]
     if wave.ahead is not None:
         means.append(centred(curve.means(wave, wave.creep_edges, delay, ahead)))
-    return np.append(np.hstack(means), period)
+    row = np.hstack(means)[np.newaxis]
+    return Cycles(row, period, np.zeros(row.shape), 0.0)
 
 
-def full_means(scene: Scene, wave: Waveform, delay: float) -> _Floats:
-    """As `slow_means`, for any model, from runs that are sampled more finely than the trace."""
-    result = _settled(scene, wave, {"interval": LONGEST[-1] * wave.period, "fields": ["sticking"]})
-    begin, period = float(result.time[-1]), float(result.summary["period"])
-    end = begin + CYCLES * period
+def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
+    """Cycles of any model as a chain shows them: one, if the motion repeats, else those of a long run.
+
+    Arguments and errors are as for `slow_cycles`.
+    """
+    scene = _loaded(scene, wave)
+    repeats, summary = False, None
+    begin = BEGINNING * wave.period
+    end = begin + (LIBRARY if patient else FEWER) * wave.period
+    if wave.repeats:
+        result = _settled(
+            scene, wave, {"interval": LONGEST[-1] * wave.period, "fields": ["sticking"]}, patient
+        )
+        summary = result.summary
+        repeats = "settled_at" in summary
+        end = begin + MEAN_OF * wave.period
+        if repeats:
+            begin = float(result.time[-1])
+            end = begin + CYCLES * float(summary["period"])
+    finer = FINER if repeats else 1
     fine = run(
         scene,
-        times=np.arange(begin, end, wave.interval / FINER),
+        times=np.arange(begin, end, wave.interval / finer),
         progress=False,
         scene={"settle": 0.0, "t_end": end},
+        integrator={"max_steps": MOST_STEPS_OF_OWN},
         output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.ahead is not None))]},
     )
+    summary = summary or fine.summary
+    if "period" not in summary or "valley_force" not in summary:
+        raise NoCycleError(
+            f"{scene.name}: no stick-slip within {(begin + end) / wave.period:g} measured periods"
+        )
+    period = float(summary["period"])
     time = fine.time
     cosine, velocity = _geometry(scene)
-    force = np.sign(velocity) * pull_force(fine)
-    load = np.sign(velocity) * cosine * fine["spring_force_x"]
-    middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
+    sense = np.sign(velocity)
+    force = chain.response(wave.interval / finer, sense * pull_force(fine))
+    load = chain.response(wave.interval / finer, sense * cosine * fine["spring_force_x"])
+    middle = (
+        0.5 * chain.gain * cosine * (float(summary["peak_force"]) + float(summary["valley_force"]))
+        + chain.tare
+    )
     k = np.flatnonzero((load[:-1] > middle) & (load[1:] <= middle))
     slips = time[k] + (load[k] - middle) / (load[k] - load[k + 1]) * np.diff(time)[k]
-    edges = wave.edges * (period / wave.period) + delay
-    inside = slips[(slips + edges[0] >= begin) & (slips + edges[-1] <= end)]
+    stretch = period / wave.period if repeats else 1.0
+    edges = wave.edges * stretch + delay
+    later = LATER * wave.fall
+    inside = slips[(slips + edges[0] >= begin) & (slips + edges[-1] + later <= end)]
     if inside.size == 0:
         raise NoCycleError("no whole cycle is found")
-    edges = edges + inside[-1]
-    means = [_sampled_means(time, force, edges)]
-    if wave.ahead is not None:
-        way = np.sign(velocity) * (fine["X"] - velocity * time)
-        means.append(centred(_sampled_means(time, way, edges[: wave.creep_edges.size])))
-    return np.append(np.hstack(means), period)
+    if repeats:
+        inside = inside[-1:]
+    elif slips.size > 1:
+        period = float(np.mean(np.diff(slips)))
+    way = None if wave.ahead is None else sense * (fine["X"] - velocity * time)
+
+    def rows(delays: float) -> _Floats:
+        at = edges + delays + inside[:, np.newaxis]
+        found = [_sampled_means(time, force, at, finer)]
+        if way is not None:
+            found.append(centred(_sampled_means(time, way, at[:, : wave.creep_edges.size], finer)))
+        return np.hstack(found)
+
+    here = rows(0.0)
+    there = np.zeros(here.shape) if wave.repeats else (rows(later) - here) / later
+    return Cycles(here, period, there, float(fine.summary.get("sticks", 0.0)) * period / end)
 
 
-def _sampled_means(time: _Floats, values: _Floats, edges: _Floats) -> _Floats:
+def _sampled_means(time: _Floats, values: _Floats, edges: _Floats, finer: int) -> _Floats:
     """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle."""
     means: _Floats = np.mean(
-        [bin_means(time[k::FINER], values[k::FINER], edges) for k in range(FINER)], axis=0
+        [bin_means(time[k::finer], values[k::finer], edges) for k in range(finer)], axis=0
     )
     return means
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:
     """Fastest slip of a scene's settled cycle along the drive [m/s]."""
-    return float(_settled(scene, wave, {"interval": wave.interval, "fields": ["u_x"]}).summary["max_X_rate"])
+    return float(
+        _settled(scene, wave, {"interval": wave.interval, "fields": ["u_x"]}, False).summary["max_X_rate"]
+    )
 
 
-def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: bool = False) -> Result:
-    integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS} if precise else {}
+def _settled(
+    scene: Scene, wave: Waveform, output: dict[str, object], patient: bool, precise: bool = False
+) -> Result:
+    integrator: dict[str, object] = {"max_steps": MOST_STEPS_OF_OWN}
+    if precise:
+        integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS}
     for longest in LONGEST:
         try:
             result = run_sampled(
@@ -184,11 +281,12 @@ def _settled(scene: Scene, wave: Waveform, output: dict[str, object], precise: b
             )
         except SolverError as error:
             raise NoCycleError(str(error)) from error
-        if "settled_at" in result.summary and result.summary["period"] < result.time[-1]:
-            return result
-        if precise or result.summary.get("regularity") != 1:
+        if "settled_at" in result.summary or not patient or result.summary.get("regularity") != 1:
             break
-    raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {longest:g} measured periods")
+    # A motion that has ended in steady sliding has no period.
+    if not 0.0 < result.summary.get("period", 0.0) < result.time[-1]:
+        raise NoCycleError(f"{scene.name}: no stick-slip within {longest:g} measured periods")
+    return result
 
 
 def steady_velocity(scene: Scene) -> float:

@@ -1,206 +1,195 @@
-"""Least squares fit of a scene's settled cycle to a measured waveform.
-
-The period is known a hundred times better than anything else, so that steps along the curved surface of the correct period would be
-short. While the waveform is fitted, one parameter is therefore not free: it is chosen so that the period is correct.
-"""
+"""Least squares for residuals that jump and are noisy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Error
 from .models import NoCycleError
-from .waveform import Waveform
 
-__all__ = ["Model", "Solution", "best_start", "least_squares_of", "residuals", "unfitted", "weights_of"]
+__all__ = [
+    "FAILED",
+    "Residuals",
+    "Solution",
+    "central_derivatives",
+    "has_failed",
+    "least_squares_of",
+    "regressed",
+]
 
 _Floats = NDArray[np.float64]
 
-Model = Callable[[_Floats, float], _Floats]
-"""Mean forces [N] and the period [s] at the logarithms of the parameters and a delay [s]."""
+Residuals = Callable[[_Floats], _Floats]
+"""Weighted residuals at z; all are `FAILED` where there is no stick-slip."""
 
-STEP = 1e-4
-"""Change of a logarithm for a derivative. A tenth of it, and ten times it, give the same fits."""
+FAILED = 1e6
+"""Residual of parameters without stick-slip."""
 RANGE = 3.0
-"""Largest change of a logarithm from its start."""
-PRIOR = 2.3
-"""Standard deviation of the prior of a logarithm about its start: a factor of ten."""
-COARSE = 0.02
-"""Errors relative to swing and period, for the comparison of starts and for the first fit."""
+"""Largest change of a coordinate from its start."""
 PERIOD = 1e-8
 """Relative tolerance of the period."""
 PERIOD_STEPS = 4
-FAILED = 1e3
-"""Residual of parameters without stick-slip."""
 MOST_STEPS = 30
 CONVERGED = 1e-6
+LEAST = 1e-6
+"""Added to the normal matrix, so that it has an inverse."""
+LARGEST = 0.7
+"""Largest change of a coordinate within a cloud."""
+CLOUD, MOST_CLOUDS, SHRINK = 28, 16, 0.6
+"""Number of points of a cloud, largest number of clouds, and the factor by which they shrink."""
+REACH, SMALL, SMALLEST = 2.0, 8.0, 3.0
+"""Largest step over the size of a cloud; sizes, in standard errors, below which the regression decides and the search ends."""
+LEAST = 1e-6
+"""Added to the normal matrix, so that it has an inverse."""
+LARGEST = 0.7
+"""Largest change of a coordinate in a step."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """A fit: the logarithms of the parameters and the delay over the fall, the cost and the Jacobian of the residuals there."""
+    """A fit: the coordinates, the cost and the Jacobian of the residuals there, shape (residuals, coordinates)."""
 
     z: _Floats
     cost: float
     jacobian: _Floats
-    evaluations: int
+    blur: _Floats | float = 0.0
+    """Covariance of the coordinates because residuals are noisy."""
 
 
-def unfitted(start: _Floats) -> Solution:
-    """The logarithms of a start, without a delay."""
-    return Solution(np.append(start, 0.0), np.inf, np.empty((0, 0)), 0)
+def has_failed(residuals: _Floats) -> bool:
+    """Whether there is no stick-slip."""
+    return bool(np.all(residuals == FAILED))
 
 
-def residuals(
-    model: Model, wave: Waveform, weights: _Floats, offset: _Floats | float = 0.0
-) -> Callable[[_Floats], _Floats]:
-    """Weighted difference of a model and a waveform at z; 0 for bins that are not used."""
-    measured = np.append(wave.rows.mean(axis=0), wave.period)
+def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, pool: ThreadPoolExecutor) -> _Floats:
+    """Jacobian by differences; 0 where there is stick-slip on neither side."""
 
-    def at(z: _Floats) -> _Floats:
-        try:
-            values = model(z[:-1], float(z[-1]) * wave.fall) + offset
-        except Error:
-            return np.full(measured.size, FAILED)
-        off: _Floats = np.nan_to_num((values - measured) * weights, nan=FAILED, posinf=FAILED, neginf=-FAILED)
-        return off
-
-    return at
-
-
-def weights_of(wave: Waveform, coarse: float) -> _Floats:
-    """Inverse errors of the bins and of the period, with shares of the swing and of the period added to the errors."""
-    bins = wave.counts / np.hypot(wave.errors, coarse * wave.sizes)
-    return np.append(bins, 1.0 / np.hypot(wave.period_error, coarse * wave.period))
-
-
-def best_start(model: Model, wave: Waveform, starts: Sequence[_Floats], count: int) -> list[_Floats]:
-    """The `count` starts (logarithms of the parameters) that come nearest to the waveform."""
-    at = residuals(model, wave, weights_of(wave, COARSE))
-    costs = [float(np.sum(at(np.append(start, 0.0)) ** 2)) for start in starts]
-    return [starts[i] for i in np.argsort(costs, kind="stable")[:count]]
-
-
-def derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats, step: float) -> _Floats:
-    """Jacobian by differences, shape (residuals, parameters); 0 where there is stick-slip on neither side."""
-    columns = np.zeros((here.size, z.size))
-    for i in range(z.size):
+    def column(i: int) -> _Floats:
         for change in (step, -step):
             there = z.copy()
             there[i] += change
             values = at(there)
-            if np.max(np.abs(values)) < FAILED:
-                columns[:, i] = (values - here) / change
-                break
-    return columns
+            if not has_failed(values):
+                slope: _Floats = (values - here) / change
+                return slope
+        return np.zeros(here.size)
+
+    return np.column_stack(list(pool.map(column, range(z.size))))
 
 
-def central_derivatives(at: Callable[[_Floats], _Floats], z: _Floats, here: _Floats, step: float) -> _Floats:
+def central_derivatives(
+    at: Residuals, z: _Floats, here: _Floats, step: float, pool: ThreadPoolExecutor
+) -> _Floats:
     """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
-    columns = derivatives(at, z, here, step)
-    for i in range(z.size):
-        there, back = z.copy(), z.copy()
-        there[i] += step
-        back[i] -= step
-        ends = at(there), at(back)
-        if max(np.max(np.abs(values)) for values in ends) < FAILED:
-            columns[:, i] = (ends[0] - ends[1]) / (2.0 * step)
-    return columns
+
+    def column(i: int) -> _Floats:
+        sides = []
+        for change in (step, -step):
+            there = z.copy()
+            there[i] += change
+            sides.append(at(there))
+        good = [not has_failed(values) for values in sides]
+        if all(good):
+            return np.asarray((sides[0] - sides[1]) / (2.0 * step))
+        return np.asarray(
+            (sides[0] - here) / step if good[0] else (here - sides[1]) / step if good[1] else 0.0 * here
+        )
+
+    return np.column_stack(list(pool.map(column, range(z.size))))
 
 
 def least_squares_of(
-    model: Model,
-    wave: Waveform,
+    at: Residuals,
     start: _Floats,
     *,
-    coarse: float = 0.0,
-    offset: _Floats | float = 0.0,
-    delay: float = 0.0,
-    step: float = STEP,
+    period: int | None,
+    exact: float,
+    step: float,
+    pool: ThreadPoolExecutor,
+    last: bool = True,
 ) -> Solution:
     """Fit from one start.
 
+    The period is known a hundred times better than anything else: steps along the curved surface of the correct period would be short.
+    One coordinate is therefore not free: it is chosen so that the period is correct.
+
     Parameters
     ----------
-    model : callable
-        Function of the logarithms of the parameters and of a delay.
-    wave : Waveform
-        The measured waveform.
+    at : callable
+        Residuals at coordinates.
     start : ndarray, shape (p,)
-        Logarithms of the parameters.
-    coarse : float
-        Error relative to swing and period that is added.
-    offset : ndarray or float
-        Added to the model.
-    delay : float
-        Initial delay, over the fall.
+        Coordinates.
+    period : int
+        Index of the residual of the period.
+    exact : float
+        Its error, relative to the period.
     step : float
-        Change of a logarithm for a derivative.
+        Change of a coordinate for a derivative.
+    pool : ThreadPoolExecutor
+        Computes the columns of derivatives.
+    last : bool
+        Whether no fit with smaller errors follows, so that the Jacobian is of use.
+
+    Raises
+    ------
+    NoCycleError
+        If there is no stick-slip near this start.
     """
     from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-    at = residuals(model, wave, weights_of(wave, coarse), offset)
-    exact = 1.0 / weights_of(wave, coarse)[-1] / wave.period
-    z = np.append(start, delay)
-    jacobian = derivatives(at, z, at(z), step)
-    held = int(np.argmax(np.abs(jacobian[-1, :-1])))
+    z, here = start, at(start)
+    if has_failed(here):
+        raise NoCycleError("no stick-slip near this start")
+    jacobian = derivatives(at, z, here, step, pool)
+    held = int(np.argmax(np.abs(jacobian[period])))
     free = np.delete(np.arange(z.size), held)
     known = {"z": z, "jacobian": jacobian}
-    count = z.size + 1
 
     def whole(part: _Floats) -> tuple[_Floats, _Floats]:
-        nonlocal count
-        z, jacobian = known["z"], known["jacobian"]
+        z, slope = known["z"], known["jacobian"][period]
         new = z.copy()
         new[free] = part
-        slope = jacobian[-1]
-        if abs(slope[held]) > 0.0:
-            new[held] -= np.clip(slope[free] @ (part - z[free]) / slope[held], -0.5, 0.5)
+        if not abs(slope[held]) > 0.0:
+            return new, at(new)
+        new[held] -= np.clip(slope[free] @ (part - z[free]) / slope[held], -0.5, 0.5)
         here = at(new)
         for _ in range(PERIOD_STEPS):
-            count += 1
-            if (
-                abs(here[-1]) * exact <= max(PERIOD, 1e-3 * exact)
-                or abs(here[-1]) >= FAILED
-                or not abs(slope[held]) > 0.0
-            ):
+            if abs(here[period]) * exact <= max(PERIOD, 1e-3 * exact) or has_failed(here):
                 break
-            new[held] -= np.clip(here[-1] / slope[held], -0.5, 0.5)
+            new[held] -= np.clip(here[period] / slope[held], -0.5, 0.5)
             here = at(new)
         return new, here
 
-    last: dict[bytes, tuple[_Floats, _Floats]] = {}
+    latest: dict[bytes, tuple[_Floats, _Floats]] = {}
 
     def fun(part: _Floats) -> _Floats:
         key = part.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = whole(part)
-        return last[key][1]
+        if key not in latest:
+            latest.clear()
+            latest[key] = whole(part)
+        return latest[key][1]
 
     def jac(part: _Floats) -> _Floats:
-        nonlocal count
         fun(part)
-        z, here = last[part.tobytes()]
-        full = derivatives(at, z, here, step)
-        count += z.size
+        z, here = latest[part.tobytes()]
+        full = derivatives(at, z, here, step, pool)
         known["z"], known["jacobian"] = z, full
-        slope = full[-1]
+        slope = full[period]
         if not abs(slope[held]) > 0.0:
             return full[:, free]
         reduced: _Floats = full[:, free] - np.outer(full[:, held], slope[free] / slope[held])
         return reduced
 
-    bounds = (np.append(start - RANGE, -2.0)[free], np.append(start + RANGE, 2.0)[free])
     found = least_squares(
         fun,
         z[free],
         jac,
-        bounds,
+        bounds=(z[free] - RANGE, z[free] + RANGE),
         max_nfev=MOST_STEPS,
         ftol=CONVERGED,
         xtol=CONVERGED,
@@ -208,12 +197,71 @@ def least_squares_of(
         x_scale=1.0,
     )
     z, here = whole(found.x)
-    if np.max(np.abs(here)) >= FAILED:
+    if has_failed(here):
         raise NoCycleError("no stick-slip near this start")
+    if not last:
+        return Solution(z, float(here @ here), known["jacobian"])
     # One step with all parameters: it includes the error of the period.
-    full = central_derivatives(at, z, here, step)
+    full = central_derivatives(at, z, here, step, pool)
     change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + change)
     if there @ there < here @ here:
         z, here = z + change, there
-    return Solution(z, float(here @ here), full, count)
+    return Solution(z, float(here @ here), full)
+
+
+def regressed(
+    at: Residuals, start: Solution, *, size: float, pool: ThreadPoolExecutor, random: np.random.Generator
+) -> Solution:
+    """Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks: for noisy residuals.
+
+    Parameters
+    ----------
+    at : callable
+        Residuals at coordinates.
+    start : Solution
+        Where the search begins, and a first Jacobian.
+    size : float
+        Size of the first cloud, in standard errors of the coordinates.
+    pool : ThreadPoolExecutor
+        Computes residuals side by side.
+    random : numpy.random.Generator
+        Source of the clouds.
+    """
+    p = start.z.size
+    z, jacobian, blur = start.z, start.jacobian, np.zeros((p, p))
+    here, cost = z, start.cost
+    for _ in range(MOST_CLOUDS):
+        normal = jacobian.T @ jacobian
+        # No coordinate may vary by more than a cloud can be wide.
+        spread = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
+        half = np.linalg.cholesky(spread) @ random.standard_normal((p, CLOUD // 2)) * size
+        away = np.concatenate([half.T, -half.T])
+        values = list(pool.map(at, z + away))
+        good = [k for k, each in enumerate(values) if not has_failed(each)]
+        if len(good) < 2 * p:
+            size *= SHRINK
+            continue
+        left = np.array([values[k] for k in good])
+        design = np.column_stack([np.ones(len(good)), away[good]])
+        line, *_ = np.linalg.lstsq(design, left, rcond=None)
+        middle, jacobian = line[0], line[1:].T
+        inverse = np.linalg.inv(jacobian.T @ jacobian + np.eye(p) * LEAST)
+        step = -inverse @ (jacobian.T @ middle)
+        off = (left - design @ line) @ jacobian @ inverse
+        blur = off.T @ off / max(len(good) - p - 1, 1) / len(good)
+        far = float(np.sqrt(step @ (jacobian.T @ jacobian) @ step))
+        step *= min(1.0, REACH * size * math.sqrt(p) / max(far, 1e-300))
+        best = int(np.argmin(np.sum(left**2, axis=1)))
+        there = at(z + step)
+        choices = [(float(there @ there), z + step), (float(left[best] @ left[best]), z + away[good][best])]
+        lowest, where = min(choices, key=lambda each: each[0])
+        if lowest < cost:
+            cost, here = lowest, where
+        # In a small cloud the regression knows the minimum better than the noise of one value.
+        z = z + step if size < SMALL else here
+        if far < size * math.sqrt(p):
+            size *= SHRINK
+        if size < SMALLEST:
+            break
+    return Solution(z, float(np.sum(at(z) ** 2)), jacobian, blur)

@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..trace import Trace
 from ..trace_cycles import TraceCycles
 
-__all__ = ["Waveform", "bin_means", "centred", "waveform_of"]
+__all__ = ["Waveform", "bin_means", "centred", "smoothed", "waveform_of"]
 
 _Floats = NDArray[np.float64]
 
@@ -30,6 +30,10 @@ CORNER = 0.1
 oscillates."""
 CREEP_ENDS, LEAST_CREEP = 1.5, 5
 """The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors; and up to so many edges."""
+ALIKE = 3e-3
+"""True changes of the period from cycle to cycle, over the period, up to which cycles are alike: the errors of slip times are smaller."""
+SHORT = 0.05
+"""If cycles are not alike, windows are as long as the period that this share of them do not reach."""
 EXACT = 1e-4
 """Error of a model's means over their range: of sampling and of the fast oscillation."""
 NORMAL_MEDIAN = 0.6745
@@ -58,6 +62,8 @@ class Waveform:
         Time in which the force falls from 85 % to 15 % of its swing [s].
     interval : float
         Time between two samples [s].
+    repeats : bool
+        Whether all cycles are alike, so that their mean contains what they say; else each cycle is explained by itself.
     ahead : ndarray, shape (cycles, k), or None
         Mean over each of the first k bins, the creep, of the displacement minus that of the drive, minus its mean over these bins [m].
     ahead_error : ndarray, shape (k,), or None
@@ -72,6 +78,7 @@ class Waveform:
     period_error: float
     fall: float
     interval: float
+    repeats: bool
     ahead: _Floats | None = None
     ahead_error: _Floats | None = None
 
@@ -98,6 +105,10 @@ class Waveform:
         if self.ahead is None:
             return force
         return np.append(force, np.full(self.ahead.shape[1], np.ptp(self.ahead.mean(axis=0))))
+
+    def weights(self, coarse: float) -> _Floats:
+        """Inverse errors of the means of `rows`, with a share `coarse` of the swing added to the errors; 0 for what does not count."""
+        return np.asarray(self.counts / np.hypot(self.errors, coarse * self.sizes))
 
     @property
     def model_error(self) -> _Floats:
@@ -134,12 +145,12 @@ def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
     ----------
     time, force : ndarray, shape (m,)
         Samples [s, N].
-    edges : ndarray, shape (n + 1,)
+    edges : ndarray, shape (..., n + 1)
         Edges of the bins [s], inside the samples' times.
 
     Returns
     -------
-    ndarray, shape (n,)
+    ndarray, shape (..., n)
         Mean of each bin [N].
     """
     steps = np.diff(time)
@@ -177,23 +188,27 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     """
     time, force, slips, noise = trace.time, trace.force, cycles.slips, cycles.noise
     interval = trace.interval
-    period = float(np.mean(np.diff(slips)))
+    periods = np.diff(slips)
+    period = float(np.mean(periods))
     fall = _fall(time, force, slips, period)
-    edges = _edges(period, fall, interval)
+    repeats = _true_changes(periods)[1] <= (ALIKE * period) ** 2
+    edges = _edges(period if repeats else float(np.quantile(periods, SHORT)), fall, interval)
     whole = [slip for slip in slips if slip + edges[0] >= time[0] and slip + edges[-1] <= time[-1]]
     if len(whole) < FEWEST:
         raise UsageError(
             f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: a fit needs at least {FEWEST}"
         )
-    rows = np.array([bin_means(time, force, edges + slip) for slip in whole])
+    at = edges + np.array(whole)[:, np.newaxis]
+    rows = bin_means(time, force, at)
     ahead = ahead_error = None
     if trace.displacement is not None:
         way = trace.displacement - velocity * time
         creep = edges[: max(LEAST_CREEP, int(np.count_nonzero(edges < -CREEP_ENDS * fall)))]
-        ahead = centred(np.array([bin_means(time, way, creep + slip) for slip in whole]))
+        ahead = centred(bin_means(time, way, at[:, : creep.size]))
         # Second differences show the noise alone.
         bends = np.abs(np.diff(way, 2))
-        ahead_error = _error(ahead, float(np.median(bends)) / NORMAL_MEDIAN / np.sqrt(6.0), creep, interval)
+        way_noise = float(np.median(bends)) / NORMAL_MEDIAN / np.sqrt(6.0)
+        ahead_error = _error(ahead, way_noise, creep, interval, repeats)
     middle = 0.5 * (edges[1:] + edges[:-1])
     mean = rows.mean(axis=0)
     after = np.flatnonzero(middle > 0.0)
@@ -201,21 +216,23 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     return Waveform(
         edges,
         rows,
-        _error(rows, noise, edges, interval),
+        _error(rows, noise, edges, interval, repeats),
         np.abs(middle - valley) > max(3.0 * interval, CORNER * fall),
         period,
-        _period_error(np.diff(slips), period),
+        _period_error(periods),
         fall,
         interval,
+        repeats,
         ahead,
         ahead_error,
     )
 
 
-def _error(rows: _Floats, noise: float, edges: _Floats, interval: float) -> _Floats:
-    """Standard error of the mean over cycles, from their scatter and from the noise of the samples."""
+def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats: bool) -> _Floats:
+    """Standard error of the mean over cycles: from the noise of the samples, and, if they are alike, from their scatter."""
     white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
-    error: _Floats = np.sqrt(np.maximum(white, _smoothed(rows.var(axis=0, ddof=1))) / len(rows))
+    scatter = smoothed(rows.var(axis=0, ddof=1)) if repeats else 0.0
+    error: _Floats = np.sqrt(np.maximum(white, scatter) / len(rows))
     return error
 
 
@@ -243,21 +260,28 @@ def _edges(period: float, fall: float, interval: float) -> _Floats:
     return np.concatenate([creep, near, rest])
 
 
-def _smoothed(variance: _Floats) -> _Floats:
+def smoothed(variance: _Floats) -> _Floats:
+    """Variances of bins, averaged over neighbours."""
     width = 2 * SMOOTHED + 1
     padded = np.pad(variance, SMOOTHED, mode="edge")
     smooth: _Floats = np.convolve(padded, np.ones(width) / width, mode="valid")
     return smooth
 
 
-def _period_error(periods: _Floats, period: float) -> float:
-    """Standard error of the mean period: errors of the times of slips cancel from cycle to cycle, true changes do not.
+def _true_changes(periods: _Floats) -> tuple[float, float]:
+    """Variance of the error of a slip's time [s^2], and that of the true changes of the period.
 
-    The n periods have the variance s^2 = d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
+    The periods have the variance d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
     """
     n = periods.size
-    off = periods - period
+    off = periods - periods.mean()
     variance = float(off @ off) / max(n - 1, 1)
     timing = max(0.0, -float(off[1:] @ off[:-1]) / max(n - 1, 1))
-    drifting = max(0.0, variance - 2.0 * timing)
-    return max(float(np.sqrt((2.0 * timing + n * drifting) / n**2)), 1e-7 * period)
+    return timing, max(0.0, variance - 2.0 * timing)
+
+
+def _period_error(periods: _Floats) -> float:
+    """Standard error of the mean period: errors of the times of slips cancel from cycle to cycle, true changes do not."""
+    n = periods.size
+    timing, changes = _true_changes(periods)
+    return max(float(np.sqrt((2.0 * timing + n * changes) / n**2)), 1e-7 * float(periods.mean()))

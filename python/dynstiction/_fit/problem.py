@@ -1,0 +1,404 @@
+"""What is free, what was measured, and the residuals between both: the same for one trace and several, and for every model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _native
+from ..errors import Error
+from ..scene import Scene
+from ..trace_chain import Chain
+from ..trace_cycles import TraceCycles
+from .models import Cycles, NoCycleError
+from .solve import FAILED, Solution, central_derivatives, least_squares_of, regressed
+from .waveform import Waveform, smoothed
+
+__all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
+
+_Floats = NDArray[np.float64]
+
+WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
+STATIC = "friction.mu_static"
+CHAIN = {"chain.tare": "N", "chain.filter": "Hz", "chain.gain": "1"}
+"""What can be free of a measuring chain, and its units."""
+LEAST_DROP = 1e-3
+"""Least weakening at the start of a fit, as a share of mu_0."""
+PRIOR = 2.3
+"""Standard deviation of the prior of a logarithm about its start: a factor of ten."""
+NEIGHBOURS = 4
+"""Number of cycles between which and the nearest one a measured cycle is sought."""
+MOST_OF_ONE = 3.0
+"""Largest sum of squares of one cycle, over the median of all."""
+MOST_DELAY = 0.3
+"""Largest error of a slip's time, over the duration of the fall."""
+
+SECANT = 0.6
+"""Change of a coordinate for a derivative, over the share that is added to the errors: smaller steps of the cost do not matter then."""
+BAD = 0.3
+"""Mean square of the residuals with the first added error above which a search is given up: it leads nowhere."""
+
+ModelCycles = Callable[[Scene, Waveform, float, Chain, bool], Cycles]
+
+
+class LeadsNowhereError(NoCycleError):
+    """A search has ended far from the trace."""
+
+    def __init__(self, z: _Floats, cost: float) -> None:
+        super().__init__("no search from any start comes near the trace")
+        self.z, self.cost = z, cost
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One trace of a fit.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with the values that are this trace's own.
+    chain : Chain
+        Its measuring chain.
+    cycles : TraceCycles
+        Its cycles.
+    wave : Waveform
+        What is fitted.
+    """
+
+    scene: Scene
+    chain: Chain
+    cycles: TraceCycles
+    wave: Waveform
+
+    @property
+    def size(self) -> int:
+        """Number of residuals: of each bin, and of the period."""
+        return (1 if self.wave.repeats else len(self.wave.rows)) * self.wave.counts.size + 1
+
+    def residuals(self, model: Cycles, coarse: float) -> _Floats:
+        """Weighted residuals of a model's cycles, the period last."""
+        wave = self.wave
+        weights = wave.weights(coarse)
+        if wave.repeats:
+            off = (model.rows.mean(axis=0) - wave.rows.mean(axis=0)) * weights
+        else:
+            off = -explained_by_each(wave, model, weights / math.sqrt(len(wave.rows))).ravel()
+        return np.append(off, (model.period - wave.period) / self.period_error(coarse))
+
+    def period_error(self, coarse: float) -> float:
+        """Standard error of the period [s], with a share `coarse` of it added."""
+        return math.hypot(self.wave.period_error, coarse * self.wave.period)
+
+    def fitted(self, model: Cycles) -> _Floats:
+        """Mean of the model's rows as they explain the cycles."""
+        wave = self.wave
+        if wave.repeats:
+            return np.asarray(model.rows.mean(axis=0))
+        weights = wave.weights(0.0) + 1e-12
+        return np.asarray((wave.rows - explained_by_each(wave, model, weights) / weights).mean(axis=0))
+
+    def misfit(self, values: _Floats, parameters: int) -> tuple[float, float]:
+        """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
+        from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+        wave = self.wave
+        n = len(wave.rows)
+        weights = wave.weights(0.0)
+        residual = (wave.rows.mean(axis=0) - values) * weights
+        scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
+        expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
+        used = int(np.count_nonzero(wave.counts))
+        left = max(used - parameters - 1, 1)
+        misfit = float(residual @ residual) / expected * used / left
+        return misfit, float(f.sf(misfit, left, used * (n - 1)))
+
+    def reweighted(self, model: Cycles) -> Recording:
+        """With the scatter of the cycles about those of the model as their error, if they are not alike."""
+        wave = self.wave
+        if wave.repeats:
+            return self
+        rest = explained_by_each(wave, model, wave.weights(0.0)) / np.where(
+            wave.counts, wave.weights(0.0), 1.0
+        )
+        scatter = np.sqrt(smoothed(np.where(wave.counts, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
+        k = wave.error.size
+        ahead = None if wave.ahead_error is None else np.maximum(wave.ahead_error, scatter[k:])
+        return replace(self, wave=replace(wave, error=np.maximum(wave.error, scatter[:k]), ahead_error=ahead))
+
+
+def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
+    """Weighted difference of each measured cycle and the model's cycle that is nearest to it, shape (cycles, bins).
+
+    A slow cycle begins with one number, so that a model's cycles form a line: between the nearest one and its neighbours it is straight.
+    The time of a measured slip has an error, along the derivative of the cycle with time.
+    """
+    rows, those, later = wave.rows * weights, model.rows * weights, model.later * weights
+    steep = np.maximum(np.sum(later**2, axis=1), 1e-300)
+    shift = np.clip(
+        (rows @ later.T - np.sum(those * later, axis=1)) / steep,
+        -MOST_DELAY * wave.fall,
+        MOST_DELAY * wave.fall,
+    )
+    apart = (
+        (np.sum(rows**2, axis=1)[:, np.newaxis] - 2.0 * rows @ those.T + np.sum(those**2, axis=1))
+        - 2.0 * shift * (rows @ later.T - np.sum(those * later, axis=1))
+        + shift**2 * steep
+    )
+    order = np.argsort(apart, axis=1)[:, : NEIGHBOURS + 1]
+    nearest = order[:, 0]
+    off = rows - those[nearest] - np.take_along_axis(shift, order[:, :1], axis=1) * later[nearest]
+    best, least = off, np.sum(off**2, axis=1)
+    for k in order.T[1:]:
+        # The way to a neighbour, without its part along time.
+        way = those[k] - those[nearest]
+        way -= (np.sum(way * later[nearest], axis=1) / steep[nearest])[:, np.newaxis] * later[nearest]
+        share = np.clip(np.sum(off * way, axis=1) / np.maximum(np.sum(way**2, axis=1), 1e-300), 0.0, 1.0)
+        there = off - share[:, np.newaxis] * way
+        cost = np.sum(there**2, axis=1)
+        best = np.where((cost < least)[:, np.newaxis], there, best)
+        least = np.minimum(cost, least)
+    # A cycle from where the model's are rare has none near.
+    share = np.minimum(1.0, MOST_OF_ONE * np.median(least) / np.maximum(least, 1e-300))
+    return np.asarray(best * np.sqrt(share)[:, np.newaxis])
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Free parameters and traces. The coordinates z are those of the parameters, and the delay of the slips of each trace over its fall.
+
+    Attributes
+    ----------
+    names : tuple of str
+        ``group.key`` of each free parameter.
+    begin : ndarray, shape (p,)
+        Its value in the scene.
+    known : mapping of str to (float, float)
+        Values with standard errors that are known from elsewhere.
+    recordings : tuple of Recording
+        The traces.
+    cycles_of : callable
+        The model.
+    heard : tuple of str
+        Parameters that the model has.
+    step : float
+        Change of a coordinate for a derivative.
+    pool : ThreadPoolExecutor
+        Runs models side by side.
+    runs : list of int
+        The trace of each run so far.
+    """
+
+    names: tuple[str, ...]
+    begin: _Floats
+    known: Mapping[str, tuple[float, float]]
+    recordings: tuple[Recording, ...]
+    cycles_of: ModelCycles
+    heard: tuple[str, ...]
+    step: float
+    pool: ThreadPoolExecutor
+    runs: list[int] = field(default_factory=list)
+
+    @property
+    def weakening(self) -> tuple[int, int, int] | None:
+        """Indices of mu_0, mu_inf and v_f, if all three are free."""
+        if not set(WEAKENING) <= set(self.names):
+            return None
+        i, j, k = (self.names.index(name) for name in WEAKENING)
+        return i, j, k
+
+    @property
+    def scales(self) -> _Floats:
+        """Unit of each parameter that is no logarithm [N], NaN for the others."""
+        swing = self.recordings[0].wave.swing
+        return np.array([swing if name == "chain.tare" else np.nan for name in self.names])
+
+    def coordinates(self, values: _Floats) -> _Floats:
+        """Coordinates of parameters, without delays.
+
+        mu_inf is replaced by (mu_0 - mu_inf)/v_f: creep depends on the slope of friction only, which hardly distinguishes mu_inf from v_f,
+        and in these coordinates the valley of good fits is straight.
+        """
+        linear = np.isfinite(self.scales)
+        q = np.where(linear, values / self.scales, np.log(np.abs(np.where(linear, 1.0, values))))
+        if self.weakening:
+            i, j, k = self.weakening
+            q[j] = math.log(max(math.exp(q[i]) - math.exp(q[j]), LEAST_DROP * math.exp(q[i]))) - q[k]
+        return np.asarray(q)
+
+    def logarithms(self, q: _Floats) -> _Floats:
+        """Logarithms of the parameters (of the tare: the tare over the swing) from their coordinates."""
+        z = q.copy()
+        if self.weakening:
+            i, j, k = self.weakening
+            limit = math.exp(q[i]) - math.exp(q[j] + q[k])
+            if limit <= 0.0:
+                raise NoCycleError("mu_inf would be negative")
+            z[j] = math.log(limit)
+        return z
+
+    def slopes(self, q: _Floats) -> _Floats:
+        """Derivatives of `logarithms`, shape (p, p)."""
+        slopes = np.eye(q.size)
+        if self.weakening:
+            i, j, k = self.weakening
+            top, drop = math.exp(q[i]), math.exp(q[j] + q[k])
+            slopes[j, [i, j, k]] = np.array([top, -drop, -drop]) / (top - drop)
+        return slopes
+
+    def values(self, q: _Floats) -> _Floats:
+        """Values of the parameters from their coordinates."""
+        z = self.logarithms(q)
+        linear = np.isfinite(self.scales)
+        sizes = np.exp(np.where(linear, 0.0, z))
+        return np.asarray(np.where(linear, z * self.scales, np.copysign(sizes, self.begin)))
+
+    def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
+        """Scene and chain of a trace with the values at these coordinates."""
+        groups: dict[str, dict[str, Any]] = {}
+        for name, value in zip(self.names, self.values(q), strict=True):
+            group, _, key = name.partition(".")
+            if name in self.heard:
+                groups.setdefault(group, {})[key] = float(value)
+        chain = replace(recording.chain, **groups.pop("chain", {}))
+        friction = groups.get("friction", {})
+        if STATIC in self.heard:
+            # At its end a static limit is the kinetic one.
+            least = friction.get("mu_0", recording.scene.friction.mu_0)
+            friction["mu_static"] = max(friction.get("mu_static", 0.0), float(least or 0.0))
+        return recording.scene.replace(**groups), chain
+
+    def cycles(self, z: _Floats, k: int, patient: bool = True) -> Cycles:
+        """Cycles of the model for trace k; a patient run may take very long to settle."""
+        p = len(self.names)
+        self.runs.append(k)
+        recording = self.recordings[k]
+        delay = float(z[p + k]) * recording.wave.fall if recording.wave.repeats else 0.0
+        scene, chain = self.of_recording(recording, z[:p])
+        return self.cycles_of(scene, recording.wave, delay, chain, patient)
+
+    def residuals(self, z: _Floats, coarse: float) -> _Floats:
+        """Weighted residuals of all traces, each with its period last, then those of known values."""
+        parts = []
+        try:
+            for k, recording in enumerate(self.recordings):
+                parts.append(recording.residuals(self.cycles(z, k, coarse == 0.0), coarse))
+            parts.append(self._of_known(z))
+        except Error:
+            return np.full(sum(each.size for each in self.recordings) + len(self.known), FAILED)
+        return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
+
+    def _of_known(self, z: _Floats) -> _Floats:
+        values = dict(zip(self.names, self.values(z[: len(self.names)]), strict=True))
+        return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
+
+    def solve(
+        self, start: _Floats, coarse: float, last: bool = True, offset: _Floats | float = 0.0
+    ) -> Solution:
+        """Least squares from one start.
+
+        Parameters
+        ----------
+        start : ndarray
+            Coordinates.
+        coarse : float
+            Share of swing and period that is added to the errors.
+        last : bool
+            As for `least_squares_of`.
+        offset : ndarray or float
+            Added to the residuals.
+        """
+        first = self.recordings[0]
+        return least_squares_of(
+            lambda z: self.residuals(z, coarse) + offset,
+            start,
+            period=first.size - 1,
+            exact=first.period_error(coarse) / first.wave.period,
+            step=max(self.step, SECANT * coarse),
+            pool=self.pool,
+            last=last,
+        )
+
+    def improved(self, start: _Floats, levels: Sequence[float]) -> Solution:
+        """Several fits, one after another, with errors that shrink to those of the traces."""
+        z = start
+        for coarse in levels[:-1]:
+            found = self.solve(z, coarse, last=False)
+            if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
+                raise LeadsNowhereError(found.z, found.cost)
+            z = found.z
+        return self.solve(z, levels[-1])
+
+    def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
+        """Cost and Jacobian at coordinates."""
+        here = self.residuals(z, coarse)
+        jacobian = central_derivatives(
+            lambda there: self.residuals(there, coarse), z, here, step or self.step, self.pool
+        )
+        return Solution(z, float(here @ here), jacobian)
+
+    def regressed(
+        self, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
+    ) -> Solution:
+        """The best fit of cycles that are not alike, see `solve.regressed`."""
+        return regressed(lambda z: self.residuals(z, coarse), start, size=size, pool=self.pool, random=random)
+
+    def misfit(self, z: _Floats) -> tuple[float, float]:
+        """The worst misfit of all traces, and the smallest probability."""
+        each = [
+            recording.misfit(recording.fitted(self.cycles(z, k)), len(self.names))
+            for k, recording in enumerate(self.recordings)
+        ]
+        return max(misfit for misfit, _ in each), min(chance for _, chance in each)
+
+    def normal(self, jacobian: _Floats) -> _Floats:
+        """Normal matrix, with the prior that each parameter is known to a factor of ten."""
+        matrix: _Floats = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / PRIOR**2
+        return matrix
+
+    def scatter(self, found: Solution) -> tuple[_Floats, _Floats]:
+        """Sum over the cycles of the squares of what each does to the gradient, and the correlation of one with the next, by parameter."""
+        p = found.z.size
+        squares, related = np.zeros((p, p)), np.zeros(p)
+        inverse = np.linalg.inv(self.normal(found.jacobian))
+        begin = 0
+        for k, recording in enumerate(self.recordings):
+            wave, n = recording.wave, len(recording.wave.rows)
+            part = found.jacobian[begin : begin + recording.size]
+            begin += recording.size
+            if wave.repeats:
+                pulls = (wave.rows - wave.rows.mean(axis=0)) * wave.weights(0.0) @ part[:-1] / n
+            else:
+                weights = wave.weights(0.0) / math.sqrt(n)
+                off = explained_by_each(wave, self.cycles(found.z, k), weights)
+                pulls = -np.einsum("ij,ijk->ik", off, part[:-1].reshape(n, -1, p))
+            squares += pulls.T @ pulls * n / (n - 1.0) + np.outer(part[-1], part[-1])
+            moves = pulls @ inverse
+            moves = moves - moves.mean(axis=0)
+            sizes = np.maximum(np.sum(moves**2, axis=0), 1e-300)
+            one = np.sum(moves[1:] * moves[:-1], axis=0) / sizes
+            related = np.maximum(related, np.where(one > 2.0 / math.sqrt(n), one, 0.0))
+        return squares + (found.jacobian[begin:].T @ found.jacobian[begin:]), related
+
+    def covariance(self, found: Solution) -> tuple[_Floats, _Floats]:
+        """Covariance of the coordinates from the scatter of the cycles, and the inverse normal matrix."""
+        inverse = np.linalg.inv(self.normal(found.jacobian))
+        squares, related = self.scatter(found)
+        # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
+        longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
+        return np.asarray(inverse @ squares @ inverse * np.outer(longer, longer) + found.blur), np.asarray(
+            inverse
+        )
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter."""
+    if name in CHAIN:
+        return CHAIN[name]
+    group, _, key = name.partition(".")
+    return _native.key_info(group, key).units
