@@ -4,7 +4,8 @@ Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. `python bench/fit.py` fits 200 traces (`--count`); other
-options are `--first N` (number of the first rig), `--noise`, `--csv FILE`, and `--ratio LOW HIGH`: a random k_y/k_x in place of k_y = 1e7 N/m.
+options are `--first N` (number of the first rig), `--noise`, `--csv FILE`, `--ratio LOW HIGH`: a random k_y/k_x in place of k_y = 1e7 N/m, and
+`--irregular`: rigs whose cycles are not alike, 40 of them, at 2 kHz.
 """
 
 from __future__ import annotations
@@ -34,12 +35,14 @@ RIG = """
 &drive velocity = 1.0e-3 /
 &integrator rtol = 1.0e-7 /
 """
-CYCLES = 20.6
-RATE = 1.0e3
+CYCLES, RATE = 20.6, 1.0e3
+CYCLES_OF_IRREGULAR, RATE_OF_IRREGULAR = 40.6, 2.0e3
 FASTEST = 20.0
 """Least number of samples in a slip."""
 SHORTEST = 0.25
 """Longest slip, as a share of the period."""
+ALIKE = 0.01
+"""Least scatter of the period of an irregular rig, relative to it."""
 AWAY = 0.3
 """Largest change of a logarithm from the true value to the start of a fit."""
 
@@ -52,7 +55,9 @@ def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
     return scene.replace(**groups)  # type: ignore[arg-type]
 
 
-def rigs(seed: int, ratio: tuple[float, float] | None) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
+def rigs(
+    seed: int, ratio: tuple[float, float] | None, irregular: bool = False
+) -> Iterator[tuple[dict[str, float], ds.Scene, float, float]]:
     """Values, scene, period and time at which the motion has settled, for one rig after another."""
     draw = np.random.default_rng(seed)
     while True:
@@ -79,20 +84,25 @@ def rigs(seed: int, ratio: tuple[float, float] | None) -> Iterator[tuple[dict[st
         )
         settled = ds.run(scene, scene={"settle": 1e-7, "t_end": 30.0 * loading}, output={"interval": loading})
         about = settled.summary
-        if "settled_at" not in about:
+        if (about.get("regularity") == -1) if irregular else ("settled_at" in about):
+            slip, period = about["slip_duration"], about["period"]
+        else:
             continue
-        slip, period = about["slip_duration"], about["period"]
-        if slip * RATE >= FASTEST and slip <= SHORTEST * period:
+        if irregular and about["period_scatter"] < ALIKE * period:
+            continue
+        rate = RATE_OF_IRREGULAR if irregular else RATE
+        if slip * rate >= FASTEST and slip <= SHORTEST * period:
             yield values, scene, float(period), float(settled.time[-1])
 
 
-def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: int) -> ds.Trace:
-    """The rig's force for 20 cycles, with noise."""
+def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: int, irregular: bool = False) -> ds.Trace:
+    """The rig's force for 20 cycles, of an irregular one for 40, with noise."""
+    cycles, rate = (CYCLES_OF_IRREGULAR, RATE_OF_IRREGULAR) if irregular else (CYCLES, RATE)
     draw = np.random.default_rng(seed)
     run = ds.run(
         scene,
-        scene={"t_end": begin + CYCLES * period},
-        output={"interval": 1.0 / RATE, "fields": ["spring_force_x", "spring_force_y"]},
+        scene={"t_end": begin + cycles * period},
+        output={"interval": 1.0 / rate, "fields": ["spring_force_x", "spring_force_y"]},
     )
     trace = ds.Trace.of(run).part(start=begin + draw.uniform(0.0, 0.5) * period)
     swing = np.ptp(trace.force)
@@ -107,14 +117,15 @@ def main() -> int:
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--ratio", type=float, nargs=2, metavar=("LOW", "HIGH"))
+    parser.add_argument("--irregular", action="store_true")
     options = parser.parse_args()
     count = 4 if options.short else options.count
     rows: list[str] = []
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
     for seed in range(options.first, options.first + count):
-        values, scene, period, begin = next(rigs(seed, options.ratio))
-        trace = trace_of(scene, period, begin, options.noise, seed)
+        values, scene, period, begin = next(rigs(seed, options.ratio, options.irregular))
+        trace = trace_of(scene, period, begin, options.noise, seed, options.irregular)
         draw = np.random.default_rng(seed + 1_000_000)
         deck = with_values(scene, {k: v * np.exp(draw.uniform(-AWAY, AWAY)) for k, v in values.items()})
         started = time.process_time()
