@@ -37,6 +37,8 @@ _Floats = NDArray[np.float64]
 
 TOLD = 0.5
 """Largest standard error of a logarithm at which a trace determines the parameter."""
+HUGE = 300.0
+"""Logarithm above which the end of an interval is infinite."""
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 STEP, OWN_STEP = 1e-4, 5e-3
@@ -280,7 +282,9 @@ class Fit:
         scale = self.problem.scales[i]
         if math.isfinite(scale):
             return min(ends) * scale, max(ends) * scale
-        low, high = sorted(math.copysign(math.exp(end), self[name]) for end in (min(ends), max(ends)))
+        # Other values that explain the trace may leave this one open.
+        sizes = [math.exp(end) if end < HUGE else math.inf for end in (min(ends), max(ends))]
+        low, high = sorted(math.copysign(size, self[name]) for size in sizes)
         return low, high
 
     def plot(self) -> Figure:

@@ -49,6 +49,8 @@ CYCLES = 2.3
 BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 100.0
 """Periods that are left out, and those that are used, of a motion that does not repeat: so many cycles that each measured one is near;
 fewer if the errors are not yet those of the trace."""
+LEAST_LIBRARY, MOST_SAMPLES = 80.0, 1e5
+"""Fewest of these periods, and the number of samples above which there are fewer than usual."""
 MEAN_OF = 12.0
 """Periods that are used of a motion that does not repeat in time while a measured one does: for a rough mean."""
 LOADED = 0.95
@@ -188,7 +190,9 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     scene = _loaded(scene, wave)
     repeats, summary = False, None
     begin = BEGINNING * wave.period
-    end = begin + (LIBRARY if patient else FEWER) * wave.period
+    # Long cycles have many samples.
+    most = max(LEAST_LIBRARY, MOST_SAMPLES * wave.interval / wave.period)
+    end = begin + min(LIBRARY if patient else FEWER, most) * wave.period
     if wave.repeats:
         result = _settled(
             scene, wave, {"interval": LONGEST[-1] * wave.period, "fields": ["sticking"]}, patient
