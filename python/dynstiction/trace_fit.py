@@ -436,7 +436,7 @@ class _Search:
         return _told(problem, best, found, model, notes, traces, slow or problem)
 
     def _found(self, slow: Problem | None) -> tuple[list[Solution], _Proposal | None]:
-        """Fits of the scene's model from several starts, until two of them agree; without any, the slow model's."""
+        """Fits of the scene's model; without any, why, and that of the slow model."""
         problem = self.problem
         given = np.append(problem.coordinates(problem.begin), np.zeros(len(problem.recordings)))
         if slow is None:

@@ -47,7 +47,7 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     _draw(cycle, fit, wave.time, 1.0)
     cycle.set_xlim(wave.edges[0], wave.edges[-1])
     cycle.set_xlabel("time from the slip [s]")
-    cycle.legend(loc="lower left")
+    cycle.legend(loc="upper left")
     _draw(slip, fit, wave.time, MILLI)
     near = AROUND * wave.fall
     slip.set_xlim(MILLI * max(-near, wave.edges[0]), MILLI * min(near, wave.edges[-1]))
