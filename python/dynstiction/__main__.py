@@ -315,6 +315,11 @@ def _trace(options: argparse.Namespace, path: str) -> Trace:
     return trace.part(vars(options)["from"], options.to)
 
 
+def _stem(path: str) -> str:
+    """Name of a trace's file without its endings."""
+    return Path(path.removesuffix(".gz")).stem
+
+
 def _chain(options: argparse.Namespace) -> Chain:
     """The measuring chain that the options of a command describe."""
     from .trace_chain import Chain  # noqa: PLC0415
@@ -353,7 +358,7 @@ def _compare(options: argparse.Namespace) -> None:
     from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_comparison import compare  # noqa: PLC0415
 
-    output = options.output or Path(f"{Path(options.trace).stem}_compared.png")
+    output = options.output or Path(f"{_stem(options.trace)}_compared.png")
     format_of(output)
     check_outputs([output], [options.deck, options.trace], overwrite=options.overwrite)
     trace = _trace(options, options.trace)
@@ -367,7 +372,7 @@ def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
 
-    stem = Path(options.trace[0]).stem
+    stem = _stem(options.trace[0])
     deck = options.fitted or Path(f"{stem}_fitted.nml")
     output = options.output or Path(f"{stem}_fitted.png")
     format_of(output)

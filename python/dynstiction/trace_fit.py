@@ -39,6 +39,8 @@ TOLD = 0.5
 """Largest standard error of a logarithm at which a trace determines the parameter."""
 HUGE = 300.0
 """Logarithm above which the end of an interval is infinite."""
+BY_CHANCE, MEANS = 1e-3, 7
+"""Probability with which one of the means over the cycles of a right deck is told to differ, and their number."""
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 STEP, OWN_STEP = 1e-4, 5e-3
@@ -996,20 +998,23 @@ def verdict(found: Fit) -> tuple[bool, str]:
     Returns
     -------
     explains : bool
-        Whether its misfit is that of the scatter, its model the scene's own, and no mean over the cycles differs by more than three
-        errors.
+        Whether its misfit is that of the scatter, its model the scene's own, and no mean over the cycles differs by more than
+        happens by chance once in a thousand fits.
     words : str
         One line for each deck.
     """
+    from scipy.stats import norm  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
     lines: list[str] = []
     agree = {"fitted": True, "given": True}
+    # Of many means one is far off by chance.
+    limit = float(norm.isf(0.5 * BY_CHANCE / (MEANS * len(found.traces))))
     for each in found.traces:
         of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
         for name, scene in (("fitted", each.scene), ("given", each.given)):
             try:
-                differing = [
-                    one for one in compare(scene, each.trace, chain=each.chain).statistics if one.differs
-                ]
+                statistics = compare(scene, each.trace, chain=each.chain).statistics
+                differing = [one for one in statistics if abs(one.deviation) > limit]
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
