@@ -17,7 +17,7 @@ from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, full_cycles, slow_cycles, slow_scene, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, LeadsNowhereError, Problem, Recording, unit_of
-from ._fit.solve import Solution, has_failed
+from ._fit.solve import Map, Solution, has_failed
 from ._fit.starts import glances
 from ._fit.waveform import Waveform, waveform_of
 from ._progress import progress_bar
@@ -402,7 +402,7 @@ def fit(
     whole("starts", starts, least=1)
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene), traces, free, dict(each or {}), dict(known or {}), chain or Chain(), pool
+            Scene(scene), traces, free, dict(each or {}), dict(known or {}), chain or Chain(), pool.map
         )
         return _Search(given, starts, generator(rng), show).fit(traces)
 
@@ -601,9 +601,6 @@ class _Search:
         """Errors that are added in turn: fewer near the traces."""
         if not all(each.wave.repeats for each in self.problem.recordings):
             return COARSE_OF_OWN
-        off = self.problem.residuals(start, 0.0)
-        if has_failed(off):
-            return COARSE_OF_OWN
         try:
             misfit = self.problem.misfit(start)[0]
         except Error:
@@ -643,7 +640,7 @@ class _Search:
             start[:p] += spread * self.random.uniform(-1.0, 1.0, p)
             starts.append(start)
         costs = list(
-            self.problem.pool.map(
+            self.problem.spread(
                 lambda start: float(np.sum(self.problem.residuals(start, COARSE_OF_OWN[0]) ** 2)), starts
             )
         )
@@ -693,7 +690,7 @@ def _told(
 ) -> Fit:
     names, p = problem.names, len(problem.names)
     misfit, chance = problem.misfit(best.z)
-    covariance, inverse = problem.covariance(best)
+    covariance, inverse, related = problem.covariance(best)
     # From the coordinates to the logarithms.
     turn = np.eye(best.z.size)
     turn[:p, :p] = problem.slopes(best.z[:p])
@@ -722,7 +719,6 @@ def _told(
     values = dict(zip(names, problem.values(best.z[:p]), strict=True))
     if abs(values.get("friction.mu_0", 0.0)) > LARGE_FRICTION:
         notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
-    related = problem.scatter(best)[1].max()
     fewest = min(len(each.wave.rows) for each in problem.recordings)
     if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].wave.repeats:
         notes.append(
@@ -781,7 +777,8 @@ def _told(
         chance,
         tuple(notes),
         (logarithms, *sets),
-        problem,
+        # Without threads, which end with the search.
+        replace(problem, spread=map, runs=[]),
         best.z,
     )
 
@@ -882,7 +879,7 @@ def problem_of(
     each: Mapping[str, Sequence[float]],
     known: Mapping[str, tuple[float, float]],
     chain: Chain,
-    pool: ThreadPoolExecutor,
+    spread: Map,
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
     names = names_in("free", free)
@@ -929,7 +926,7 @@ def problem_of(
         slow_cycles if slow else full_cycles,
         names,
         STEP if slow else OWN_STEP,
-        pool,
+        spread,
     )
 
 
@@ -1003,7 +1000,7 @@ def verdict(found: Fit) -> tuple[bool, str]:
     words : str
         One line for each deck.
     """
-    from scipy.stats import norm  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+    from scipy.stats import norm  # noqa: PLC0415  (slow to import)
 
     lines: list[str] = []
     agree = {"fitted": True, "given": True}

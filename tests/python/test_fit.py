@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import warnings
 from pathlib import Path
 
@@ -282,6 +283,12 @@ def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:
     for name, value in zip(free, (1.0, 0.25, 0.4), strict=True):
         assert abs(found[name] - value) < 4.0 * found.parameters[name].error, name
         assert found.parameters[name].error < 0.05 * value, name
+
+
+def test_a_fit_is_data(found: ds.Fit) -> None:
+    again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.residuals({}), found.residuals({}))
+    assert again.interval("friction.v_f") == found.interval("friction.v_f")
 
 
 def test_residuals_are_those_of_the_likelihood(found: ds.Fit) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,7 +16,7 @@ from ..scene import Scene
 from ..trace_chain import Chain
 from ..trace_cycles import TraceCycles
 from .models import Cycles, NoCycleError
-from .solve import FAILED, Solution, central_derivatives, least_squares_of, regressed
+from .solve import FAILED, Map, Solution, central_derivatives, least_squares_of, regressed
 from .waveform import Waveform, smoothed
 
 __all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
@@ -188,8 +187,8 @@ class Problem:
         Parameters that the model has.
     step : float
         Change of a coordinate for a derivative.
-    pool : ThreadPoolExecutor
-        Runs models side by side.
+    spread : callable
+        Runs models side by side; `map` runs one after another.
     runs : list of int
         The trace of each run so far.
     """
@@ -201,7 +200,7 @@ class Problem:
     cycles_of: ModelCycles
     heard: tuple[str, ...]
     step: float
-    pool: ThreadPoolExecutor
+    spread: Map
     runs: list[int] = field(default_factory=list)
 
     @property
@@ -320,7 +319,7 @@ class Problem:
             period=first.size - 1,
             exact=first.period_error(coarse) / first.wave.period,
             step=max(self.step, SECANT * coarse),
-            pool=self.pool,
+            spread=self.spread,
             last=last,
         )
 
@@ -338,7 +337,7 @@ class Problem:
         """Cost and Jacobian at coordinates."""
         here = self.residuals(z, coarse)
         jacobian = central_derivatives(
-            lambda there: self.residuals(there, coarse), z, here, step or self.step, self.pool
+            lambda there: self.residuals(there, coarse), z, here, step or self.step, self.spread
         )
         return Solution(z, float(here @ here), jacobian)
 
@@ -346,7 +345,9 @@ class Problem:
         self, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
     ) -> Solution:
         """The best fit of cycles that are not alike, see `solve.regressed`."""
-        return regressed(lambda z: self.residuals(z, coarse), start, size=size, pool=self.pool, random=random)
+        return regressed(
+            lambda z: self.residuals(z, coarse), start, size=size, spread=self.spread, random=random
+        )
 
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""
@@ -385,15 +386,14 @@ class Problem:
             related = np.maximum(related, np.where(one > 2.0 / math.sqrt(n), one, 0.0))
         return squares + (found.jacobian[begin:].T @ found.jacobian[begin:]), related
 
-    def covariance(self, found: Solution) -> tuple[_Floats, _Floats]:
-        """Covariance of the coordinates from the scatter of the cycles, and the inverse normal matrix."""
+    def covariance(self, found: Solution) -> tuple[_Floats, _Floats, float]:
+        """Covariance of the coordinates from the scatter of the cycles, inverse normal matrix, largest correlation of one cycle with the next."""
         inverse = np.linalg.inv(self.normal(found.jacobian))
         squares, related = self.scatter(found)
         # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
         longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
-        return np.asarray(inverse @ squares @ inverse * np.outer(longer, longer) + found.blur), np.asarray(
-            inverse
-        )
+        covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer) + found.blur
+        return covariance, np.asarray(inverse), float(related.max())
 
 
 def unit_of(name: str) -> str:

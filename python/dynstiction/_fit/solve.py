@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from .models import NoCycleError
 
 __all__ = [
     "FAILED",
+    "Map",
     "Residuals",
     "Solution",
     "central_derivatives",
@@ -26,6 +27,9 @@ _Floats = NDArray[np.float64]
 
 Residuals = Callable[[_Floats], _Floats]
 """Weighted residuals at z; all are `FAILED` where there is no stick-slip."""
+
+Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""What computes a function of several arguments, side by side or, as `map`, one after another."""
 
 FAILED = 1e6
 """Residual of parameters without stick-slip."""
@@ -44,10 +48,6 @@ CLOUD, MOST_CLOUDS, SHRINK = 28, 16, 0.6
 """Number of points of a cloud, largest number of clouds, and the factor by which they shrink."""
 REACH, SMALL, SMALLEST = 2.0, 8.0, 3.0
 """Largest step over the size of a cloud; sizes, in standard errors, below which the regression decides and the search ends."""
-LEAST = 1e-6
-"""Added to the normal matrix, so that it has an inverse."""
-LARGEST = 0.7
-"""Largest change of a coordinate in a step."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def has_failed(residuals: _Floats) -> bool:
     return bool(np.all(residuals == FAILED))
 
 
-def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, pool: ThreadPoolExecutor) -> _Floats:
+def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
     """Jacobian by differences; 0 where there is stick-slip on neither side."""
 
     def column(i: int) -> _Floats:
@@ -79,12 +79,10 @@ def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, pool: Thr
                 return slope
         return np.zeros(here.size)
 
-    return np.column_stack(list(pool.map(column, range(z.size))))
+    return np.column_stack(list(spread(column, range(z.size))))
 
 
-def central_derivatives(
-    at: Residuals, z: _Floats, here: _Floats, step: float, pool: ThreadPoolExecutor
-) -> _Floats:
+def central_derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
     """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
 
     def column(i: int) -> _Floats:
@@ -100,17 +98,17 @@ def central_derivatives(
             (sides[0] - here) / step if good[0] else (here - sides[1]) / step if good[1] else 0.0 * here
         )
 
-    return np.column_stack(list(pool.map(column, range(z.size))))
+    return np.column_stack(list(spread(column, range(z.size))))
 
 
 def least_squares_of(
     at: Residuals,
     start: _Floats,
     *,
-    period: int | None,
+    period: int,
     exact: float,
     step: float,
-    pool: ThreadPoolExecutor,
+    spread: Map,
     last: bool = True,
 ) -> Solution:
     """Fit from one start.
@@ -130,7 +128,7 @@ def least_squares_of(
         Its error, relative to the period.
     step : float
         Change of a coordinate for a derivative.
-    pool : ThreadPoolExecutor
+    spread : callable
         Computes the columns of derivatives.
     last : bool
         Whether no fit with smaller errors follows, so that the Jacobian is of use.
@@ -145,7 +143,7 @@ def least_squares_of(
     z, here = start, at(start)
     if has_failed(here):
         raise NoCycleError("no stick-slip near this start")
-    jacobian = derivatives(at, z, here, step, pool)
+    jacobian = derivatives(at, z, here, step, spread)
     held = int(np.argmax(np.abs(jacobian[period])))
     free = np.delete(np.arange(z.size), held)
     known = {"z": z, "jacobian": jacobian}
@@ -177,7 +175,7 @@ def least_squares_of(
     def jac(part: _Floats) -> _Floats:
         fun(part)
         z, here = latest[part.tobytes()]
-        full = derivatives(at, z, here, step, pool)
+        full = derivatives(at, z, here, step, spread)
         known["z"], known["jacobian"] = z, full
         slope = full[period]
         if not abs(slope[held]) > 0.0:
@@ -202,7 +200,7 @@ def least_squares_of(
     if not last:
         return Solution(z, float(here @ here), known["jacobian"])
     # One step with all parameters: it includes the error of the period.
-    full = central_derivatives(at, z, here, step, pool)
+    full = central_derivatives(at, z, here, step, spread)
     change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + change)
     if there @ there < here @ here:
@@ -211,7 +209,7 @@ def least_squares_of(
 
 
 def regressed(
-    at: Residuals, start: Solution, *, size: float, pool: ThreadPoolExecutor, random: np.random.Generator
+    at: Residuals, start: Solution, *, size: float, spread: Map, random: np.random.Generator
 ) -> Solution:
     """Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks: for noisy residuals.
 
@@ -223,7 +221,7 @@ def regressed(
         Where the search begins, and a first Jacobian.
     size : float
         Size of the first cloud, in standard errors of the coordinates.
-    pool : ThreadPoolExecutor
+    spread : callable
         Computes residuals side by side.
     random : numpy.random.Generator
         Source of the clouds.
@@ -234,10 +232,10 @@ def regressed(
     for _ in range(MOST_CLOUDS):
         normal = jacobian.T @ jacobian
         # No coordinate may vary by more than a cloud can be wide.
-        spread = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
-        half = np.linalg.cholesky(spread) @ random.standard_normal((p, CLOUD // 2)) * size
+        width = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
+        half = np.linalg.cholesky(width) @ random.standard_normal((p, CLOUD // 2)) * size
         away = np.concatenate([half.T, -half.T])
-        values = list(pool.map(at, z + away))
+        values = list(spread(at, z + away))
         good = [k for k, each in enumerate(values) if not has_failed(each)]
         if len(good) < 2 * p:
             size *= SHRINK
