@@ -1,9 +1,9 @@
-!> One branch of the release map: its laps, or its slips, as polynomials in the logarithm of the distance from the end of sticks.
+!> One branch of the release map: its laps, or its slips, as polynomials in a function of the distance from the end of sticks.
 !>
-!> Near the end of sticks laps are analytic in the square root of the distance, if sticks end by grazing, or not even that, and there
-!> may be another such place just beyond. In the logarithm all of them are analytic, and it does not matter that the end is known
-!> only so well. Intervals of it are halved where one polynomial does not pass its test. The table of an interval is a function of the
-!> scene and the interval alone. docs/cycles.md, section 3.
+!> Where sticks end by grazing, laps are analytic in the square root of the distance. If there is another such place just beyond, or
+!> the end is not known so well, or it is a canard, they are analytic in the logarithm, as are slips, but need twice the points. So
+!> laps are tried in the square root first. Intervals of the logarithm are halved where one polynomial does not pass its test. The
+!> table of an interval is a function of the scene and the interval alone. docs/cycles.md, section 3.
 module dst_branch
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -17,7 +17,7 @@ module dst_branch
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
   integer, parameter :: most_halvings = 7
 
-  !> An interval of the logarithm.
+  !> An interval of the variable.
   type :: interval_t
     real(wp) :: first = 0.0_wp, last = 0.0_wp
     integer :: halvings = 0
@@ -26,9 +26,10 @@ module dst_branch
     logical :: is_tried = .false., is_known = .false.
   end type interval_t
 
-  !> Where a branch is.
+  !> Where a branch is, and whether the square root of the distance is its variable, not the logarithm.
   type :: limits_t
-    real(wp) :: end = 0.0_wp, side = 1.0_wp, reach = -1.0_wp     !! rad
+    real(wp) :: end = 0.0_wp, side = 1.0_wp, nearest = 0.0_wp, reach = -1.0_wp     !! rad
+    logical :: has_root = .false.
   end type limits_t
 
   !> A branch, which may be empty.
@@ -45,8 +46,9 @@ module dst_branch
     procedure :: visit
     procedure :: angle
     procedure :: depth
+    procedure :: has_root
     procedure :: keep
-    procedure :: halve
+    procedure :: refine
     procedure :: x_of
     procedure :: x_rate
     procedure :: serialise
@@ -55,17 +57,35 @@ module dst_branch
 contains
 
   !> The branch on one side (+1 above, -1 below) of the angle at which sticks end, between two distances [rad] from it.
-  pure subroutine new_branch(end, side, nearest, reach, branch)
+  pure subroutine new_branch(end, side, nearest, reach, has_root, branch)
     real(wp), intent(in) :: end, side, nearest, reach
+    logical, intent(in) :: has_root     !! whether to try the square root of the distance
     type(branch_t), intent(out) :: branch
 
-    branch%limits%end = end
-    branch%limits%side = side
-    branch%limits%reach = reach
+    branch%limits = limits_t(end, side, nearest, reach, has_root)
     allocate (branch%intervals(1), branch%table(1))
-    branch%intervals%first = log(nearest)
-    branch%intervals%last = log(reach)
+    branch%intervals%first = variable(branch, nearest)
+    branch%intervals%last = variable(branch, reach)
   end subroutine new_branch
+
+  !> The variable at a distance [rad] from the end of sticks.
+  pure real(wp) function variable(self, distance)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: distance
+
+    if (self%limits%has_root) then
+      variable = sqrt(distance)
+    else
+      variable = log(distance)
+    end if
+  end function variable
+
+  !> Whether its variable is the square root of the distance.
+  pure logical function has_root(self)
+    class(branch_t), intent(in) :: self
+
+    has_root = self%limits%has_root
+  end function has_root
 
   !> Number of intervals, with those that were halved; 0 for an empty branch.
   pure integer function interval_count(self) result(count)
@@ -82,9 +102,8 @@ contains
     real(wp) :: z
 
     place = 0
-    if (self%distance(at) <= 0.0_wp .or. self%distance(at) > self%limits%reach) return
-    z = log(self%distance(at))
-    if (z < self%intervals(1)%first) return
+    if (self%distance(at) < self%limits%nearest .or. self%distance(at) > self%limits%reach) return
+    z = variable(self, self%distance(at))
     place = 1
     do while (self%intervals(place)%half(1) > 0)
       associate (here => self%intervals(place))
@@ -135,7 +154,11 @@ contains
     associate (here => self%intervals(place))
       z = here%first + 0.5_wp*(here%last - here%first)*(1.0_wp + x)
     end associate
-    angle = self%limits%end + self%limits%side*exp(z)
+    if (self%limits%has_root) then
+      angle = self%limits%end + self%limits%side*z**2
+    else
+      angle = self%limits%end + self%limits%side*exp(z)
+    end if
   end function angle
 
   !> Distance [rad] of an angle in an interval from the end of the interval that is nearer to the soft axis.
@@ -157,13 +180,19 @@ contains
     self%table(place) = table
   end subroutine keep
 
-  !> Halve an interval that has no table, unless it is too small.
-  pure subroutine halve(self, place)
+  !> An interval has no table: try the logarithm, or halve it, unless it is too small.
+  pure subroutine refine(self, place)
     class(branch_t), intent(inout) :: self
     integer, intent(in) :: place
     type(interval_t) :: halves(2)
     type(passage_table_t) :: none(2)
+    type(limits_t) :: limits
 
+    if (self%limits%has_root) then
+      limits = self%limits
+      call new_branch(limits%end, limits%side, limits%nearest, limits%reach, .false., self)
+      return
+    end if
     if (self%intervals(place)%halvings == most_halvings) return
     self%intervals(place)%half = self%interval_count() + [1, 2]
     associate (here => self%intervals(place))
@@ -173,7 +202,7 @@ contains
     end associate
     self%intervals = [self%intervals, halves]
     self%table = [self%table, none]
-  end subroutine halve
+  end subroutine refine
 
   !> The place in [-1, 1] of an angle [rad] in an interval.
   pure real(wp) function x_of(self, place, at) result(x)
@@ -182,7 +211,7 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place))
-      x = 2.0_wp*(log(self%distance(at)) - here%first)/(here%last - here%first) - 1.0_wp
+      x = 2.0_wp*(variable(self, self%distance(at)) - here%first)/(here%last - here%first) - 1.0_wp
     end associate
   end function x_of
 
@@ -193,8 +222,13 @@ contains
     real(wp), intent(in) :: at
 
     associate (here => self%intervals(place))
-      rate = 2.0_wp*self%limits%side/((here%last - here%first)*self%distance(at))
+      rate = 2.0_wp*self%limits%side/(here%last - here%first)
     end associate
+    if (self%limits%has_root) then
+      rate = 0.5_wp*rate/sqrt(self%distance(at))
+    else
+      rate = rate/self%distance(at)
+    end if
   end function x_rate
 
   !> Save or load, without the tables: they can be made again.

@@ -27,10 +27,10 @@ module dst_cycle_map
 
   !> A motion repeats after so many slow cycles at most. Convention.
   integer, parameter :: most_repeats = 8
-  !> Two releases are the same if their difference is no larger than this share of rtol [rad]: nothing corrects the time, which may
-  !> hang on the angle a thousandfold. Or, if differences shrink by this factor with each slow cycle, if the duration that is
-  !> expected next differs from the last one by no more than such a share, and the release as well. Conventions.
-  real(wp), parameter :: same = 1.0e-4_wp, shrinking = 0.1_wp, same_duration = 1.0e-3_wp
+  !> A slow cycle is taken for the one that it approaches if the angle and the duration differ by no more than this share of rtol,
+  !> and by no more than a tenth of what cycles of the summary may. The difference of the durations is known and taken into account:
+  !> errors do not add up. Conventions.
+  real(wp), parameter :: close = 0.03_wp, most_apart = 1.0e-6_wp
   !> Slow cycles whose releases differ by no more than this [rad] stretch differences by the same factor. Convention; a thousand
   !> times: -0.24 for -0.172 with V = 0.2 mm/s, whose slopes change much near the end of sticks.
   real(wp), parameter :: alike = 1.0e-10_wp
@@ -48,9 +48,9 @@ module dst_cycle_map
     type(divergence_t) :: divergence
     !> The present slow cycle begins as so many slow cycles before, 0 if it does not: it stretches differences by as much.
     integer, private :: like = 0
-    !> The number of slow cycles, and how the last ones ended, and how long they were.
+    !> The number of slow cycles, how the last ones ended, and how long the last one was.
     integer(int64), private :: slow_cycles = 0
-    real(wp), private :: last_returned(0:2*most_repeats) = 0.0_wp, last_lasted(0:2*most_repeats) = 0.0_wp     !! rad, s
+    real(wp), private :: last_returned(0:most_repeats) = 0.0_wp, last_lasted = 0.0_wp     !! rad, s
     !> Whether the last piece ended with a release, and its angle alpha [rad]; whether the passage by steps began there.
     logical, private :: released = .false., in_passage = .false.
     real(wp), private :: alpha = 0.0_wp
@@ -229,6 +229,8 @@ contains
         call self%orbit%divergence%come_back_like(self%orbit%like)
         associate (before => self%slow(place_of(self%orbit%slow_cycles - self%orbit%like))%sum%whole)
           now%sum%whole%loss = before%loss
+          now%sum%whole%slope = before%slope
+          now%sum%whole%shift = before%shift
           now%sum%whole%has_slope = before%has_slope
         end associate
       else
@@ -240,7 +242,7 @@ contains
     associate (n => self%orbit%slow_cycles)
       self%orbit%last_returned(modulo(n, size(self%orbit%last_returned, kind=int64))) = passage%to
       associate (whole => self%slow(place_of(n - 1))%sum%whole)
-        self%orbit%last_lasted(modulo(n, size(self%orbit%last_lasted, kind=int64))) = whole%measure(duration)
+        self%orbit%last_lasted = whole%measure(duration)
       end associate
       call look_back(self)
       if (self%leaps) call look_for_repetition(self)
@@ -265,28 +267,61 @@ contains
     end do
   end subroutine look_back
 
-  !> Whether the last release agrees with that of some slow cycles before.
+  !> Whether what follows repeats the last slow cycles.
   subroutine look_for_repetition(self)
     class(cycle_map_t), intent(inout) :: self
-    real(wp) :: now, before
+    type(passage_t) :: whole
+    real(wp) :: distance
+    logical :: found
     integer :: m, i
 
-    do m = 1, most_repeats
-      if (self%orbit%slow_cycles < 2*m + 1) return
-      now = abs(returned(self, 0) - returned(self, m))
-      before = abs(returned(self, m) - returned(self, 2*m))
-      if (now < before .and. now > roundoff) then
-        ! Differences of durations shrink like those of releases.
-        if (now <= shrinking**m*before .and. changed(self, m)*(now/before) <= &
-          same_duration*self%rtol*lasted(self, 0)) now = now*(now/before)
-      end if
-      if (now > max(roundoff, same*self%rtol)) cycle
+    do m = 1, int(min(self%orbit%slow_cycles - 1, int(most_repeats, int64)))
+      call look_for_cycle(self, m, distance, found)
+      if (.not. found) cycle
       if (.not. all([(self%slow(place_of(self%orbit%slow_cycles - i))%sum%is_complete, i=1, m)])) return
       self%orbit%repeats = m
       self%orbit%following = 1
+      ! The cycle itself takes so much longer.
+      whole = last_ones(self, m)
+      if (whole%has_slope) call self%slow(place_of(self%orbit%slow_cycles - 1))%lengthen(whole%shift*distance)
       return
     end do
   end subroutine look_for_repetition
+
+  !> Whether the last so many slow cycles end with the release with which they began, but for roundoff; or so near that, as their
+  !> slope tells, the next ones approach a cycle that begins at a small `distance` [rad] from where they began.
+  pure subroutine look_for_cycle(self, slow_cycles, distance, found)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: slow_cycles
+    real(wp), intent(out) :: distance
+    logical, intent(out) :: found
+    type(passage_t) :: last
+    real(wp) :: allowed, advance
+
+    distance = returned(self, 0) - returned(self, slow_cycles)
+    allowed = min(close*self%rtol, most_apart)
+    found = abs(distance) <= roundoff
+    if (found .or. abs(distance) > allowed) return
+    last = last_ones(self, slow_cycles)
+    if (.not. (last%has_slope .and. abs(last%slope) < 1.0_wp)) return
+    ! If the slope is negative, every second slow cycle is nearer, but two are no cycle of their own.
+    distance = distance/(1.0_wp - last%slope)
+    ! The angle counts as much as an advance of the drive that turns the force so far.
+    advance = self%slider%law%static_limit/self%slider%stiffness(1)/abs(self%maps(self%orbit%current)%velocity)
+    found = abs(distance)*max(advance, last%loss%shift) <= allowed*last%measure(duration)/real(slow_cycles, wp)
+  end subroutine look_for_cycle
+
+  !> The last so many slow cycles together.
+  pure type(passage_t) function last_ones(self, slow_cycles) result(all)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: slow_cycles
+    integer :: ago
+
+    all = self%slow(place_of(self%orbit%slow_cycles - slow_cycles))%sum%whole
+    do ago = slow_cycles - 1, 1, -1
+      call all%go_on(self%slow(place_of(self%orbit%slow_cycles - ago))%sum%whole)
+    end do
+  end function last_ones
 
   !> Time until V changes, or the motion ends [s].
   pure real(wp) function time_left(self)
@@ -295,22 +330,21 @@ contains
     time_left = self%piece%to%until(min(self%t_end, self%piece%drive%end))
   end function time_left
 
-  !> Slow cycles in this time, or until one or two of them repeat, if differences shrink further as they did on average.
+  !> Slow cycles in this time, or until one or two of them repeat, if differences shrink further as in the last ones.
   pure real(wp) function slow_cycles_left(self) result(left)
     class(cycle_map_t), intent(in) :: self
-    real(wp) :: now, before
-    integer :: m, steps
+    real(wp) :: distance
+    type(passage_t) :: last
+    integer :: m
 
     left = 0.0_wp
     if (self%orbit%slow_cycles == 0) return
-    left = time_left(self)/lasted(self, 0)
-    do m = 1, 2
-      steps = (int(min(self%orbit%slow_cycles - 1, 2_int64*most_repeats)) - m)/m
-      if (steps < 1) return
-      now = abs(returned(self, 0) - returned(self, m))
-      before = abs(returned(self, steps*m) - returned(self, (steps + 1)*m))
-      if (now < before .and. now > 0.0_wp) &
-        left = min(left, real(steps*m, wp)*max(0.0_wp, log(max(roundoff, same*self%rtol)/now)/log(now/before)))
+    left = time_left(self)/self%orbit%last_lasted
+    do m = 1, int(min(self%orbit%slow_cycles - 1, 2_int64))
+      last = last_ones(self, m)
+      distance = abs(returned(self, 0) - returned(self, m))
+      if (last%has_slope .and. abs(last%slope) < 1.0_wp .and. min(abs(last%slope), distance) > 0.0_wp) &
+        left = min(left, real(m, wp)*max(0.0_wp, log(close*self%rtol/distance)/log(abs(last%slope))))
     end do
   end function slow_cycles_left
 
@@ -321,23 +355,6 @@ contains
 
     returned = self%orbit%last_returned(modulo(self%orbit%slow_cycles - ago, size(self%orbit%last_returned, kind=int64)))
   end function returned
-
-  !> The duration of a slow cycle [s].
-  pure real(wp) function lasted(self, ago)
-    class(cycle_map_t), intent(in) :: self
-    integer, intent(in) :: ago
-
-    lasted = self%orbit%last_lasted(modulo(self%orbit%slow_cycles - ago, size(self%orbit%last_lasted, kind=int64)))
-  end function lasted
-
-  !> The largest change of a duration from so many slow cycles before [s].
-  pure real(wp) function changed(self, by)
-    class(cycle_map_t), intent(in) :: self
-    integer, intent(in) :: by
-    integer :: ago
-
-    changed = maxval([(abs(lasted(self, ago) - lasted(self, ago + by)), ago=0, by - 1)])
-  end function changed
 
   !> The slow cycle number `i` of those that repeat: its place.
   pure integer function block_place(self, i)

@@ -44,7 +44,8 @@ module dst_passage
     logical :: is_plain = .false.
     !> Its table in the map (branch, place), 0 if it was run.
     integer :: table(2) = 0
-    real(wp) :: slope = 0.0_wp                  !! P'(alpha)
+    !> P'(alpha), and how the duration changes with alpha [s/rad].
+    real(wp) :: slope = 0.0_wp, shift = 0.0_wp
     real(wp) :: log_slope = 0.0_wp              !! the sum of ln |P'| over the passages of a slow cycle or several
     type(loss_t) :: loss = loss_t()
     logical :: has_slope = .false.
@@ -77,6 +78,7 @@ contains
     real(wp), intent(in) :: slope, shift
 
     self%slope = slope
+    self%shift = shift
     self%loss = loss_t(abs(slope), abs(shift), abs(self%measure(turn)), self%measure(duration), self%measure(duration))
     self%log_slope = log(max(tiny(1.0_wp), abs(slope)))
     self%has_slope = .true.
@@ -89,6 +91,7 @@ contains
 
     self%to = next%to
     self%measure = self%measure + next%measure
+    self%shift = self%shift + self%slope*next%shift
     self%slope = self%slope*next%slope
     self%log_slope = self%log_slope + next%log_slope
     call self%loss%go_on(next%loss)

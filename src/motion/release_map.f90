@@ -12,6 +12,7 @@ module dst_release_map
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64, pi
+  use dst_linear_solve, only: solve_in_place
   use dst_observation, only: observation_t, observe
   use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, still, duration, turn, slip_duration, measures
   use dst_passage_table, only: passage_table_t, new_passage_table, values
@@ -53,8 +54,24 @@ module dst_release_map
   !> Newton's steps to a fixed point, which turns the force by no more than this [rad]. Conventions.
   integer, parameter :: most_steps = 20
   real(wp), parameter :: at_rest = 1.0e-12_wp
+  !> Laps that tell where sticks end by grazing. Convention.
+  integer, parameter :: most_laps = 5
   !> So many passages are as good as a motion without end.
   real(wp), parameter :: without_end = 1.0e9_wp
+
+  !> The end of sticks by grazing. There the share of rest vanishes like the square root of the distance, so that the angle is a
+  !> polynomial of it without a linear term: through the last laps, each nearer than the one before.
+  type :: grazing_t
+    integer :: count = 0
+    real(wp) :: share(most_laps) = 0.0_wp, angle(most_laps) = 0.0_wp
+    !> From where on the share of rest falls [rad].
+    real(wp) :: begins = 0.0_wp
+    !> Where they end [rad], by how much that differs from what was known before this lap, and its error, if differences decrease
+    !> further as they did; huge if there is no such value.
+    real(wp) :: end = huge(1.0_wp), differs = huge(1.0_wp), error = huge(1.0_wp)
+  contains
+    procedure :: take
+  end type grazing_t
 
   !> What is known of the passages so far.
   type :: learned_t
@@ -163,11 +180,17 @@ contains
     u = self%steps%slider%elongation_at_limit(self%theta(alpha), self%velocity)
   end function elongation
 
-  !> Points of a table: what laps over a right angle need for a hundredth of this tolerance (measured: 32 at 1e-5, 41 at 1e-8).
-  pure integer function points(self)
+  !> Points of a table: what laps over a right angle need in the logarithm for a hundredth of this tolerance (measured: 32 at 1e-5,
+  !> 41 at 1e-8), or in the square root (14, 20).
+  pure integer function points(self, has_root)
     class(release_map_t), intent(in) :: self
+    logical, intent(in) :: has_root
 
-    points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
+    if (has_root) then
+      points = max(9, nint(6.0_wp - 2.0_wp*log10(self%rtol)))
+    else
+      points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
+    end if
   end function points
 
   !> The first release of the motion that the map was made of, if no passage was run before.
@@ -306,7 +329,7 @@ contains
     real(wp) :: left, enough
     integer :: i
 
-    enough = 2.0_wp*profit*real(points(self), wp)
+    enough = 2.0_wp*profit*real(points(self, .false.), wp)
     associate (known => self%learned)
       before = known%before
       known%before = passage
@@ -317,13 +340,15 @@ contains
         known%row = 0
         known%slips = known%slips + 1
       end if
-      known%expected = real(known%passages, wp)*(1.0_wp + rest/known%lasted)
+      left = rest/known%lasted
+      if (known%slips > 0 .and. slips >= 0.0_wp) left = min(left, slips/real(known%slips, wp))
+      known%expected = real(known%passages, wp)*(1.0_wp + left)
       ! Where the laps of the first slow cycle end is not known: half way.
       left = laps_left(before, passage, 0.5_wp*passage%to, rest)
       if (known%slips == 0) known%expected = real(known%passages, wp) + left
-      if (.not. known%is_parted .and. steps_left(self) >= real(points(self), wp)*steps_each(self)) then
+      if (.not. known%is_parted .and. steps_left(self) >= real(points(self, .false.), wp)*steps_each(self)) then
         if (passage%turns_back()) then
-          if ((known%passages >= many*points(self) .and. known%expected - real(known%passages, wp) >= enough .or. &
+          if ((known%passages >= many*points(self, .false.) .and. known%expected - real(known%passages, wp) >= enough .or. &
             known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
@@ -343,7 +368,7 @@ contains
     class(release_map_t), intent(in) :: self
     real(wp), intent(in) :: slips
 
-    will_tabulate = slips >= profit*real(points(self), wp)
+    will_tabulate = slips >= profit*real(points(self, .false.), wp)
     if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate
@@ -392,69 +417,109 @@ contains
     if (ratio < 1.0_wp) laps = min(laps, log(still/abs(last%measure(turn)))/log(max(tiny(1.0_wp), ratio)))
   end function laps_left
 
-  !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn. Another lap
-  !> shows how the share of rest decreases, which tells the end where sticks end by grazing.
+  !> Find the angle at which sticks end, between an angle [rad] that begins no lap and a lap, by the sign of the turn, or where the
+  !> share of rest of laps vanishes, if sticks end by grazing and successive laps agree about it.
   subroutine part(self, below, lap, other_lap, error)
     class(release_map_t), intent(inout) :: self
     real(wp), intent(in) :: below
     type(passage_t), intent(in) :: lap, other_lap
     type(error_t), allocatable, intent(out) :: error
-    !> The next guess lies above the estimated end by this share of the distance. Convention.
-    real(wp), parameter :: ahead = 0.02_wp
-    type(passage_t) :: last, former, here
-    real(wp) :: low, end, top, near
-    logical :: found
+    !> The next guess lies above the end by this share of the distance, if two guesses of it agree so far. Convention.
+    real(wp), parameter :: ahead = 0.1_wp
+    !> Laps are tried in the square root if the share of rest rises with it over so much of the branch. Convention.
+    real(wp), parameter :: wide = 0.1_wp
+    type(passage_t) :: last, here
+    type(grazing_t) :: grazing
+    real(wp) :: low, end, guess, top, near
+    logical :: found, is_grazing
 
     self%learned%is_parted = .true.
     top = max(steepest, lap%from)
     low = below
     last = lap
-    former = other_lap
+    call grazing%take(other_lap)
+    call grazing%take(lap)
     do
-      end = max(low, min(last%from, grazing_end(last, former)))
-      if (.not. end < last%from) end = low
       near = max(nearest, near_share*abs(last%measure(turn)))
+      end = low
+      if (grazing%end < last%from) end = max(low, grazing%end)
+      ! The last laps may rest so briefly that they are none.
+      is_grazing = grazing%error <= accurate*self%rtol .and. grazing%end < last%from
+      if (is_grazing) then
+        end = grazing%end
+        near = max(near, last%from - end)
+        is_grazing = grazing%begins - end >= wide*(top - end)
+        exit
+      end if
       if (last%from - end <= fine*near) exit
       if (abs(last%measure(turn)) <= near_share*abs(lap%measure(turn))) then
         ! Laps come to one that repeats itself, or to a canard.
         near = max(near, last%from - end)
         exit
       end if
-      end = max(0.5_wp*(low + last%from), end + ahead*(last%from - end))
+      guess = end + ahead*(last%from - end)
+      if (grazing%differs > ahead*(last%from - end)) guess = max(0.5_wp*(low + last%from), guess)
       ! Laps just above the end are about as long as each other; what takes longer is none.
-      call self%run(end, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(end)), here, found, error, &
+      call self%run(guess, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(guess)), here, found, error, &
         as_count(steps_left(self)))
       self%learned%sampled = self%learned%sampled + 1
       self%learned%vain = self%learned%vain + self%recording%count
       call count_steps(self, self%recording%count)
       if (allocated(error) .or. steps_left(self) < 0.0_wp) return
       if (found .and. here%is_plain .and. here%to < here%from) then
-        former = last
         last = here
+        call grazing%take(here)
       else
-        low = end
+        low = guess
       end if
     end do
     call self%run(last%from + near, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
-    call new_branch(end, 1.0_wp, near, top - end, self%branch(1))
+    call new_branch(end, 1.0_wp, near, top - end, is_grazing, self%branch(1))
     ! To a stable lap the motion comes from both sides.
     if (abs(here%to - last%from) <= near) return
     self%has_fixed = abs(last%to - last%from) <= near
     self%fixed = last%from
-    call new_branch(end, -1.0_wp, near, max(depth, abs(last%measure(turn))), self%branch(2))
+    call new_branch(end, -1.0_wp, near, max(depth, abs(last%measure(turn))), .false., self%branch(2))
   end subroutine part
 
-  !> Where the share of rest of laps goes to zero like a square root [rad]: estimated from two laps; far above if it does not.
-  pure real(wp) function grazing_end(last, former) result(end)
-    type(passage_t), intent(in) :: last, former
-    real(wp) :: share, former_share
+  !> Another lap, nearer to the end of sticks.
+  pure subroutine take(self, lap)
+    class(grazing_t), intent(inout) :: self
+    type(passage_t), intent(in) :: lap
+    real(wp) :: before(2), matrix(most_laps, most_laps), angle(most_laps)
+    integer :: i, k
+    logical :: singular
 
-    end = huge(end)
-    share = last%share_of_rest()**2
-    former_share = former%share_of_rest()**2
-    if (former_share > share) end = last%from - share*(former%from - last%from)/(former_share - share)
-  end function grazing_end
+    associate (n => self%count, share => self%share)
+      if (n > 0) then
+        if (lap%share_of_rest() >= share(n)) n = 0
+      end if
+      if (n == 0) self%begins = lap%from
+      if (n == most_laps) then
+        share(:n - 1) = share(2:n)
+        self%angle(:n - 1) = self%angle(2:n)
+        n = n - 1
+      end if
+      n = n + 1
+      share(n) = lap%share_of_rest()
+      self%angle(n) = lap%from
+      before = [self%end, self%differs]
+      self%end = huge(self%end)
+      self%differs = huge(self%end)
+      self%error = huge(self%end)
+      if (n < 2) return
+      do k = 1, n
+        matrix(:n, k) = [((share(i)/share(1))**merge(0, k, k == 1), i=1, n)]
+      end do
+      angle = self%angle
+      call solve_in_place(n, matrix(:n, :n), angle(:n), singular)
+      if (singular) return
+      self%end = angle(1)
+      if (before(1) < huge(before)) self%differs = abs(self%end - before(1))
+      if (self%differs < before(2)) self%error = self%differs*(self%differs/before(2))
+    end associate
+  end subroutine take
 
   !> Tabulate the interval around a passage, if that is due.
   subroutine tabulate(self, which, before, passage, rest, slips)
@@ -468,7 +533,7 @@ contains
     logical :: found
     integer :: place, visits
 
-    associate (branch => self%branch(which), n => points(self))
+    associate (branch => self%branch(which), n => points(self, self%branch(which)%has_root()))
       place = branch%place_of(passage%from)
       if (place == 0) return
       call branch%visit(place, passage%steps)
@@ -488,7 +553,7 @@ contains
       if (found) then
         call branch%keep(place, table)
       else
-        call branch%halve(place)
+        call branch%refine(place)
         self%learned%vain = self%learned%vain + made
       end if
     end associate
@@ -511,7 +576,7 @@ contains
 
     made = 0
     inside = 0.0_wp
-    call new_passage_table(points(self), table)
+    call new_passage_table(points(self, self%branch(which)%has_root()), table)
     do k = 1, table%points
       ! Slips far below the end of sticks may be none: they come first.
       i = merge(table%points + 1 - k, k, which == 1)

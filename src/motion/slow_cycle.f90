@@ -33,6 +33,7 @@ module dst_slow_cycle
   contains
     procedure :: clear
     procedure :: append
+    procedure :: lengthen
     procedure :: place_of
     procedure :: serialise
   end type slow_cycle_t
@@ -69,6 +70,17 @@ contains
     call self%recording(self%sum%recordings)%copy(recording)
     self%sum%pieces = self%sum%pieces + recording%count
   end subroutine append
+
+  !> Its last rest takes longer by this [s].
+  pure subroutine lengthen(self, by)
+    class(slow_cycle_t), intent(inout) :: self
+    real(wp), intent(in) :: by
+
+    self%sum%whole%measure(duration) = self%sum%whole%measure(duration) + by
+    associate (last => self%passage(self%sum%count))
+      last%measure(duration) = last%measure(duration) + by
+    end associate
+  end subroutine lengthen
 
   pure subroutine make_room(self)
     class(slow_cycle_t), intent(inout) :: self

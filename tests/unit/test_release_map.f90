@@ -25,7 +25,8 @@ program test_release_map
 
 contains
 
-  !> A function that is analytic in the distance, its square root or its logarithm needs one interval, and its slope is right.
+  !> A function that is analytic in the distance, its square root or its logarithm needs one interval, and its slope is right; the
+  !> first place takes the square root itself.
   subroutine check_variables()
     character(*), parameter :: name(3) = ['root     ', 'distance ', 'logarithm']
     real(wp), parameter :: end = 0.4_wp, at(3) = [0.41_wp, 0.6_wp, 1.1_wp]
@@ -39,7 +40,7 @@ contains
     do variable = 1, size(name)
       do i = 1, size(at)
         side = merge(1, -1, modulo(i + variable, 2) == 0)
-        call new_branch(end, real(side, wp), 1.0e-5_wp, 0.8_wp, branch)
+        call new_branch(end, real(side, wp), 1.0e-5_wp, 0.8_wp, variable == 1 .and. i == 1, branch)
         call new_passage_table(points, table)
         do k = 1, points
           passage%measure = 1.0_wp
@@ -90,13 +91,15 @@ contains
     end select
   end function slope_of
 
-  !> Halves of halves hold what the whole held, until they are short.
+  !> If the square root does not hold, the logarithm does; halves of halves hold what the whole held, until they are short.
   subroutine check_halving()
     real(wp), parameter :: here = 0.3_wp
     type(branch_t) :: branch
     integer :: place, before, i
 
-    call new_branch(0.0_wp, 1.0_wp, 1.0e-4_wp, 1.0_wp, branch)
+    call new_branch(0.0_wp, 1.0_wp, 1.0e-4_wp, 1.0_wp, .true., branch)
+    call branch%refine(branch%place_of(here))
+    call check('the logarithm first', .not. branch%has_root() .and. size(branch%intervals) == 1)
     before = 0
     do i = 1, 10
       place = branch%place_of(here)
@@ -104,7 +107,7 @@ contains
       call check('and has no halves', all(branch%intervals(place)%half == 0))
       if (place == before) exit
       before = place
-      call branch%halve(place)
+      call branch%refine(place)
     end do
     call check('not without end', i > 5 .and. i < 10)
     call check('the others hold the rest', branch%place_of(0.9_wp) /= place .and. branch%place_of(1.1_wp) == 0)
