@@ -1,12 +1,12 @@
 """What a run and `dynstiction.cycles` say of a motion, against runs by steps: random scenes of the full model.
 
-    python bench/repeats.py [--scenes 100] [--seed 1] [--starts 0] [--short]
+    python bench/repeats.py [--scenes 100] [--seed 1] [--starts 0] [--slow-cycles 150] [--runs-only] [--short]
 
 A run with the cycle map off (radau13, rtol 1e-9) is as long as some hundred slow cycles. Its releases tell whether it repeats: the
 intervals between the last ones agree with those of n releases before. Compared are the time after which it repeats, and the verdict, of
 `cycles`, and of a run with the map at the usual tolerance: `repeats` times its mean period. Prints a line for each scene where they
 differ, and for each verdict how many there are and how long the analysis takes. With ``--starts`` runs begin with as many random
-elongations of each scene: what they repeat has to be one of the cycles, too.
+elongations of each scene: what they repeat has to be one of the cycles, too. With ``--runs-only`` only runs are compared.
 """
 
 import argparse
@@ -106,6 +106,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--starts", type=int, default=0, help="runs from other elongations")
     parser.add_argument("--slow-cycles", type=float, default=150, help="length of the runs")
+    parser.add_argument("--runs-only", action="store_true", help="leave out cycles")
     parser.add_argument(
         "--short", action="store_true", help="a short form of some seconds, to check that it runs"
     )
@@ -115,10 +116,6 @@ def main() -> None:
     runs = collections.Counter()
     for number in range(options.first, options.first + (4 if options.short else options.scenes)):
         scene = random_scene(options.seed, number)
-        begun = time.perf_counter()
-        found = ds.cycles(scene)
-        verdict = found.regularity.verdict
-        taken[verdict].append(time.perf_counter() - begun)
         period, releases = repeats_after(scene, 20 if options.short else options.slow_cycles)
         summary = ds.run(
             scene, scene={"t_end": length_of(scene, 20 if options.short else options.slow_cycles)}, output=ONE
@@ -131,6 +128,14 @@ def main() -> None:
                 "right" if abs(summary["repeats"] * summary["period"] - period) <= 1e-5 * period else "wrong"
             )
         runs[said] += 1
+        if said == "wrong":
+            print(f"scene {number}: the run says {summary['repeats']} x {summary['period']}, steps {period}")
+        if options.runs_only:
+            continue
+        begun = time.perf_counter()
+        found = ds.cycles(scene)
+        verdict = found.regularity.verdict
+        taken[verdict].append(time.perf_counter() - begun)
         others = [
             period_from(scene, random.Random(f"{options.seed} {number} {start}"))
             for start in range(options.starts)
@@ -139,8 +144,6 @@ def main() -> None:
         attractors, missed = attractors + len(others) - others.count(None), missed + len(lost)
         if lost:
             print(f"scene {number}: runs from elsewhere repeat after {lost} s, which is no cycle")
-        if said == "wrong":
-            print(f"scene {number}: the run says {summary['repeats']} x {summary['period']}, steps {period}")
         told = [cycle.period for cycle in found.stable]
         if period is not None:
             right = verdict == "regular" and any(abs(period - one) <= 1e-5 * period for one in told)

@@ -78,6 +78,9 @@ module dst_cycle_map
     type(recording_t) :: shown
     type(state_t) :: shown_from
     logical, private :: is_shown = .false.
+    !> Its piece that `show` was asked for last, and its number, 0 if there is none.
+    type(piece_t), private :: shown_piece
+    integer, private :: shown_number = 0
     !> The last slow cycles, at places modulo their number, and the present one. Allocatable, as gfortran 12 frees wrong addresses
     !> of fixed arrays of such a type (tests/python/test_fortran_comments.py).
     type(slow_cycle_t), allocatable :: slow(:)
@@ -551,6 +554,7 @@ contains
         - dot_product(self%shown_from%u - from%u, self%slider%along)
     end associate
     self%is_shown = .true.
+    self%shown_number = 0
     if (passage%table(1) == 0) then
       associate (slow => self%slow(place(1)))
         call self%shown%copy(slow%recording(slow%recorded(place(2))))
@@ -561,19 +565,40 @@ contains
     end if
   end subroutine show_passage
 
-  !> Show the passage that contains a time [s] of the last piece: `instant` reads it.
+  !> Show the passage that contains a time [s] of the last piece: `instant` reads the motion there.
   subroutine show(self, time)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: time
+    integer :: number
+
+    if (.not. self%leapt .or. time >= self%piece%to%time) return
+    if (.not. shows(self, time)) call show_passage_at(self, time)
+    number = self%shown%place_of(self%shown_from%until(time))
+    if (number == self%shown_number) return
+    self%shown_number = number
+    call self%shown%get(number, self%shown_from, self%shown_piece)
+  end subroutine show
+
+  !> Whether the passage that is shown contains a time [s].
+  pure logical function shows(self, time)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    shows = self%is_shown
+    if (.not. shows) return
+    associate (elapsed => self%shown_from%until(time))
+      shows = elapsed >= 0.0_wp .and. elapsed < self%shown%duration()
+    end associate
+  end function shows
+
+  !> Show the passage of the last piece, a leap, that contains a time [s].
+  subroutine show_passage_at(self, time)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: time
     integer(int64) :: repetition
     real(wp) :: elapsed, lasting
     integer :: i, k
 
-    if (.not. self%leapt .or. time >= self%piece%to%time) return
-    if (self%is_shown) then
-      elapsed = self%shown_from%until(time)
-      if (elapsed >= 0.0_wp .and. elapsed < self%shown%duration()) return
-    end if
     repetition = 0
     k = 1
     if (self%repetitions > 0) then
@@ -594,20 +619,19 @@ contains
       end do
     end if
     call self%show_passage(repetition, k)
-  end subroutine show
+  end subroutine show_passage_at
 
+  !> The motion at a time [s] of the last piece that is shown.
   pure function instant(self, time)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: time
     type(instant_t) :: instant
-    type(piece_t) :: piece
 
     if (.not. self%leapt .or. time >= self%piece%to%time) then
       instant = self%steps%instant(time)
-      return
+    else
+      instant = self%steps%instant_of(self%shown_piece%at(time), self%shown_piece%contact)
     end if
-    call self%shown%get(self%shown%place_of(self%shown_from%until(time)), self%shown_from, piece)
-    instant = self%steps%instant_of(piece%at(time), piece%contact)
   end function instant
 
   !> Events of the last piece. Repetitions with very many are a block that occurs again and again.

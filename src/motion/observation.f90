@@ -133,6 +133,11 @@ contains
     integer :: degree, count, pulls, i, k
 
     pulls = 0
+    ! The largest rate at an end: inside most pieces there is none that is larger.
+    do i = 1, recording%count
+      seen%value(largest_rate) = max(seen%value(largest_rate), &
+        abs(dot_product(motion%velocity(recording%kept(i)%to), motion%slider%along)))
+    end do
     do i = 1, recording%count
       call recording%get(i, state_t(), piece)
       call view%show(motion, piece)

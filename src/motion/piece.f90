@@ -2,6 +2,7 @@
 module dst_piece
   use dst_dense_output, only: dense_output_t, column_u, column_y, column_position, n_columns
   use dst_drive, only: drive_segment_t
+  use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_slip_system, only: max_components, max_unknowns, slip_system_t
   use dst_state, only: state_t
@@ -31,6 +32,7 @@ module dst_piece
   contains
     procedure :: at
     procedure :: inside
+    procedure :: slip_inside
     procedure :: obey
   end type piece_t
 
@@ -75,6 +77,24 @@ contains
     state%u(self%held) = self%from%u(self%held)
     state%y(max_components) = self%from%y(max_components)
   end function inside
+
+  !> The same, of which only time and slip unknowns are wanted.
+  pure function slip_inside(self, tau) result(state)
+    class(piece_t), intent(in) :: self
+    real(wp), intent(in) :: tau
+    type(state_t) :: state
+    real(wp) :: basis(0:max_degree)
+    integer :: k
+
+    call state%later(self%from, tau*self%path%step)
+    associate (s => self%path%grid%degree)
+      call self%path%grid%lagrange(tau, basis)
+      do k = 1, max_unknowns
+        state%y(k) = dot_product(basis(0:s), self%path%nodal(0:s, column_y + k - 1))
+      end do
+    end associate
+    if (self%held > 0) state%y(max_components) = self%from%y(max_components)
+  end function slip_inside
 
   !> From now on the pieces belong to this system.
   pure subroutine obey(self, system)

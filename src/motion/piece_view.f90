@@ -24,6 +24,7 @@ module dst_piece_view
   contains
     procedure :: show
     procedure :: at
+    procedure :: slip_along
     procedure :: friction
     procedure :: load
     procedure :: pull_polynomial
@@ -77,6 +78,17 @@ contains
       moment = moment_of(self%motion, self%piece, self%piece%inside(place))
     end if
   end function at
+
+  subroutine slip_along(self, place, rate, speed)
+    class(piece_view_t), intent(in) :: self
+    real(wp), intent(in) :: place
+    real(wp), intent(out) :: rate, speed
+    real(wp) :: velocity(2)
+
+    velocity = self%motion%velocity(self%piece%slip_inside(place))
+    rate = dot_product(velocity, self%motion%slider%along)
+    speed = hypot(velocity(1), velocity(2))
+  end subroutine slip_along
 
   pure real(wp) function friction(self, speed)
     class(piece_view_t), intent(in) :: self

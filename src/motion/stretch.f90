@@ -48,6 +48,7 @@ module dst_stretch
     procedure(load_polynomial), deferred :: load
     procedure(bound_of_rate), deferred :: fastest
     procedure(bound_of_friction), deferred :: least_friction
+    procedure :: slip_along
     procedure :: duration
     procedure :: turning_places
     procedure :: creep_time
@@ -104,6 +105,18 @@ module dst_stretch
   end type part_t
 
 contains
+
+  !> X' [m/s] and the slip speed [m/s] at a place in slip.
+  subroutine slip_along(self, place, rate, speed)
+    class(stretch_t), intent(in) :: self
+    real(wp), intent(in) :: place
+    real(wp), intent(out) :: rate, speed
+    type(moment_t) :: moment
+
+    moment = self%at(place)
+    rate = moment%rate
+    speed = hypot(moment%slip_velocity(1), moment%slip_velocity(2))
+  end subroutine slip_along
 
   !> Length [s].
   pure real(wp) function duration(self)
@@ -280,12 +293,13 @@ contains
     real(wp), intent(out) :: value, term
     type(moment_t) :: moment
 
+    if (which == rate) then
+      call self%slip_along(place, value, term)
+      return
+    end if
     moment = self%at(place)
     associate (speed => hypot(moment%slip_velocity(1), moment%slip_velocity(2)))
       select case (which)
-      case (rate)
-        value = moment%rate
-        term = speed
       case (stretching)
         value = moment%elongation_rate
         term = max(speed, abs(moment%drive_velocity))
