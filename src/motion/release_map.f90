@@ -181,13 +181,13 @@ contains
   end function elongation
 
   !> Points of a table: what laps over a right angle need in the logarithm for a hundredth of this tolerance (measured: 32 at 1e-5,
-  !> 41 at 1e-8), or in the square root (14, 20).
+  !> 41 at 1e-8), or in the square root (15, 21).
   pure integer function points(self, has_root)
     class(release_map_t), intent(in) :: self
     logical, intent(in) :: has_root
 
     if (has_root) then
-      points = max(9, nint(6.0_wp - 2.0_wp*log10(self%rtol)))
+      points = max(9, nint(7.0_wp - 2.0_wp*log10(self%rtol)))
     else
       points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
     end if
@@ -517,7 +517,7 @@ contains
       if (singular) return
       self%end = angle(1)
       if (before(1) < huge(before)) self%differs = abs(self%end - before(1))
-      if (self%differs < before(2)) self%error = self%differs*(self%differs/before(2))
+      if (self%differs < before(2) .and. before(2) < huge(before)) self%error = self%differs*(self%differs/before(2))
     end associate
   end subroutine take
 
@@ -603,7 +603,7 @@ contains
     end do
     if (inside <= accurate*self%rtol) then
       self%learned%error = max(self%learned%error, inside)
-    else if (table%pieces_in_panel == 1) then
+    else if (table%pieces_in_panel == 1 .and. .not. self%branch(which)%has_root()) then
       ! Not better in halves: the motion between the ends of steps is not so accurate.
       table%panels = 0
     else

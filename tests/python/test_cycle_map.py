@@ -401,3 +401,50 @@ def test_conditioning_grows_as_differences_do() -> None:
     irregular = ds.run(scene, system={"stiffness_y": 1e6}, scene={"t_end": 60.0}).summary
     grown = np.log(irregular["conditioning"]) / irregular["cycles"]
     assert grown == pytest.approx(irregular["lyapunov_exponent"], rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {
+            "scene": {"t_end": 0.0126},
+            "system": {"mass": 0.00259, "stiffness_y": 1.44e9, "misalignment_deg": 0.537},
+            "friction": {"v_f": 0.698},
+            "drive": {"velocity": 4.64e-5},
+        },
+        {
+            "scene": {"t_end": 0.0403},
+            "system": {"mass": 0.0403, "stiffness_y": 4.3e8, "misalignment_deg": 2.6},
+            "friction": {"v_f": 0.00117},
+            "drive": {"velocity": 0.0401},
+        },
+    ],
+    ids=["all laps alike", "few laps of many steps"],
+)
+def test_laps_of_a_short_run_are_cheap(changes: Groups) -> None:
+    """Where sticks end is not guessed from two laps that are alike; and laps have the motion inside, or are run."""
+    scene = ds.Scene(FIG3, **changes)
+    by_map, by_steps = (run(scene, how, 1e-6, {"interval": 1.0}, "radau13") for how in ("auto", "off"))
+    assert by_map.statistics["newton"] < 1.15 * by_steps.statistics["newton"]
+    assert apart(by_map, by_steps) < 1e-7
+
+
+@pytest.mark.parametrize("cycle_map", ["auto", "off"])
+def test_a_cycle_that_is_reached_from_both_sides_in_turn_is_one(cycle_map: str) -> None:
+    """Each slip ends on the other side of the cycle: two of them are nearer to it than one, but are no cycle of two."""
+    scene = ds.Scene(
+        FIG3,
+        scene={"t_end": 13.68},
+        system={"mass": 0.068713, "stiffness_x": 941.068, "stiffness_y": 89709.4, "misalignment_deg": 4.18586},
+        friction={"mu_0": 0.411973, "mu_inf": 0.342168, "v_f": 0.00392761, "normal_load": 8.06079},
+        drive={"velocity": 0.00181177},
+    )
+    assert run(scene, cycle_map, 1e-5, {"interval": 1.0}, "radau13").summary["repeats"] == 1
+
+
+def test_errors_of_a_repeated_cycle_do_not_add_up() -> None:
+    """Two slips are stepped; the block has the duration of the cycle that they approach."""
+    long = {"scene": {"t_end": 300.0}}
+    loose, tight = (run(ds.Scene(FIG3, **long), "auto", rtol, {"interval": 300.0}, "radau13") for rtol in (1e-6, 1e-11))
+    assert loose.statistics["newton"] < 2000
+    assert apart(loose, tight) < 1e-9
