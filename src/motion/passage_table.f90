@@ -32,7 +32,7 @@ module dst_passage_table
   type :: passage_table_t
     integer :: points = 0
     real(wp), allocatable :: point(:)
-    !> Coefficients of the measures (point, measure) in Chebyshev polynomials, and of the derivatives of the turn and the duration.
+    !> Coefficients of the measures (measure, point) in Chebyshev polynomials, and of the derivatives of the turn and the duration.
     real(wp), allocatable :: coefficient(:, :)
     !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
     !> no panels if the motion inside is not kept.
@@ -61,7 +61,7 @@ contains
     table%points = points
     table%point = chebyshev_points(points)
     table%grid = chebyshev_grid()
-    allocate (table%coefficient(points, values))
+    allocate (table%coefficient(values, points))
     call new_observations(points, table%seen)
   end subroutine new_passage_table
 
@@ -74,7 +74,7 @@ contains
     type(piece_t) :: piece
     integer :: now, i, k
 
-    self%coefficient(j, :measures) = passage%measure
+    self%coefficient(:measures, j) = passage%measure
     if (.not. present(recording)) return
     if (.not. allocated(self%inside)) call set_panels(self, recording)
     now = 0
@@ -146,9 +146,9 @@ contains
   pure subroutine settle(self)
     class(passage_table_t), intent(inout) :: self
 
-    self%coefficient(:, :measures) = chebyshev_coefficients(self%coefficient(:, :measures))
-    self%coefficient(:, measures + 1) = chebyshev_derivative(self%coefficient(:, turn))
-    self%coefficient(:, values) = chebyshev_derivative(self%coefficient(:, duration))
+    self%coefficient(:measures, :) = transpose(chebyshev_coefficients(transpose(self%coefficient(:measures, :))))
+    self%coefficient(measures + 1, :) = chebyshev_derivative(self%coefficient(turn, :))
+    self%coefficient(values, :) = chebyshev_derivative(self%coefficient(duration, :))
   end subroutine settle
 
   !> Errors of duration and turn at `x`, relative to the former and to the largest turn, for the passage there.
@@ -161,7 +161,7 @@ contains
     call self%evaluate(x, value)
     error = maxval(abs(value([duration, slip_duration]) - passage%measure([duration, slip_duration]))) &
       /passage%measure(duration)
-    error = max(error, abs(value(turn) - passage%measure(turn))/max(abs(passage%measure(turn)), abs(self%coefficient(1, turn))))
+    error = max(error, abs(value(turn) - passage%measure(turn))/max(abs(passage%measure(turn)), abs(self%coefficient(turn, 1))))
   end function error_of
 
   !> Largest error of the motion inside the slip of a recorded lap at `x`, relative to the largest elongation and slip speed in it:
@@ -197,9 +197,13 @@ contains
     real(wp), intent(in) :: x
     real(wp), intent(out) :: value(values)
     real(wp) :: polynomial(self%points)
+    integer :: i
 
     call chebyshev_polynomials(self%points, x, polynomial)
-    value = matmul(polynomial, self%coefficient)
+    value = 0.0_wp
+    do i = 1, self%points
+      value = value + polynomial(i)*self%coefficient(:, i)
+    end do
   end subroutine evaluate
 
   !> The nodal values of a panel for the cardinal functions at a place.
