@@ -1,13 +1,22 @@
-"""Suggestions for names that do not exist."""
+"""Names of columns and values: what they mean, and suggestions for those that do not exist."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
-__all__ = ["nearest"]
+__all__ = ["Info", "nearest"]
 
 ALIKE = 0.6
 """Similarity from which a name is suggested; the default of `difflib`."""
+
+
+class Info(NamedTuple):
+    """Name, unit and meaning of a column or a scalar."""
+
+    name: str
+    units: str
+    long_name: str
 
 
 def nearest(name: object, names: Iterable[str]) -> str:

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from ._arguments import shown
 from ._closing import Closing, OneAtATime
 from ._core import dst_python_api as _core
-from ._names import nearest
+from ._names import Info, nearest
 from ._stack import check_stack
 from .errors import Error, UsageError, error_for
-from .record import Info
 
 __all__ = [
     "CHUNK_SECONDS",

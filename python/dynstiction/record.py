@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _native
 from ._arguments import shown
-from ._names import nearest
+from ._names import Info, nearest
 from ._optional import needed
 from .errors import ColumnError, UsageError, printable
 from .html import page_table
@@ -52,14 +53,6 @@ MOST_EVENTS = 20_000_000
 
 T = TypeVar("T")
 C = TypeVar("C", bound=NDArray[np.generic])
-
-
-class Info(NamedTuple):
-    """Name, unit and meaning of a column or a scalar."""
-
-    name: str
-    units: str
-    long_name: str
 
 
 EVENTS = {
@@ -183,8 +176,6 @@ class Described(Mapping[str, T], Generic[T]):
 
     def _possible(self) -> dict[str, str]:
         """Names that runs can have in such a table, with their meanings."""
-        from . import _native  # noqa: PLC0415  (it uses this module)
-
         return {entry["name"]: entry["long_name"] for entry in _native.catalogue().get(self._table, ())}
 
     def __iter__(self) -> Iterator[str]:

@@ -86,11 +86,15 @@ contains
     type(passage_t), intent(inout) :: passage
     type(directions_t) :: beginning
     type(tangent_t) :: tangent(1)
+    type(piece_t) :: piece
     logical :: found
 
     allocate (beginning%variation(1))
     call carry(recording, system, slider, beginning, tangent, found)
-    if (found) call passage%take_slope(tangent(1)%y(2), tangent(1)%clock)
+    if (.not. found) return
+    ! alpha grows with theta or against it.
+    call recording%get(1, state_t(), piece)
+    call passage%take_slope(tangent(1)%y(2), tangent(1)%clock*product(sign([1.0_wp, 1.0_wp], slider%along*piece%drive%velocity)))
   end subroutine set_slope
 
   !> Through a passage that was recorded from one release to the next: how the direction y(2) and the time `clock` of its end change

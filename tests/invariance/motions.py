@@ -124,7 +124,8 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
 
     Forces: F_s. Durations: the period, else t_end; other times: t_end, the time at rest by an explicit method t_end for each stick, as
     it leaves each event an error of its own. Works: what was exchanged. slip_length: at least the length that
-    loads the spring up to F_s. max_X_rate: itself. Angles and shares: 1. A scatter: as its mean. The exponent: 10, as steps are
+    loads the spring up to F_s. max_X_rate: itself. pull_frequency: itself over the swing in F_s, as an error of the force, which is
+    one of F_s, moves the peaks of a small swing as far. Angles and shares: 1. A scatter: as its mean. The exponent: 10, as steps are
     chosen for the motion, not for its derivative (on a line off the axes it was wrong by 310 rtol).
     """
     limit, t_end = limit_of(groups), float(groups["scene"]["t_end"])
@@ -137,6 +138,7 @@ def summary_scales(groups: Groups, result: ds.Result) -> dict[str, float]:
         "sticking_time": t_end * (max(1.0, value_of(result, "sticks")) if is_explicit(groups) else 1.0),
         **dict.fromkeys(works, sum(abs(float(result.summary.get(key, 0.0))) for key in works)),
         "max_X_rate": value_of(result, "max_X_rate"),
+        "pull_frequency": value_of(result, "pull_frequency") * max(1.0, limit / max(value_of(result, "pull_swing"), 1e-300)),
         "lyapunov_exponent": 10.0,
         "slip_length": max(abs(value_of(result, "slip_length")), limit / float(groups["system"]["stiffness_x"])),
     }

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from .._native import group_of
 from ..errors import UsageError
 from ..stability import critical_misalignment
-from .notation import PARAMETERS, with_unit
+from .branches import put_branches
+from .notation import PARAMETERS, QUANTITIES, with_unit
 from .samples import Floats
 from .style import BLACK, BLUE, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
@@ -36,14 +37,6 @@ __all__ = [
 
 COLOURS = "viridis"
 
-LABELS = {
-    "peak_force": "peak of the load $k_x u_x$",
-    "valley_force": "valley of the load $k_x u_x$",
-    "period": "period",
-    "stick_duration": "stick: valley to peak of the load",
-    "slip_duration": "slip: peak to valley of the load",
-    "slip_length": "advance from peak to valley",
-}
 LOADS = ("peak_force", "valley_force")
 """Quantities that steady sliding has too."""
 
@@ -115,8 +108,6 @@ def draw_bifurcation(
     if branches is not None:
         if branches.key.rpartition(".")[2] != side.name:
             raise UsageError(f"branches over {branches.key}: the sweep varies {side.name}")
-        from .branches import put_branches  # noqa: PLC0415  (it uses this module)
-
         put_branches(
             axis, branches, quantity, PARAMETERS[side.name].factor if side.name in PARAMETERS else 1.0
         )
@@ -185,7 +176,7 @@ def span_of(side: Axis) -> tuple[float, float]:
 
 def _label(table: Table, quantity: str) -> str:
     about = table.data[f"cycle_{quantity}"].attrs
-    return with_unit(LABELS.get(quantity, about.get("long_name", quantity)), about["units"])
+    return with_unit(QUANTITIES.get(quantity, about.get("long_name", quantity)), about["units"])
 
 
 # Cases without cycles.

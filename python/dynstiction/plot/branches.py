@@ -12,8 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..branches import Branches, cycles_in_words
 from ..errors import UsageError
-from .bifurcation import LABELS
-from .notation import PARAMETERS, with_unit
+from .notation import PARAMETERS, QUANTITIES, with_unit
 from .samples import Floats
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, sized
 
@@ -40,7 +39,7 @@ def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_for
     put_branches(axis, found, quantity, factor)
     unit = symbol.unit if symbol else found.units.replace("1", "")
     axis.set_xlabel(with_unit(symbol.text if symbol else name.replace("_", " "), unit))
-    axis.set_ylabel(with_unit(LABELS.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
+    axis.set_ylabel(with_unit(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
     values = np.concatenate([each.values for each in found.branches])
     low, high = factor * values.min(), factor * values.max()
     if low > 0.0 and high > 10.0 * low:

@@ -13,6 +13,7 @@ __all__ = [
     "COLUMNS",
     "MISALIGNMENT",
     "PARAMETERS",
+    "QUANTITIES",
     "SPEED_RATIO",
     "Symbol",
     "label_of",
@@ -40,6 +41,29 @@ class Symbol(NamedTuple):
         """Symbol and unit, as for an axis."""
         return with_unit(self.text, self.unit)
 
+
+QUANTITIES = {
+    "peak_force": "peak of the load $k_x u_x$",
+    "valley_force": "valley of the load $k_x u_x$",
+    "period": "period",
+    "stick_duration": "stick: valley to peak of the load",
+    "slip_duration": "slip: peak to valley of the load",
+    "slip_length": "advance $X$ from peak to valley",
+    "slip_angle": r"$\theta$ at the first slip",
+    "first_peak_force": "first peak of the load",
+    "max_X_rate": r"largest $|\dot X|$",
+    "final_X": "$X$ at the end",
+    "final_X_rate": r"$\dot X$ at the end",
+    "final_u_x": "$u_x$ at the end",
+    "final_u_y": "$u_y$ at the end",
+    "sticks": "number of rests",
+    "cycles": "number of cycles",
+    "fast_decay": "$D$, decay of the fast oscillation",
+    "pull_frequency": "frequency of the pull force",
+    "creep_share": r"share of the time with $|\dot X| \leq V/10$",
+    "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
+}
+"""Labels of summary values."""
 
 COLUMNS = {
     "spring_force_x": Symbol("$k_x u_x$", "N", colour=BLUE),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import UsageError
 from ..stability import critical_misalignment
 from .bifurcation import draw_vertical_lines, mark_below, slides_steadily, span_of
-from .notation import scaled, with_unit
+from .notation import QUANTITIES, scaled, with_unit
 from .samples import Floats
 from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, sized
 from .sweep_table import Axis, Table, table_of
@@ -41,26 +41,6 @@ RELATIVE = {
     "sticking_time": ("share of the time at true rest", "t_end"),
 }
 """Quantities that are drawn in units of the static limit F_0 = mu_0 W or of the run's length: label, unit."""
-
-LABELS = {
-    "period": "period",
-    "stick_duration": "stick: valley to peak of the load",
-    "slip_duration": "slip: peak to valley of the load",
-    "slip_length": "advance $X$ from peak to valley",
-    "slip_angle": r"$\theta$ at the first slip",
-    "first_peak_force": "first peak of the load",
-    "max_X_rate": r"largest $|\dot X|$",
-    "final_X": "$X$ at the end",
-    "final_X_rate": r"$\dot X$ at the end",
-    "final_u_x": "$u_x$ at the end",
-    "final_u_y": "$u_y$ at the end",
-    "sticks": "number of rests",
-    "cycles": "number of cycles",
-    "fast_decay": "$D$, decay of the fast oscillation",
-    "pull_frequency": "frequency of the pull force",
-    "creep_share": r"share of the time with $|\dot X| \leq V/10$",
-    "lyapunov_exponent": "Lyapunov exponent of a slow cycle",
-}
 
 LASTING = ("swing", "pull_swing")
 """Quantities without a value where the motion rings down: they would be those of the second half of a run."""
@@ -117,7 +97,7 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
         names = ("mu_0", "normal_load") if unit == "F_0" else (unit,)
         if all(table.has(name) for name in names):
             return values / np.prod([table.parameter(name) for name in names], axis=0), label
-    text = LABELS.get(quantity, str(about["long_name"]).replace("_", " "))
+    text = QUANTITIES.get(quantity, str(about["long_name"]).replace("_", " "))
     if about["units"] == "rad":
         return np.degrees(values), with_unit(text, "deg")
     factor, unit = scaled(str(about["units"]).replace("m s-1", "m/s"), values)
