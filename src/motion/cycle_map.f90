@@ -585,11 +585,17 @@ contains
     real(wp), intent(in) :: time
 
     shows = self%is_shown
-    if (.not. shows) return
-    associate (elapsed => self%shown_from%until(time))
-      shows = elapsed >= 0.0_wp .and. elapsed < self%shown%duration()
-    end associate
+    if (shows) shows = self%shown_from%until(time) >= 0.0_wp .and. time < shown_end(self)
   end function shows
+
+  !> When the passage that is shown ends [s].
+  pure real(wp) function shown_end(self)
+    class(cycle_map_t), intent(in) :: self
+    type(state_t) :: end
+
+    call end%later(self%shown_from, self%shown%duration())
+    shown_end = end%time
+  end function shown_end
 
   !> Show the passage of the last piece, a leap, that contains a time [s].
   subroutine show_passage_at(self, time)
@@ -619,6 +625,14 @@ contains
       end do
     end if
     call self%show_passage(repetition, k)
+    if (time < shown_end(self)) return
+    ! Within roundoff of its end the next one begins.
+    k = k + 1
+    if (k > self%passages()) then
+      k = 1
+      repetition = repetition + 1
+    end if
+    if (repetition < self%repetitions) call self%show_passage(repetition, k)
   end subroutine show_passage_at
 
   !> The motion at a time [s] of the last piece that is shown.

@@ -184,13 +184,11 @@ contains
   !> 41 at 1e-8), or in the square root (15, 21).
   pure integer function points(self, has_root)
     class(release_map_t), intent(in) :: self
-    logical, intent(in) :: has_root
+    logical, intent(in), optional :: has_root     !! no if absent
 
-    if (has_root) then
-      points = max(9, nint(7.0_wp - 2.0_wp*log10(self%rtol)))
-    else
-      points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
-    end if
+    points = max(21, nint(20.0_wp - 3.0_wp*log10(self%rtol)))
+    if (.not. present(has_root)) return
+    if (has_root) points = max(9, nint(7.0_wp - 2.0_wp*log10(self%rtol)))
   end function points
 
   !> The first release of the motion that the map was made of, if no passage was run before.
@@ -329,7 +327,7 @@ contains
     real(wp) :: left, enough
     integer :: i
 
-    enough = 2.0_wp*profit*real(points(self, .false.), wp)
+    enough = 2.0_wp*profit*real(points(self), wp)
     associate (known => self%learned)
       before = known%before
       known%before = passage
@@ -346,9 +344,9 @@ contains
       ! Where the laps of the first slow cycle end is not known: half way.
       left = laps_left(before, passage, 0.5_wp*passage%to, rest)
       if (known%slips == 0) known%expected = real(known%passages, wp) + left
-      if (.not. known%is_parted .and. steps_left(self) >= real(points(self, .false.), wp)*steps_each(self)) then
+      if (.not. known%is_parted .and. steps_left(self) >= real(points(self), wp)*steps_each(self)) then
         if (passage%turns_back()) then
-          if ((known%passages >= many*points(self, .false.) .and. known%expected - real(known%passages, wp) >= enough .or. &
+          if ((known%passages >= many*points(self) .and. known%expected - real(known%passages, wp) >= enough .or. &
             known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
@@ -368,7 +366,7 @@ contains
     class(release_map_t), intent(in) :: self
     real(wp), intent(in) :: slips
 
-    will_tabulate = slips >= profit*real(points(self, .false.), wp)
+    will_tabulate = slips >= profit*real(points(self), wp)
     if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
       (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
   end function will_tabulate

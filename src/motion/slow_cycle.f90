@@ -7,6 +7,7 @@ module dst_slow_cycle
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
   use dst_recording, only: recording_t
+  use dst_state, only: state_t
   implicit none
   private
 
@@ -75,10 +76,16 @@ contains
   pure subroutine lengthen(self, by)
     class(slow_cycle_t), intent(inout) :: self
     real(wp), intent(in) :: by
+    type(state_t) :: end
 
     self%sum%whole%measure(duration) = self%sum%whole%measure(duration) + by
     associate (last => self%passage(self%sum%count))
       last%measure(duration) = last%measure(duration) + by
+    end associate
+    if (self%recorded(self%sum%count) == 0) return
+    associate (inside => self%recording(self%recorded(self%sum%count)))
+      end = inside%kept(inside%count)%to
+      call inside%kept(inside%count)%to%later(end, by)
     end associate
   end subroutine lengthen
 

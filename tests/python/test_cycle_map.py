@@ -448,3 +448,13 @@ def test_errors_of_a_repeated_cycle_do_not_add_up() -> None:
     loose, tight = (run(ds.Scene(FIG3, **long), "auto", rtol, {"interval": 300.0}, "radau13") for rtol in (1e-6, 1e-11))
     assert loose.statistics["newton"] < 2000
     assert apart(loose, tight) < 1e-9
+
+
+def test_steps_of_a_repeated_cycle_are_sampled_in_every_one() -> None:
+    """Without an interval each step is a sample, in repetitions as well, of which the next begins where the last one ends."""
+    result = ds.run(FIG3, t_end=8.0, integrator={"rtol": 1e-6, "method": "radau13"}, output={"interval": 0.0, "fields": ["u_x"]})
+    period = result.summary["period"]
+    counts = [np.count_nonzero((result.time >= a) & (result.time < a + period)) for a in np.arange(3.2, 7.0, period)]
+    assert min(counts) > 1000
+    assert max(counts) - min(counts) <= 2
+    assert np.diff(result.time).max() < 0.05
