@@ -445,7 +445,7 @@ contains
       is_grazing = grazing%error <= accurate*self%rtol .and. grazing%end < last%from
       if (is_grazing) then
         end = grazing%end
-        near = max(near, last%from - end)
+        near = max(nearest, last%from - end)
         is_grazing = grazing%begins - end >= wide*(top - end)
         exit
       end if
@@ -457,6 +457,7 @@ contains
       end if
       guess = end + ahead*(last%from - end)
       if (grazing%differs > ahead*(last%from - end)) guess = max(0.5_wp*(low + last%from), guess)
+      guess = rounded(guess)
       ! Laps just above the end are about as long as each other; what takes longer is none.
       call self%run(guess, 2.0_wp*last%measure(duration)*max(1.0_wp, sin(last%from)/sin(guess)), here, found, error, &
         as_count(steps_left(self)))
@@ -471,6 +472,8 @@ contains
         low = guess
       end if
     end do
+    end = rounded(end)
+    near = max(nearest, rounded(near))
     call self%run(last%from + near, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
     call new_branch(end, 1.0_wp, near, top - end, is_grazing, self%branch(1))
@@ -479,6 +482,17 @@ contains
     self%has_fixed = abs(last%to - last%from) <= near
     self%fixed = last%from
     call new_branch(end, -1.0_wp, near, max(depth, abs(last%measure(turn))), .false., self%branch(2))
+
+  contains
+
+    !> An angle [rad] without the digits in which machines differ: else the tables of all passages would.
+    pure real(wp) function rounded(angle)
+      real(wp), intent(in) :: angle
+
+      associate (unit => min(0.01_wp*self%rtol, 0.01_wp*nearest))
+        rounded = unit*anint(angle/unit)
+      end associate
+    end function rounded
   end subroutine part
 
   !> Another lap, nearer to the end of sticks.
