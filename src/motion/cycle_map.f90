@@ -273,34 +273,32 @@ contains
   !> Whether what follows repeats the last slow cycles.
   subroutine look_for_repetition(self)
     class(cycle_map_t), intent(inout) :: self
-    type(passage_t) :: whole
-    real(wp) :: distance
+    real(wp) :: longer
     logical :: found
     integer :: m, i
 
     do m = 1, int(min(self%orbit%slow_cycles - 1, int(most_repeats, int64)))
-      call look_for_cycle(self, m, distance, found)
+      call look_for_cycle(self, m, longer, found)
       if (.not. found) cycle
       if (.not. all([(self%slow(place_of(self%orbit%slow_cycles - i))%sum%is_complete, i=1, m)])) return
       self%orbit%repeats = m
       self%orbit%following = 1
-      ! The cycle itself takes so much longer.
-      whole = last_ones(self, m)
-      if (whole%has_slope) call self%slow(place_of(self%orbit%slow_cycles - 1))%lengthen(whole%shift*distance)
+      call self%slow(place_of(self%orbit%slow_cycles - 1))%lengthen(longer)
       return
     end do
   end subroutine look_for_repetition
 
   !> Whether the last so many slow cycles end with the release with which they began, but for roundoff; or so near that, as their
-  !> slope tells, the next ones approach a cycle that begins at a small `distance` [rad] from where they began.
-  pure subroutine look_for_cycle(self, slow_cycles, distance, found)
+  !> slope tells, the next ones approach a cycle that takes so little `longer` [s].
+  pure subroutine look_for_cycle(self, slow_cycles, longer, found)
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: slow_cycles
-    real(wp), intent(out) :: distance
+    real(wp), intent(out) :: longer
     logical, intent(out) :: found
     type(passage_t) :: last
-    real(wp) :: allowed, advance
+    real(wp) :: distance, allowed, advance
 
+    longer = 0.0_wp
     distance = returned(self, 0) - returned(self, slow_cycles)
     allowed = min(close*self%rtol, most_apart)
     found = abs(distance) <= roundoff
@@ -309,6 +307,7 @@ contains
     if (.not. (last%has_slope .and. abs(last%slope) < 1.0_wp)) return
     ! If the slope is negative, every second slow cycle is nearer, but two are no cycle of their own.
     distance = distance/(1.0_wp - last%slope)
+    longer = last%shift*distance
     ! The angle counts as much as an advance of the drive that turns the force so far.
     advance = self%slider%law%static_limit/self%slider%stiffness(1)/abs(self%maps(self%orbit%current)%velocity)
     found = abs(distance)*max(advance, last%loss%shift) <= allowed*last%measure(duration)/real(slow_cycles, wp)

@@ -11,7 +11,7 @@ module dst_passage
   implicit none
   private
 
-  public :: passage_t, loss_t, passage_of, alpha_of, theta_of, still
+  public :: passage_t, loss_t, passage_of, alpha_of, theta_of, turning, still
   public :: duration, turn, slip_duration, drive_work, friction_work, damper_work, exchanged, measures
 
   !> The measures of a passage: its duration [s], the change of alpha [rad], the time until the object comes to its last rest [s],
@@ -199,6 +199,14 @@ contains
         angle = angle + (advance - 2.0_wp*sin(half)*(length(2)*cos(theta + half) - length(1)*sin(theta + half)))/slope
       end associate
     end do
-    turn_of = sign(angle, angle*product(sign([1.0_wp, 1.0_wp], slider%along*velocity)))
+    turn_of = angle*turning(slider, velocity)
   end function turn_of
+
+  !> Whether alpha grows with theta (1) or against it (-1), under this drive velocity [m/s].
+  pure real(wp) function turning(slider, velocity)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+
+    turning = product(sign([1.0_wp, 1.0_wp], slider%along*velocity))
+  end function turning
 end module dst_passage

@@ -30,7 +30,8 @@ module dst_release_map
   !> Largest error of a table, in rtol, relative to the duration and to the turn. Convention; measured in bench/cycle_map.py.
   real(wp), parameter :: accurate = 0.1_wp
   !> Tables begin at this distance from the end of sticks [rad], or at this share of the turn of a lap there: so many slow cycles have
-  !> a release that is nearer and is run. The end is found with a tenth of this uncertainty. Conventions.
+  !> a release that is nearer and is run; or at the last lap that tells where sticks end by grazing. The end is found with a tenth of
+  !> this uncertainty. Conventions.
   real(wp), parameter :: nearest = 1.0e-7_wp, near_share = 0.01_wp, fine = 0.1_wp
   !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
   !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
@@ -503,9 +504,9 @@ contains
     integer :: i, k
     logical :: singular
 
-    associate (n => self%count, share => self%share)
+    associate (n => self%count, share => self%share, here => lap%share_of_rest())
       if (n > 0) then
-        if (lap%share_of_rest() >= share(n)) n = 0
+        if (here >= share(n)) n = 0
       end if
       if (n == 0) self%begins = lap%from
       if (n == most_laps) then
@@ -514,7 +515,7 @@ contains
         n = n - 1
       end if
       n = n + 1
-      share(n) = lap%share_of_rest()
+      share(n) = here
       self%angle(n) = lap%from
       before = [self%end, self%differs]
       self%end = huge(self%end)

@@ -21,7 +21,7 @@ module dst_tangent
   use dst_drive, only: drive_segment_t
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
-  use dst_passage, only: passage_t
+  use dst_passage, only: passage_t, turning
   use dst_piece, only: piece_t, slips
   use dst_recording, only: recording_t
   use dst_slider, only: slider_t
@@ -92,9 +92,8 @@ contains
     allocate (beginning%variation(1))
     call carry(recording, system, slider, beginning, tangent, found)
     if (.not. found) return
-    ! alpha grows with theta or against it.
     call recording%get(1, state_t(), piece)
-    call passage%take_slope(tangent(1)%y(2), tangent(1)%clock*product(sign([1.0_wp, 1.0_wp], slider%along*piece%drive%velocity)))
+    call passage%take_slope(tangent(1)%y(2), tangent(1)%clock*turning(slider, piece%drive%velocity))
   end subroutine set_slope
 
   !> Through a passage that was recorded from one release to the next: how the direction y(2) and the time `clock` of its end change
