@@ -63,8 +63,8 @@ contains
       ' to the one that has the package dynstiction')
   end subroutine hand_over
 
-  !> The program for Python. Nothing in the current folder is imported. Ctrl-C while modules are imported
-  !> ends the process without a traceback.
+  !> The program for Python. Nothing in the current folder is imported. Ctrl-C while Python starts (when it is blocked) and while
+  !> modules are imported ends the process without a traceback.
   function bootstrap() result(text)
     character(:), allocatable :: text
     character, parameter :: n = new_line('a')
@@ -73,6 +73,7 @@ contains
     text = 'import _signal, sys'//n// &
       'if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:'//n// &
       '    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)'//n// &
+      '_signal.pthread_sigmask(_signal.SIG_UNBLOCK, [_signal.SIGINT])'//n// &
       'sys.path = [folder for folder in sys.path if folder]'//n// &
       'try:'//n// &
       '    from dynstiction.__main__ import main'//n// &

@@ -92,7 +92,8 @@ module dst_schema
   type(condition_t), parameter :: explicit_exact(2) = &
     [condition_t('method', explicit_methods), condition_t('contact', 'exact')]
 
-  type(condition_t), parameter :: leaping(2) = [condition_t('method', adaptive_methods), condition_t('contact', 'exact')]
+  type(condition_t), parameter :: leaping(2) = &
+    [condition_t('method', adaptive_methods), condition_t('model', plane_models//' low_frequency auto')]
 
   type(condition_t), parameter :: keeping_cycles(2) = [condition_t('keep', 'cycles'), none]
 
@@ -173,7 +174,7 @@ module dst_schema
     key_t('integrator', 'step_max', real_kind, 's', non_negative, may, '0.0', '', '', adaptive, &
           'longest step; 0 = no limit'), &
     key_t('integrator', 'cycle_map', choice_kind, '', any_real, may, 'auto', '', 'auto off', leaping, &
-          'full: whether fast cycles that repeat are leapt by their map where that is cheaper'), &
+          'whether slow cycles that repeat are leapt, and fast cycles by their map where that is cheaper'), &
     key_t('integrator', 'max_steps', integer_kind, '1', non_negative, may, '0', '', '', dynamic, &
           'largest number of steps of a run; 0 = no limit'), &
     key_t('output', 'file', text_kind, '', any_real, may, '', '', '', always, &

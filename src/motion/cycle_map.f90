@@ -1,8 +1,9 @@
-!> The exact contact under a steady drive, passage by passage and slow cycle by slow cycle.
+!> A motion under a steady drive, passage by passage and slow cycle by slow cycle.
 !>
 !> A passage that the release map has in a table is one piece of the motion. Where a slow cycle begins with the same release as some
-!> slow cycles before, what follows is a repetition: one piece as well, however often they repeat. Everything else is computed step
-!> by step. Nothing that reads the motion changes it. docs/cycle_map.md.
+!> slow cycles before, what follows is a repetition: one piece as well, however often they repeat. So is what follows a slow cycle
+!> without a rest that ends as it began. Everything else is computed step by step. Nothing that reads the motion changes it.
+!> docs/cycle_map.md.
 module dst_cycle_map
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -10,14 +11,16 @@ module dst_cycle_map
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64
   use dst_motion, only: motion_t, serialise_motion, events_of_piece
-  use dst_passage, only: passage_t, passage_of, alpha_of, duration, slip_duration, drive_work, friction_work, damper_work
-  use dst_piece, only: piece_t, stick_begins, slip_begins, slips, sticks
+  use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, duration, slip_duration, drive_work, friction_work, damper_work
+  use dst_piece, only: piece_t, no_event, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t, most_pieces
+  use dst_recurrence, only: recurrence_t
   use dst_release_map, only: release_map_t, new_release_map
   use dst_slip_stick, only: slip_stick_t
   use dst_slow_cycle, only: slow_cycle_t
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
+  use dst_stepping, only: stepping_t
   use dst_tangent, only: set_slope
   use dst_writer, only: event_t
   implicit none
@@ -58,22 +61,26 @@ module dst_cycle_map
     type(passage_t), private :: passage
     !> Place of the next passage in the slow cycles that repeat.
     integer, private :: following(2) = 1
+    !> Whether they are without a rest, and whether the last piece ended where they begin; what is known of such a motion.
+    logical :: is_restless = .false.
+    logical, private :: returned = .false.
+    type(recurrence_t), private :: recurrence
     type(work_count_t), private :: own
   end type orbit_t
 
   !> A motion by steps, passages and repetitions.
   type, extends(motion_t) :: cycle_map_t
     type(orbit_t) :: orbit
-    class(slip_stick_t), allocatable :: steps
-    !> The same at the beginning of the motion: from it maps run passages.
+    class(stepping_t), allocatable :: steps
+    !> The same at the beginning of the motion, if it can rest: from it maps run passages.
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: rtol = 0.0_wp
     !> Whether passages and slow cycles are leapt at all; if not, their growth is followed all the same.
     logical :: leaps = .true.
     !> Maps, one for each drive velocity so far.
     type(release_map_t), allocatable :: maps(:)
-    !> The present passage by steps.
-    type(recording_t), private :: recording
+    !> The present passage by steps, and the motion without a rest since it was last looked at.
+    type(recording_t), private :: recording, since_look
     !> The passage that is shown: when it begins, and the motion in it.
     type(recording_t) :: shown
     type(state_t) :: shown_from
@@ -89,6 +96,7 @@ module dst_cycle_map
     procedure :: show
     procedure :: passages
     procedure :: passage_number
+    procedure :: elongation
     procedure :: show_passage
     procedure :: block_duration
     procedure :: instant
@@ -105,13 +113,16 @@ contains
 
   !> The motion `steps`, which has been started and is moved away, with its map at this tolerance.
   subroutine new_cycle_map(steps, rtol, leaps, map)
-    class(slip_stick_t), allocatable, intent(inout) :: steps
+    class(stepping_t), allocatable, intent(inout) :: steps
     real(wp), intent(in) :: rtol
     logical, intent(in) :: leaps
     type(cycle_map_t), intent(out) :: map
 
+    select type (steps)
+    class is (slip_stick_t)
+      allocate (map%unused, source=steps)
+    end select
     call move_alloc(steps, map%steps)
-    allocate (map%unused, source=map%steps)
     map%slider = map%steps%slider
     map%drive = map%steps%drive
     map%t_end = map%steps%t_end
@@ -130,11 +141,11 @@ contains
 
     self%is_shown = .false.
     ! Just after a knot the release belongs to another drive velocity.
-    if (self%leaps .and. self%orbit%released .and. self%segment == self%steps%segment) then
+    if (self%leaps .and. (self%orbit%released .or. self%orbit%returned) .and. self%segment == self%steps%segment) then
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
-    self%steps%t_end = self%t_end
+    self%steps%t_end = min(self%t_end, self%orbit%recurrence%next_look())
     call self%steps%advance(error)
     self%piece%to = self%steps%piece%to
     self%piece%contact = self%steps%piece%contact
@@ -144,6 +155,7 @@ contains
     self%contact = self%steps%contact
     self%segment = self%steps%segment
     call note_piece(self)
+    if (self%leaps .and. .not. self%steps%fixed_step > 0.0_wp) call look_for_recurrence(self)
   end subroutine go_on
 
   !> A piece by steps has been made: record it, if it belongs to a passage, which may end with it.
@@ -174,6 +186,52 @@ contains
     end associate
   end subroutine note_piece
 
+  !> A piece by steps has been made: whether the motion is without a rest, and repeats.
+  subroutine look_for_recurrence(self)
+    class(cycle_map_t), intent(inout) :: self
+    type(passage_t) :: passage
+    real(wp) :: shorter
+    logical :: repeats
+
+    self%orbit%returned = .false.
+    associate (piece => self%steps%piece, recurrence => self%orbit%recurrence)
+      if (piece%contact /= slips .or. piece%event /= no_event .or. abs(piece%drive%acceleration) > 0.0_wp &
+        .or. .not. abs(piece%drive%velocity) > 0.0_wp .or. self%since_look%count >= most_pieces) then
+        recurrence = recurrence_t()
+        if (self%orbit%is_restless) call forget(self)
+        return
+      end if
+      if (recurrence%is_watched) call self%since_look%append(piece)
+      call recurrence%see(piece, self%slider)
+      if (piece%to%time >= recurrence%next_look()) then
+        call recurrence%look(piece, self%slider, largest_difference(self), repeats, shorter)
+        if (repeats) then
+          call forget(self)
+          passage = passage_of(0.0_wp, self%since_look, self%slider, piece%drive%velocity)
+          associate (slow => self%slow(place_of(-1_int64)))
+            call slow%clear(.true.)
+            call slow%append(passage, self%since_look)
+            if (slow%sum%is_complete) then
+              call slow%lengthen(-shorter)
+              self%orbit%repeats = 1
+              self%orbit%following = 1
+              self%orbit%is_restless = .true.
+              self%orbit%returned = .true.
+            end if
+          end associate
+        end if
+      end if
+      if (.not. abs(recurrence%last%time - piece%to%time) > 0.0_wp) call self%since_look%clear()
+    end associate
+  end subroutine look_for_recurrence
+
+  !> By how much slow cycles may differ that are taken for the same, as a share of their size.
+  pure real(wp) function largest_difference(self)
+    class(cycle_map_t), intent(in) :: self
+
+    largest_difference = min(close*self%rtol, most_apart)
+  end function largest_difference
+
   !> What follows is not related to the passages so far.
   pure subroutine forget(self)
     class(cycle_map_t), intent(inout) :: self
@@ -181,6 +239,7 @@ contains
     self%orbit%in_passage = .false.
     call self%recording%clear()
     self%orbit%repeats = 0
+    self%orbit%is_restless = .false.
     self%orbit%slow_cycles = 0
     self%orbit%like = 0
     if (self%orbit%divergence%count > 0) self%orbit%divergence = divergence_t()
@@ -300,7 +359,7 @@ contains
 
     longer = 0.0_wp
     distance = returned(self, 0) - returned(self, slow_cycles)
-    allowed = min(close*self%rtol, most_apart)
+    allowed = largest_difference(self)
     found = abs(distance) <= roundoff
     if (found .or. abs(distance) > allowed) return
     last = last_ones(self, slow_cycles)
@@ -432,7 +491,7 @@ contains
     call self%orbit%divergence%lose(whole, times)
     self%repetitions = times
     self%orbit%own%cycles_leapt = self%orbit%own%cycles_leapt + times*self%passages()
-    self%orbit%own%events = self%orbit%own%events + 2*times*self%passages()
+    if (.not. self%orbit%is_restless) self%orbit%own%events = self%orbit%own%events + 2*times*self%passages()
     self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + times*slips
     whole%to = self%orbit%alpha
     call make_piece(self, whole, real(times, wp))
@@ -445,21 +504,29 @@ contains
     real(wp), intent(in) :: times
     type(state_t) :: to
 
-    associate (from => self%piece%from, value => passage%measure, map => self%maps(self%orbit%current))
+    associate (from => self%piece%from, value => passage%measure)
       to = from
       call to%later(from, times*value(duration))
       to%drive_work = from%drive_work + times*value(drive_work)
       to%friction_work = from%friction_work + times*value(friction_work)
       to%damper_work = from%damper_work + times*value(damper_work)
-      call self%steps%place_at_release(map%theta(passage%to), to)
+      self%steps%piece%to = to
+      if (.not. self%orbit%is_restless) then
+        select type (steps => self%steps)
+        class is (slip_stick_t)
+          call steps%place_at_release(theta_of(passage%to, self%slider, self%piece%drive%velocity), to)
+        end select
+      end if
       associate (there => self%steps%piece%to)
-        there%position = from%position + map%velocity*times*value(duration) - dot_product(there%u - from%u, self%slider%along)
+        there%position = from%position + self%piece%drive%velocity*times*value(duration) &
+          - dot_product(there%u - from%u, self%slider%along)
         self%piece%to = there
+        self%orbit%recurrence%last = there
       end associate
     end associate
     self%orbit%alpha = passage%to
     self%leapt = .true.
-    self%piece%event = slip_begins
+    self%piece%event = merge(no_event, slip_begins, self%orbit%is_restless)
     self%piece%contact = slips
     self%contact = slips
     call self%recording%clear()
@@ -548,7 +615,7 @@ contains
       if (repetition > 0) begin = begin + real(repetition, wp)*self%block_duration()
       self%shown_from = from
       call self%shown_from%later(from, begin)
-      self%shown_from%u = self%maps(self%orbit%current)%elongation(passage%from)
+      self%shown_from%u = self%elongation(passage%from)
       self%shown_from%position = from%position + self%piece%drive%velocity*begin &
         - dot_product(self%shown_from%u - from%u, self%slider%along)
     end associate
@@ -563,6 +630,20 @@ contains
       call self%shown%copy(self%maps(self%orbit%current)%recording)
     end if
   end subroutine show_passage
+
+  !> The elongation of the springs [m] where a passage of the last piece, a leap, begins or ends: with this angle alpha [rad], or as
+  !> the cycle without a rest began.
+  pure function elongation(self, alpha) result(u)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: alpha
+    real(wp) :: u(2)
+
+    if (self%orbit%is_restless) then
+      u = self%slow(block_place(self, 1))%recording(1)%kept(1)%from%u
+    else
+      u = self%maps(self%orbit%current)%elongation(alpha)
+    end if
+  end function elongation
 
   !> Show the passage that contains a time [s] of the last piece: `instant` reads the motion there.
   subroutine show(self, time)
@@ -661,6 +742,10 @@ contains
       call events_of_piece(self, log)
       return
     end if
+    if (self%orbit%is_restless) then
+      allocate (log(0))
+      return
+    end if
     associate (times => max(1_int64, self%repetitions), events => 2_int64*self%passages())
       period = merge(self%block_duration(), 0.0_wp, self%repetitions > 0)
       occurs = merge(times, 1_int64, times*events > most_listed)
@@ -753,5 +838,6 @@ contains
       call self%slow(i)%serialise(archive)
     end do
     call self%recording%serialise(archive)
+    call self%since_look%serialise(archive)
   end subroutine serialise
 end module dst_cycle_map

@@ -6,15 +6,21 @@
 !> trace (Liouville), and so does the difference: friction at slow speeds shrinks it by more than any step can show.
 module dst_growth
   use dst_dense_output, only: column_y
+  use dst_eigenvalues, only: find_eigenvalues
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
+  use dst_recording, only: recording_t
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, max_components
+  use dst_state, only: state_t
   use dst_tangent, only: tangent_t, directions_t, rate_in, n_changes
   implicit none
   private
 
-  public :: growth_t
+  public :: growth_t, cycle_growth
+
+  !> Of a smaller growth roundoff is too large a part.
+  real(wp), parameter :: least_growth = sqrt(epsilon(1.0_wp))
 
   !> A difference that is followed. Plain data.
   type :: growth_t
@@ -96,14 +102,64 @@ contains
     end associate
   end subroutine follow
 
-  !> The logarithm of the growth since this was asked last, and whether it is known: not if the difference fell below roundoff.
+  !> The logarithm of the growth since this was asked last, and whether it is known: not if it is too small.
   pure subroutine tell(self, logarithm, is_known)
     class(growth_t), intent(inout) :: self
     real(wp), intent(out) :: logarithm
     logical, intent(out) :: is_known
 
     logarithm = self%logarithm
-    is_known = self%is_planar .or. logarithm > log(epsilon(logarithm))
+    is_known = self%is_planar .or. logarithm > log(least_growth)
     self%logarithm = 0.0_wp
   end subroutine tell
+
+  !> The logarithm of the growth in a slow cycle without a rest that ends as it began, and whether it is known: that of its largest
+  !> multiplier, besides that of a shift of the time, which is 1.
+  subroutine cycle_growth(recording, system, slider, velocity, logarithm, is_known)
+    type(recording_t), intent(in) :: recording
+    class(slip_system_t), intent(in) :: system
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity            !! V, m/s
+    real(wp), intent(out) :: logarithm
+    logical, intent(out) :: is_known
+    type(growth_t) :: growth
+    type(directions_t) :: beginning
+    type(tangent_t) :: tangent(system%components + system%unknowns)
+    type(piece_t) :: piece
+    complex(wp) :: multiplier(size(tangent))
+    real(wp) :: change(size(tangent), size(tangent))
+    integer :: i, k
+
+    call recording%get(1, state_t(), piece)
+    call growth%begin(system, slider, velocity, piece%is_polar)
+    tangent = tangent_t(rests=.false., is_polar=piece%is_polar)
+    associate (n => system%components, first => system%axis, last => system%axis + system%components - 1)
+      do k = 1, size(tangent)
+        if (k <= n) tangent(k)%u(first + k - 1) = 1.0_wp
+        if (k > n) tangent(k)%y(k - n) = 1.0_wp
+      end do
+      allocate (beginning%variation(size(tangent)))
+      is_known = .true.
+      do i = 1, recording%count
+        call recording%get(i, state_t(), piece)
+        if (growth%is_planar) then
+          call growth%follow(piece, system, slider)
+        else if (is_known) then
+          call beginning%follow(tangent, piece, system, slider, is_known)
+        end if
+      end do
+      if (growth%is_planar) call growth%tell(logarithm, is_known)
+      if (growth%is_planar .or. .not. is_known) return
+      do k = 1, size(tangent)
+        change(:, k) = [tangent(k)%u(first:last), tangent(k)%y(:system%unknowns)]
+      end do
+    end associate
+    call find_eigenvalues(change, multiplier, is_known)
+    if (.not. is_known) return
+    multiplier(minloc(abs(multiplier - 1.0_wp), 1)) = 0.0_wp
+    associate (largest => maxval(abs(multiplier)))
+      is_known = largest > least_growth
+      if (is_known) logarithm = log(largest)
+    end associate
+  end subroutine cycle_growth
 end module dst_growth

@@ -5,7 +5,7 @@
 !>         implicit_slip_t    by a method that can begin and end a step at rest
 !>         explicit_slip_t    by one that is led through release and stop in closed form
 !>     creep_motion_t         slow creep in closed form
-!>     cycle_map_t            a slip_stick_t with its fast cycles leapt
+!>     cycle_map_t            one of the first three with what repeats, and fast cycles, leapt
 !>
 !> The readers of a motion (columns, summary, samples, saved states) use the last piece and the state at any time in it; a leap is a
 !> piece with many events.

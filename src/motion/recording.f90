@@ -76,6 +76,7 @@ contains
     if (self%count == 0) then
       self%shared%like%drive = piece%drive
       self%shared%like%drive_coupling = piece%drive_coupling
+      self%shared%like%held = piece%held
       self%shared%like%is_polar = piece%is_polar
     end if
     self%count = self%count + 1
@@ -130,6 +131,7 @@ contains
       piece%event = kept%event
       piece%drive = self%shared%like%drive
       piece%drive_coupling = self%shared%like%drive_coupling
+      piece%held = self%shared%like%held
       piece%is_polar = self%shared%like%is_polar
       if (.not. same_grid(piece%path%grid, self%shared%grid(kept%grid))) piece%path%grid = self%shared%grid(kept%grid)
       piece%path%step = kept%step

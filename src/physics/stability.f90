@@ -9,6 +9,7 @@
 !> closed form, derived in docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10)
 !> of Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
+  use dst_eigenvalues, only: find_eigenvalues
   use dst_kinds, only: wp, real64, pi
   use dst_errors, only: error_t, raise, usage_error, not_finite
   use dst_friction, only: friction_law_t, exponential_form
@@ -51,30 +52,19 @@ module dst_stability
   !> Range of exponents that is kept free above a number, for the sums and products of which it is a part.
   integer, parameter :: room = 16
 
-  interface
-    subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
-      import :: real64
-      character, intent(in) :: jobvl, jobvr
-      integer, intent(in) :: n, lda, ldvl, ldvr, lwork
-      real(real64), intent(inout) :: a(lda, *)
-      real(real64), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
-      integer, intent(out) :: info
-    end subroutine dgeev
-  end interface
-
 contains
 
   !> The four eigenvalues [1/s], by falling real part; of a conjugate pair the positive imaginary part comes first.
-  !> LAPACK finds them in double precision, whatever the working precision is.
   subroutine steady_sliding_eigenvalues(slider, velocity, eigenvalues, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     complex(wp), intent(out) :: eigenvalues(4)
     type(error_t), allocatable, intent(out) :: error
     type(own_units_t) :: own
-    real(wp) :: normal(2), frequency(2), parts(8), matrix(4, 4)
-    real(real64) :: double_matrix(4, 4), real_part(4), imaginary_part(4), left(1, 1), right(1, 1), work(64)
-    integer :: i, j, info
+    complex(wp) :: own_eigenvalues(4)
+    real(wp) :: normal(2), frequency(2), parts(8), matrix(4, 4), real_part(4)
+    logical :: found
+    integer :: i, j
 
     eigenvalues = (0.0_wp, 0.0_wp)
     call to_own_units(slider, velocity, own, error)
@@ -91,23 +81,20 @@ contains
       end do
       matrix(i + 2, i + 2) = matrix(i + 2, i + 2) - own%damping(i)/own%mass
     end do
-    double_matrix = real(matrix, real64)
-    ! LAPACK stops the program if a number is not finite.
-    info = 1
-    if (all(abs(double_matrix) <= huge(1.0_real64))) &
-      call dgeev('N', 'N', 4, double_matrix, 4, real_part, imaginary_part, left, 1, right, 1, work, size(work), info)
-    if (info /= 0) then
+    call find_eigenvalues(matrix, own_eigenvalues, found)
+    if (.not. found) then
       call raise(error, not_finite, 'the eigenvalues of steady sliding were not found: '// &
                  'bring the mass, the stiffnesses and the friction nearer to each other')
       return
     end if
-    parts = real([real_part, imaginary_part], wp)
+    real_part = real(own_eigenvalues)
+    parts = [real_part, aimag(own_eigenvalues)]
     call to_si('an eigenvalue of steady sliding', parts, own%rate, error)
     if (allocated(error)) return
     do i = 1, 4
       j = maxloc(real_part, 1)
       eigenvalues(i) = cmplx(parts(j), parts(j + 4), wp)
-      real_part(j) = -huge(1.0_real64)
+      real_part(j) = -huge(1.0_wp)
     end do
   end subroutine steady_sliding_eigenvalues
 

@@ -6,7 +6,7 @@ module dst_motion_summary
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
   use dst_divergence, only: divergence_t, regular, undecided
-  use dst_growth, only: growth_t
+  use dst_growth, only: growth_t, cycle_growth
   use dst_kinds, only: wp, int64
   use dst_load_cell, only: load_cell_t
   use dst_motion, only: motion_t
@@ -43,6 +43,8 @@ module dst_motion_summary
 
   !> A pull force that swings by less than this share of F_0 slides, and has no frequency. Convention.
   real(wp), parameter :: visible = 1.0e-6_wp
+  !> Of cycles that repeat so many are told: the others are alike. Convention.
+  integer(int64), parameter :: most_told = 1000
 
   !> What is known of a motion that does not rest: how small differences grow in its cycles. Plain data.
   type :: restless_t
@@ -103,9 +105,13 @@ contains
         if (piece%contact == sticks) self%sticking_time = piece%to%time
         return
       else if (motion%leapt) then
-        call rest(self%restless)
         select type (motion)
         class is (cycle_map_t)
+          if (motion%orbit%is_restless) then
+            call follow_repeated(self%restless, motion)
+          else
+            call rest(self%restless)
+          end if
           call self%leaps%follow(motion, self%summary_t, self%load_cell)
         end select
         return
@@ -123,9 +129,9 @@ contains
     if (self%cycles%count > before) call self%load_cell%begin_cycle()
     select type (motion)
     class is (cycle_map_t)
-      call follow_growth(self, motion%piece, motion%steps%system, motion%slider, .true., self%cycles%count > before)
+      call follow_growth(self, motion%piece, motion%steps%system, motion%slider, self%cycles%count > before)
     type is (stepping_t)
-      call follow_growth(self, motion%piece, motion%system, motion%slider, .false., self%cycles%count > before)
+      call follow_growth(self, motion%piece, motion%system, motion%slider, self%cycles%count > before)
     end select
   end subroutine follow
 
@@ -137,13 +143,13 @@ contains
     known%has_rested = .true.
   end subroutine rest
 
-  !> Follow how a small difference grows, from the end of a cycle without a rest on until there is one. `is_polar`: as in dst_growth.
-  subroutine follow_growth(self, piece, system, slider, is_polar, ends_cycle)
+  !> Follow how a small difference grows, from the end of a cycle without a rest on until there is one.
+  subroutine follow_growth(self, piece, system, slider, ends_cycle)
     class(motion_summary_t), intent(inout) :: self
     type(piece_t), intent(in) :: piece
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
-    logical, intent(in) :: is_polar, ends_cycle
+    logical, intent(in) :: ends_cycle
     real(wp) :: grown
     logical :: is_known
 
@@ -161,11 +167,29 @@ contains
         call known%growth%tell(grown, is_known)
         call known%divergence%come_back(grown, is_known)
       else if (.not. known%has_rested) then
-        call known%growth%begin(system, slider, piece%drive%velocity, is_polar)
+        call known%growth%begin(system, slider, piece%drive%velocity, piece%is_polar)
       end if
       known%has_rested = .false.
     end associate
   end subroutine follow_growth
+
+  !> The growth in a slow cycle without a rest that repeats.
+  subroutine follow_repeated(known, map)
+    type(restless_t), intent(inout) :: known
+    type(cycle_map_t), intent(inout) :: map
+    real(wp) :: grown
+    logical :: is_known
+    integer(int64) :: i
+
+    associate (velocity => map%piece%drive%velocity, system => map%steps%system)
+      if (.not. known%growth%is_followed) call known%growth%begin(system, map%slider, velocity, map%piece%is_polar)
+      call map%show_passage(0_int64, 1)
+      call cycle_growth(map%shown, system, map%slider, velocity, grown, is_known)
+    end associate
+    do i = 1, min(map%repetitions, most_told)
+      call known%divergence%come_back(grown, is_known)
+    end do
+  end subroutine follow_repeated
 
   !> Process a sample of a motion in closed form, which has no steps.
   subroutine see(self, motion, instant)
@@ -214,20 +238,19 @@ contains
     told = undecided
     exponent = absent()
     exponent_error = exponent
-    if (self%restless%growth%is_followed) then
-      call self%restless%divergence%estimate(exponent, exponent_error, told)
-    else
-      select type (motion)
-      class is (cycle_map_t)
+    select type (motion)
+    class is (cycle_map_t)
+      if (motion%orbit%repeats > 0) repeats = motion%orbit%repeats
+      if (.not. self%restless%growth%is_followed) then
         call put('conditioning', motion%orbit%divergence%conditioning())
-        if (motion%orbit%repeats > 0) repeats = motion%orbit%repeats
         if (repeats > 0) then
           exponent = motion%orbit%divergence%mean_of(repeats)
         else
           call motion%orbit%divergence%estimate(exponent, exponent_error, told)
         end if
-      end select
-    end if
+      end if
+    end select
+    if (self%restless%growth%is_followed) call self%restless%divergence%estimate(exponent, exponent_error, told)
     if (repeats > 0) then
       verdict = regular
     else if (verdict == undecided .and. .not. ieee_is_nan(exponent)) then

@@ -156,7 +156,7 @@ contains
       call here%later(begin, elapsed)
       ! Each begins where the one before ended.
       u(:, 1) = u(:, 2)
-      u(:, 2) = map%maps(map%orbit%current)%elongation(passage%to)
+      u(:, 2) = map%elongation(passage%to)
       here%u = u(:, 1)
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
@@ -323,7 +323,7 @@ contains
       associate (here => map%maps(map%orbit%current))
         call here%look_up(here%branch(1)%angle(place, x), passage, found)
         call here%describe(passage, found)
-        call observe(map%steps, here%recording, seen)
+        call observe(here%steps, here%recording, seen)
       end associate
     end function lap_at
   end subroutine try_part

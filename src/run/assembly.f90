@@ -86,7 +86,11 @@ contains
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
-    call leap_cycles(scene, first, motion)
+    if (scene%model == 'high_frequency' .or. allocated(with_rest) .or. allocated(without)) then
+      call move_alloc(first, motion)
+    else
+      call leap_cycles(scene, first, motion)
+    end if
     if (allocated(with_rest)) call move_alloc(with_rest, other)
     if (allocated(without)) call move_alloc(without, other)
 
@@ -102,28 +106,16 @@ contains
     end subroutine take_dampers
   end subroutine new_motion
 
-  !> The motion that has been started, of the full model slow cycle by slow cycle, with leaps if the scene permits.
+  !> The motion that has been started, slow cycle by slow cycle, with leaps if the scene permits.
   subroutine leap_cycles(scene, first, motion)
     type(scene_t), intent(in) :: scene
     class(stepping_t), allocatable, intent(inout) :: first
     class(motion_t), allocatable, intent(out) :: motion
-    class(slip_stick_t), allocatable :: steps
     type(cycle_map_t), allocatable :: map
 
-    if (scene%model == 'full') then
-      select type (first)
-      class is (slip_stick_t)
-        allocate (steps, source=first)
-      end select
-    end if
-    if (.not. allocated(steps)) then
-      call move_alloc(first, motion)
-      return
-    end if
-    deallocate (first)
     allocate (map)
     ! Whether a motion has settled is decided cycle by cycle, and by steps.
-    call new_cycle_map(steps, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
+    call new_cycle_map(first, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
     call move_alloc(map, motion)
   end subroutine leap_cycles
 
@@ -145,6 +137,7 @@ contains
       slow = max(least_rest, rest_factor*sqrt(scene%rtol))
       drive = drive%with_rests(slow)
       sliding = new_low_frequency(slider)
+      if (.not. any(drive%segment%rests)) deallocate (resting)
     case ('high_frequency')
       slider%free = [0.0_wp, 1.0_wp]
       slider%direction_free = .false.

@@ -9,7 +9,6 @@ module dst_variation
   use dst_motion, only: motion_t
   use dst_scene, only: scene_t, set_number
   use dst_schema, only: schema, longest_text
-  use dst_slip_stick, only: slip_stick_t
   use dst_stepping, only: stepping_t
   use dst_tangent, only: variation_t
   use dst_text, only: has_word, lower_case, word, word_count
@@ -32,7 +31,6 @@ contains
     class(stepping_t), allocatable, intent(out) :: steps
     type(error_t), allocatable, intent(out) :: error
     class(motion_t), allocatable :: motion, other
-    class(slip_stick_t), allocatable :: with_rest
     type(scene_t) :: plain
 
     if (scene%model == 'full') then
@@ -42,10 +40,7 @@ contains
       if (allocated(error)) return
       select type (motion)
       class is (cycle_map_t)
-        call move_alloc(motion%steps, with_rest)
-        call move_alloc(with_rest, steps)
-      class is (stepping_t)
-        allocate (steps, source=motion)
+        call move_alloc(motion%steps, steps)
       end select
     end if
     if (.not. allocated(steps)) call raise(error, deck_error, &

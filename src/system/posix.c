@@ -190,12 +190,18 @@ int dst_is_terminal(void) { return isatty(STDERR_FILENO); }
 
 /* Processes. */
 
-/* Become another program; the words of its command each end with NUL. Returns if that fails. */
+/* Become another program, which gets SIGINT when it unblocks it; the words of its command each end with NUL. Returns if that
+ * fails. */
 void dst_become(char *words, int count) {
+  sigset_t interrupt, before;
   char **arguments = calloc((size_t)count + 1, sizeof *arguments);
   if (!arguments) return;
   for (int i = 0; i < count; words += strlen(words) + 1) arguments[i++] = words;
+  sigemptyset(&interrupt);
+  sigaddset(&interrupt, SIGINT);
+  sigprocmask(SIG_BLOCK, &interrupt, &before);
   execvp(arguments[0], arguments);
+  sigprocmask(SIG_SETMASK, &before, NULL);
   free(arguments);
 }
 

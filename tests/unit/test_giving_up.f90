@@ -80,12 +80,12 @@ end module failing_method
 !> method that fails in a given way replaces the integrators.
 program test_giving_up
   use checks, only: check, finish
+  use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, exit_status, step_underflow, too_many_steps, not_finite, too_many_rejections, chattering
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_stepping, only: stepping_t
   use failing_method, only: failing_t
   use scenes, only: fig3
   implicit none
@@ -146,8 +146,8 @@ contains
     call check(manner//': page', index(error%text, 'dynstiction help errors') > 0)
     call check(manner//': samples so far', writer%rows >= stepper%good_steps + 1)
     select type (motion => simulation%motion)
-    class is (stepping_t)
-      select type (method => motion%stepper)
+    class is (cycle_map_t)
+      select type (method => motion%steps%stepper)
       type is (failing_t)
         call check(manner//': an attempt is accepted or rejected', &
           method%count%steps + method%count%rejected == method%attempts)
@@ -161,10 +161,10 @@ contains
     type(failing_t), intent(inout) :: stepper
 
     select type (motion => simulation%motion)
-    class is (stepping_t)
-      stepper%grid = motion%stepper%grid
-      deallocate (motion%stepper)
-      allocate (motion%stepper, source=stepper)
+    class is (cycle_map_t)
+      stepper%grid = motion%steps%stepper%grid
+      deallocate (motion%steps%stepper)
+      allocate (motion%steps%stepper, source=stepper)
     end select
   end subroutine replace_method
 end program test_giving_up
