@@ -86,7 +86,8 @@ contains
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
-    if (scene%model == 'high_frequency' .or. allocated(with_rest) .or. allocated(without)) then
+    ! A release along a line is no angle.
+    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model /= 'full')) then
       call move_alloc(first, motion)
     else
       call leap_cycles(scene, first, motion)

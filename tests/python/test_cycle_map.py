@@ -253,7 +253,31 @@ def test_what_is_no_choice_is_refused(program) -> None:
     assert done.stderr == f"dynstiction: {where}: unknown cycle_map 'maybe': choose auto | off\n"
 
 
-@pytest.mark.parametrize("model", ["low_frequency", "creep"])
+FAST = {"drive": {"velocity": 0.05}}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        FAST,
+        FAST | {"friction": {"contact": "smoothed", "v_smooth": 1e-5}},
+        {"scene": {"model": "low_frequency"}, "system": {"stiffness_y": None}},
+    ],
+)
+def test_what_repeats_without_a_rest_costs_no_more_the_longer_it_lasts(changes: dict) -> None:
+    scene = ds.Scene(FIG3, **changes)
+    short, long = (ds.run(scene, t_end=end, interval=end) for end in (20.0, 1e6))
+    # At most one cycle more.
+    assert long.statistics["newton"] < 1.2 * short.statistics["newton"]
+    assert long.summary["cycles"] == pytest.approx(1e6 / short.summary["period"], abs=3)
+    assert set(long.summary) == set(short.summary)
+    for name in ("period", "peak_force", "valley_force", "slip_length", "swing", "lyapunov_exponent"):
+        if name in short.summary:
+            assert long.summary[name] == pytest.approx(short.summary[name], rel=1e-8), name
+    assert long.summary["energy_residual"] < 1e-7
+
+
+@pytest.mark.parametrize("model", ["high_frequency", "creep"])
 def test_other_models_do_not_know_it(program, model: str) -> None:
     deck = INPUTS / f"{model}.nml"
     done = program("run", deck, "-o", "x.h5", "--set", "integrator.cycle_map=off")

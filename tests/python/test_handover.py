@@ -118,6 +118,13 @@ def test_a_folder_of_the_package_s_name_is_not_the_package(program: Program, fol
     program("plot", "it's a run.h5", status=0)
 
 
+def test_ctrl_c_while_python_starts_is_no_traceback(program: Program, folder: Path) -> None:
+    (folder / "start").mkdir()
+    (folder / "start" / "sitecustomize.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    done = program("paper", "-o", "x", env={"PYTHONPATH": str(folder / "start")})
+    assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
+
+
 def test_ctrl_c_while_modules_are_imported_is_no_traceback(program: Program, folder: Path) -> None:
     for wait in (0.05, 0.1, 0.15, 0.2, 0.3, 0.4):
         process = program.start("paper", "-o", f"{wait}")

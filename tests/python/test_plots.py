@@ -442,7 +442,7 @@ def test_a_bifurcation_diagram_says_what_has_no_cycle(cycles) -> None:
     assert "no settled cycle yet" in words(plot.draw(short, "bifurcation"))
     with pytest.warns(ds.IncompleteWarning):
         failing = ds.sweep(
-            LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, integrator={"max_steps": 500}, sweep=KEEP, threads=1
+            LOW, {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}, integrator={"max_steps": 100}, sweep=KEEP, threads=1
         )
     assert (failing["result_code"] > 0).any()
     assert "failed" in words(plot.draw(failing, "bifurcation"))

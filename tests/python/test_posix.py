@@ -24,8 +24,8 @@ PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "real
 HARMLESS = {
     "_exit", "abort", "calloc", "dup2", "execvp", "free", "getpid", "getppid", "getrlimit", "glob", "globfree",
     "gmtime_r", "isatty", "malloc", "prctl", "pthread_attr_destroy", "pthread_attr_init", "pthread_attr_setstacksize",
-    "pthread_create", "pthread_join", "sched_getaffinity", "setitimer", "setrlimit", "setsid", "sigaction",
-    "sigemptyset", "statvfs", "strchr", "strcpy", "strerror", "strftime", "strlen", "time", "__errno_location",
+    "pthread_create", "pthread_join", "sched_getaffinity", "setitimer", "setrlimit", "setsid", "sigaction", "sigaddset",
+    "sigemptyset", "sigprocmask", "statvfs", "strchr", "strcpy", "strerror", "strftime", "strlen", "time", "__errno_location",
     "__stack_chk_fail",
 }  # fmt: skip
 NUMBERS = {name.lower() for name in errno.errorcode.values()} | {

@@ -26,6 +26,8 @@ program test_resume
     call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
   end do
   call compare('excursions reused', many_cycles())
+  call compare('without a rest', fast(many_cycles()))
+  call compare('smoothed, without a rest', fast(smoothed('radau9')))
   call compare('slips in tables', irregular())
   call compare('radau9, smoothed', smoothed('radau9'))
   call compare('dop853, smoothed', smoothed('dop853'))
@@ -52,6 +54,15 @@ contains
     scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
     scene%interval = 1.0e-3_wp
   end function many_cycles
+
+  !> So fast that the object does not rest: slow cycles that repeat are leapt.
+  pure function fast(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%drive_velocity = 50.0_wp*scene%drive_velocity
+  end function fast
 
   !> Slow cycles of some passages that never repeat: laps and slips are tabulated, and observed.
   function irregular() result(scene)
