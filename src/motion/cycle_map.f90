@@ -51,9 +51,9 @@ module dst_cycle_map
     type(divergence_t) :: divergence
     !> The present slow cycle begins as so many slow cycles before, 0 if it does not: it stretches differences by as much.
     integer, private :: like = 0
-    !> The number of slow cycles, how the last ones ended, and how long the last one was.
+    !> The number of slow cycles, and how the last ones ended [rad].
     integer(int64), private :: slow_cycles = 0
-    real(wp), private :: last_returned(0:most_repeats) = 0.0_wp, last_lasted = 0.0_wp     !! rad, s
+    real(wp), private :: last_returned(0:most_repeats) = 0.0_wp
     !> Whether the last piece ended with a release, and its angle alpha [rad]; whether the passage by steps began there.
     logical, private :: released = .false., in_passage = .false.
     real(wp), private :: alpha = 0.0_wp
@@ -99,6 +99,7 @@ module dst_cycle_map
     procedure :: elongation
     procedure :: show_passage
     procedure :: block_duration
+    procedure :: lasted
     procedure :: instant
     procedure :: events
     procedure :: next_instant
@@ -303,9 +304,6 @@ contains
     self%orbit%slow_cycles = self%orbit%slow_cycles + 1
     associate (n => self%orbit%slow_cycles)
       self%orbit%last_returned(modulo(n, size(self%orbit%last_returned, kind=int64))) = passage%to
-      associate (whole => self%slow(place_of(n - 1))%sum%whole)
-        self%orbit%last_lasted = whole%measure(duration)
-      end associate
       call look_back(self)
       if (self%leaps) call look_for_repetition(self)
       call self%slow(place_of(n))%clear(self%leaps)
@@ -384,6 +382,16 @@ contains
     end do
   end function last_ones
 
+  !> How long the last so many slow cycles took [s].
+  pure real(wp) function lasted(self, slow_cycles)
+    class(cycle_map_t), intent(in) :: self
+    integer, intent(in) :: slow_cycles
+    type(passage_t) :: last
+
+    last = last_ones(self, slow_cycles)
+    lasted = last%measure(duration)
+  end function lasted
+
   !> Time until V changes, or the motion ends [s].
   pure real(wp) function time_left(self)
     class(cycle_map_t), intent(in) :: self
@@ -400,7 +408,7 @@ contains
 
     left = 0.0_wp
     if (self%orbit%slow_cycles == 0) return
-    left = time_left(self)/self%orbit%last_lasted
+    left = time_left(self)/self%lasted(1)
     do m = 1, int(min(self%orbit%slow_cycles - 1, 2_int64))
       last = last_ones(self, m)
       distance = abs(returned(self, 0) - returned(self, m))

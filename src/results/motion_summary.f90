@@ -244,7 +244,10 @@ contains
       if (.not. self%restless%growth%is_followed) then
         call put('conditioning', motion%orbit%divergence%conditioning())
         if (repeats > 0) then
+          ! Two releases between which the motion alternates are two cycles of the load, if they come nearer to each other.
           exponent = motion%orbit%divergence%mean_of(repeats)
+          if (.not. ieee_is_nan(exponent + of('period'))) exponent = exponent*real(repeats, wp) &
+            /real(max(1, nint(motion%lasted(repeats)/of('period'))), wp)
         else
           call motion%orbit%divergence%estimate(exponent, exponent_error, told)
         end if

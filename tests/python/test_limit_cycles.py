@@ -559,3 +559,23 @@ def test_a_fast_object_oscillates_before_it_is_said_to_slide() -> None:
     inert = FIG3.replace(system={"mass": 1.0}, drive={"velocity": 0.5})
     for t_end in (0.08, 0.3, 1.0):
         assert ds.run(inert, scene={"t_end": t_end}, output={"interval": t_end}).summary["regularity"] == 0
+
+
+def test_a_cycle_reached_from_both_sides_has_one_exponent() -> None:
+    """Here each slow cycle is one passage, which ends a little above and a little below the release of the cycle in turn."""
+    scene = ds.Scene(
+        scene={"t_end": 0.6},
+        system={"mass": 0.0587, "stiffness_x": 22250.0, "stiffness_y": 1.5e5, "misalignment_deg": -7.57}
+        | {"damping_x": 2.54, "damping_y": 17.3},
+        friction={"law": "stribeck", "mu_0": 0.68, "mu_inf": 0.405, "v_f": 3.89e-3, "viscous": 0.053, "normal_load": 0.677}
+        | {"exponent": 1.0},
+        drive={"velocity": 1.464e-3},
+        output={"interval": 0.1},
+    )
+    (cycle,) = ds.cycles(scene).stable
+    assert cycle.log_multiplier == pytest.approx(-0.89, abs=0.02)
+    for rtol in (1e-5, 1e-7, 1e-9):
+        for cycle_map in ("auto", "off"):
+            run = ds.run(scene, integrator={"rtol": rtol, "cycle_map": cycle_map})
+            assert (run.summary["repeats"], run.summary["regularity"]) == (1, 1)
+            assert run.summary["lyapunov_exponent"] == pytest.approx(cycle.log_multiplier, abs=10 * rtol + 1e-6), (rtol, cycle_map)
