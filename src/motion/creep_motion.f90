@@ -139,7 +139,7 @@ contains
     associate (unused => error)
     end associate
     associate (time => self%piece%to%time)
-      time = min(horizon, self%next_look)
+      time = horizon
       if (self%contact == slips .or. time < self%stick_end .or. self%stick_end >= self%t_end) return
       time = self%stick_end
     end associate

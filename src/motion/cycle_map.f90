@@ -146,7 +146,8 @@ contains
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
-    self%steps%t_end = min(self%t_end, self%orbit%recurrence%next_look())
+    self%steps%t_end = self%t_end
+    self%steps%next_look = merge(self%orbit%recurrence%next_look(), huge(1.0_wp), self%steps%contact == slips)
     call self%steps%advance(error)
     self%piece%to = self%steps%piece%to
     self%piece%contact = self%steps%piece%contact

@@ -50,9 +50,10 @@ module dst_motion
     type(slider_t) :: slider
     type(drive_t) :: drive
     real(wp) :: t_end = 0.0_wp                !! s
-    !> Whether it has a closed form at any time; its pieces then end at `next_look` [s] at the latest, and have no works.
-    logical :: in_closed_form = .false.
+    !> The next piece ends at this time [s] at the latest.
     real(wp) :: next_look = huge(1.0_wp)
+    !> Whether it has a closed form at any time; its pieces have no works.
+    logical :: in_closed_form = .false.
     !> Whether it can rest while the drive does; while the drive moves, the other motion is used, which the drive partly prescribes.
     logical :: may_rest = .true.
   contains
@@ -205,7 +206,7 @@ contains
     if (self%piece%to%time >= self%piece%drive%end) call enter_segment(self)
     self%piece%from = self%piece%to
     self%piece%contact = self%contact
-    call self%go_on(min(self%t_end, self%piece%drive%end), error)
+    call self%go_on(min(self%t_end, self%piece%drive%end, self%next_look), error)
     if (.not. allocated(error)) call watch_progress(self, error)
   end subroutine advance
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import h5py
 from programs import INPUTS, Program, executable, opened
 
-SCENE = (INPUTS / "low_frequency.nml").read_text()
+# By steps, so that a case lasts as long as its t_end says.
+SCENE = (INPUTS / "low_frequency.nml").read_text().replace("&integrator", "&integrator\n  cycle_map = 'off'")
 GRID = """
 &sweep
   parameter = 'system.misalignment_deg', 'drive.velocity'

@@ -6,8 +6,7 @@ import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from programs import INPUTS
-from sweeps import Sweep, values
+from sweeps import SCENE, Sweep, values
 
 
 @pytest.fixture
@@ -20,7 +19,7 @@ def test_a_case_equals_its_single_run(sweep, tmp_path):
     found = values(tmp_path / "a.h5")
     case = 33
     single = ds.run(
-        INPUTS / "low_frequency.nml",
+        SCENE,
         system={"misalignment_deg": found["system.misalignment_deg"][case]},
         drive={"velocity": found["drive.velocity"][case]},
     )
@@ -64,7 +63,7 @@ def test_a_file_opens_as_what_the_sweep_returns(sweep, tmp_path):
 
 def test_a_file_of_a_list_with_failures_opens_too(sweep, tmp_path):
     (tmp_path / "points.csv").write_text("system.misalignment_deg,scene.t_end\n1,3\n2,6\n3,30\n")
-    sweep.deck.write_text((INPUTS / "low_frequency.nml").read_text() + "&sweep points = 'points.csv' /\n")
+    sweep.deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
     limit = "integrator.max_steps=600"
     sweep.run("l.h5", "--set", limit, status=5)
     with pytest.warns(ds.IncompleteWarning, match="1 of 3 cases failed"):
