@@ -132,4 +132,6 @@ def test_ctrl_c_while_modules_are_imported_is_no_traceback(program: Program, fol
         process.send_signal(signal.SIGINT)
         errors = process.communicate(timeout=60)[1].splitlines()
         assert process.returncode == -signal.SIGINT
-        assert [line for line in errors if not line.startswith(("deck ", "figure "))] in ([], ["dynstiction: stopped by SIGINT"]), errors
+        assert [line for line in errors if not line.startswith(("deck ", "figure "))] in ([], ["dynstiction: stopped by SIGINT"]), (
+            errors
+        )
