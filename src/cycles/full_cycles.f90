@@ -306,7 +306,7 @@ contains
     end function apart
   end function repeats_of
 
-  !> The motion of a scene, with its summary, until its end, or until it has settled.
+  !> The motion of a scene, with its summary, until its end.
   subroutine run(scene, motion, summary, error)
     type(scene_t), intent(in) :: scene
     class(motion_t), allocatable, intent(out) :: motion
@@ -317,7 +317,7 @@ contains
     call new_motion(scene, motion, other, error)
     if (allocated(error)) return
     call summary%start(motion, scene%settle)
-    do while (.not. (motion%finished() .or. summary%settled_at >= 0.0_wp))
+    do while (.not. motion%finished())
       call next_piece(motion, other, error)
       if (allocated(error)) return
       call summary%follow(motion)
@@ -349,25 +349,25 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    !> To what two cycles agree after which nothing changes, and to what if they are the same one. Conventions.
-    real(wp), parameter :: settled = 1.0e-10_wp, equal = 1.0e-6_wp
+    !> To what two cycles agree that are the same one. Convention.
+    real(wp), parameter :: equal = 1.0e-6_wp
     class(motion_t), allocatable :: motion
     type(motion_summary_t) :: summary
-    type(scene_t) :: until_settled
     real(wp) :: value(size(summary_quantities))
+    logical :: repeats
     integer :: i
 
-    until_settled = scene
-    until_settled%settle = settled
-    call run(until_settled, motion, summary, error)
+    call run(scene, motion, summary, error)
     if (allocated(error)) return
-    call summary%cycles%means(summary%settled_at >= 0.0_wp, regularity%cycles, regularity%mean, regularity%scatter)
+    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+    call summary%values(motion, value)
+    repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
+    if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
-    else if (summary%settled_at >= 0.0_wp) then
-      call summary%values(motion, value)
-      regularity%exponent = value(find_quantity(summary_quantities, 'lyapunov_exponent'))
-      regularity%error = value(find_quantity(summary_quantities, 'lyapunov_error'))
+    else if (repeats) then
+      regularity%exponent = of('lyapunov_exponent')
+      regularity%error = of('lyapunov_error')
       associate (is_known => .not. ieee_is_nan(regularity%exponent))
         if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
           cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=is_known, &
@@ -376,6 +376,14 @@ contains
       regularity%verdict = regular
       regularity%repeats = 1
     end if
+
+  contains
+
+    pure real(wp) function of(name)
+      character(*), intent(in) :: name
+
+      of = value(find_quantity(summary_quantities, name))
+    end function of
   end subroutine look_at_the_end
 
   !> Add orbits that begin elsewhere, and the stable cycles to which they come. What fails in them fails not in the motion.
