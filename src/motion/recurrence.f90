@@ -111,11 +111,13 @@ contains
     before = self%apart
     self%apart = sqrt(sum((difference - shorter*flow)**2))
     ! All that follows shrinks as much.
-    shrinks = self%apart/before
+    shrinks = 1.0_wp
+    if (self%apart < before) shrinks = self%apart/before
+    if (.not. self%apart > 0.0_wp) shrinks = 0.0_wp
     repeats = self%has_peaked .and. before < huge(1.0_wp) .and. shrinks < 1.0_wp .and. abs(shorter) <= allowed*self%period
     if (repeats) repeats = self%apart*max(1.0_wp, shrinks/(1.0_wp - shrinks)) <= allowed
     missing = 0.0_wp
-    if (before < huge(1.0_wp)) missing = log(allowed/self%apart)/log(min(shrinks, slowest))
+    if (before < huge(1.0_wp) .and. self%apart > 0.0_wp) missing = log(allowed/self%apart)/log(min(shrinks, slowest))
     self%period = merge(self%peaks_apart, self%period - shorter, abs(shorter) > correctable*self%period)
     if (self%has_peaked .and. missing <= few) then
       call take_look(self, piece%to)
