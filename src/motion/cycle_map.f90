@@ -11,7 +11,8 @@ module dst_cycle_map
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64
   use dst_motion, only: motion_t, serialise_motion, events_of_piece
-  use dst_passage, only: passage_t, passage_of, alpha_of, theta_of, duration, slip_duration, drive_work, friction_work, damper_work
+  use dst_passage, only: passage_t, passage_of, measured, alpha_of, theta_of, duration, slip_duration, drive_work, friction_work, &
+    damper_work
   use dst_piece, only: piece_t, no_event, stick_begins, slip_begins, slips, sticks
   use dst_recording, only: recording_t, most_pieces
   use dst_recurrence, only: recurrence_t
@@ -191,7 +192,6 @@ contains
   !> A piece by steps has been made: whether the motion is without a rest, and repeats.
   subroutine look_for_recurrence(self)
     class(cycle_map_t), intent(inout) :: self
-    type(passage_t) :: passage
     real(wp) :: shorter
     logical :: repeats
 
@@ -209,10 +209,9 @@ contains
         call recurrence%look(piece, self%slider, largest_difference(self), repeats, shorter)
         if (repeats) then
           call forget(self)
-          passage = passage_of(0.0_wp, self%since_look, self%slider, piece%drive%velocity)
           associate (slow => self%slow(place_of(-1_int64)))
             call slow%clear(.true.)
-            call slow%append(passage, self%since_look)
+            call slow%append(measured(self%since_look), self%since_look)
             if (slow%sum%is_complete) then
               call slow%lengthen(-shorter)
               self%orbit%repeats = 1

@@ -11,7 +11,7 @@ module dst_passage
   implicit none
   private
 
-  public :: passage_t, loss_t, passage_of, alpha_of, theta_of, turning, still
+  public :: passage_t, loss_t, passage_of, measured, alpha_of, theta_of, turning, still
   public :: duration, turn, slip_duration, drive_work, friction_work, damper_work, exchanged, measures
 
   !> The measures of a passage: its duration [s], the change of alpha [rad], the time until the object comes to its last rest [s],
@@ -154,16 +154,10 @@ contains
     type(slider_t), intent(in) :: slider
     integer :: n
 
+    passage = measured(recording)
     n = recording%count
-    passage%steps = n
     associate (value => passage%measure, from => recording%kept(1)%from, to => recording%kept(n)%to)
-      value(duration) = recording%duration()
       value(turn) = turn_of(slider, velocity, from%u, to%u, velocity*value(duration) - (to%position - from%position))
-      value(slip_duration) = recording%kept(n)%from%time + recording%kept(n)%from%time_rest
-      value(drive_work) = to%drive_work - from%drive_work
-      value(friction_work) = to%friction_work - from%friction_work
-      value(damper_work) = to%damper_work - from%damper_work
-      value(exchanged) = recording%exchanged()
       passage%from = alpha
       passage%to = alpha + value(turn)
     end associate
@@ -173,6 +167,21 @@ contains
         .and. all(kept(:n - 1)%contact == slips) .and. all(kept(:n - 2)%event /= stick_begins)
     end associate
   end function passage_of
+
+  !> What was recorded, which need not be a passage: without angles.
+  pure type(passage_t) function measured(recording) result(passage)
+    type(recording_t), intent(in) :: recording
+
+    passage%steps = recording%count
+    associate (value => passage%measure, from => recording%kept(1)%from, last => recording%kept(recording%count))
+      value(duration) = recording%duration()
+      value(slip_duration) = last%from%time + last%from%time_rest
+      value(drive_work) = last%to%drive_work - from%drive_work
+      value(friction_work) = last%to%friction_work - from%friction_work
+      value(damper_work) = last%to%damper_work - from%damper_work
+      value(exchanged) = recording%exchanged()
+    end associate
+  end function measured
 
   !> Angle [rad] by which the force on the object at rest has turned, towards larger alpha, after u has changed by `advance` [m]
   !> along the drive and the force is again at the static limit. From the ends alone it has the roundoff of the angle; from the
