@@ -27,8 +27,8 @@ from fig3 import Groups, changed
 from truth import differences, widest
 
 FACTOR = 30.0
-STANDARD_ERRORS, ERROR_OF_ERROR = 3.0, 1.0
-"""By how many of its standard errors an exponent may differ, and by which share of itself an error: it is one of eight batches."""
+STANDARD_ERRORS = 3.0
+"""By how many of its standard errors an exponent may differ."""
 UNJUDGED = 0.01
 """Largest 30 rtol C, in the scale, with which a value is judged. Twice: as many faults, a tenth fewer values without a judgement."""
 IRREGULAR = 0.5
@@ -299,12 +299,12 @@ def compare_summary(
         said.values += 1
         a, b, scale = found.get(key, math.nan), right.get(key, math.nan), scales[key]
         plain = ((ENERGY if key == "energy_residual" else FACTOR) * motion.rtol + ROUNDOFF) * scale
-        # An exponent by the growth in the cycles so far is an estimate; the same by the multiplier of one that repeats is not.
+        # An exponent by the growth in the cycles so far is an estimate with an error; by the multiplier of one that repeats it has none.
         errors = [of.get("lyapunov_error", 0.0) for of in (found, right)]
         if key == "lyapunov_exponent":
             plain += STANDARD_ERRORS * sum(errors)
         elif key == "lyapunov_error":
-            plain = max(plain, ERROR_OF_ERROR * max(errors))
+            plain = max(plain, *errors)
         gap = math.inf if math.isnan(a) != math.isnan(b) else abs(a - b)
         if gap <= plain or (math.isnan(a) and math.isnan(b)):
             continue
