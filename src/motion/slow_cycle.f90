@@ -1,5 +1,5 @@
 !> A slow cycle: the passages from one release that follows a turn back of the force to the next one, with the motion inside those
-!> that no table describes.
+!> that no table describes. One without a rest is one of them.
 module dst_slow_cycle
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -72,7 +72,7 @@ contains
     self%sum%pieces = self%sum%pieces + recording%count
   end subroutine append
 
-  !> Its last rest takes longer by this [s].
+  !> Its last rest takes longer by this [s]; of one without a rest, its last piece.
   pure subroutine lengthen(self, by)
     class(slow_cycle_t), intent(inout) :: self
     real(wp), intent(in) :: by
