@@ -55,16 +55,15 @@ module dst_cycle_map
     !> The number of slow cycles, and how the last ones ended [rad].
     integer(int64), private :: slow_cycles = 0
     real(wp), private :: last_returned(0:most_repeats) = 0.0_wp
-    !> Whether the last piece ended with a release, and its angle alpha [rad]; whether the passage by steps began there.
-    logical, private :: released = .false., in_passage = .false.
+    !> Whether the last piece ended where a passage begins, and its angle alpha [rad]; whether the passage by steps began there.
+    logical, private :: begins_passage = .false., in_passage = .false.
     real(wp), private :: alpha = 0.0_wp
     !> The last piece, if it is one passage.
     type(passage_t), private :: passage
     !> Place of the next passage in the slow cycles that repeat.
     integer, private :: following(2) = 1
-    !> Whether they are without a rest, and whether the last piece ended where they begin; what is known of such a motion.
+    !> Whether they are without a rest; what is known of such a motion.
     logical :: is_restless = .false.
-    logical, private :: returned = .false.
     type(recurrence_t), private :: recurrence
     type(work_count_t), private :: own
   end type orbit_t
@@ -143,7 +142,7 @@ contains
 
     self%is_shown = .false.
     ! Just after a knot the release belongs to another drive velocity.
-    if (self%leaps .and. (self%orbit%released .or. self%orbit%returned) .and. self%segment == self%steps%segment) then
+    if (self%leaps .and. self%orbit%begins_passage .and. self%segment == self%steps%segment) then
       call leap(self, self%piece%from%until(horizon))
       if (self%leapt) return
     end if
@@ -168,14 +167,13 @@ contains
 
     associate (piece => self%steps%piece, velocity => self%steps%piece%drive%velocity)
       if (self%orbit%in_passage) call self%recording%append(piece)
-      self%orbit%released = .false.
-      if (abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(velocity) > 0.0_wp .or. piece%to%time >= piece%drive%end &
-        .or. self%recording%count >= most_pieces) then
+      self%orbit%begins_passage = .false.
+      if (.not. piece%is_steady() .or. self%recording%count >= most_pieces) then
         call forget(self)
         return
       end if
-      self%orbit%released = piece%event == slip_begins .and. piece%contact == sticks
-      if (.not. self%orbit%released) return
+      self%orbit%begins_passage = piece%event == slip_begins .and. piece%contact == sticks
+      if (.not. self%orbit%begins_passage) return
       if (self%orbit%in_passage) then
         passage = passage_of(self%orbit%alpha, self%recording, self%slider, velocity)
         if (self%orbit%like == 0) call set_slope(self%recording, self%steps%system, self%slider, passage)
@@ -195,10 +193,9 @@ contains
     real(wp) :: shorter
     logical :: repeats
 
-    self%orbit%returned = .false.
     associate (piece => self%steps%piece, recurrence => self%orbit%recurrence)
-      if (piece%contact /= slips .or. piece%event /= no_event .or. abs(piece%drive%acceleration) > 0.0_wp &
-        .or. .not. abs(piece%drive%velocity) > 0.0_wp .or. self%since_look%count >= most_pieces) then
+      if (piece%contact /= slips .or. piece%event /= no_event .or. .not. piece%is_steady() &
+        .or. self%since_look%count >= most_pieces) then
         recurrence = recurrence_t()
         if (self%orbit%is_restless) call forget(self)
         return
@@ -207,24 +204,29 @@ contains
       call recurrence%see(piece, self%slider)
       if (piece%to%time >= recurrence%next_look()) then
         call recurrence%look(piece, self%slider, largest_difference(self), repeats, shorter)
-        if (repeats) then
-          call forget(self)
-          associate (slow => self%slow(place_of(-1_int64)))
-            call slow%clear(.true.)
-            call slow%append(measured(self%since_look), self%since_look)
-            if (slow%sum%is_complete) then
-              call slow%lengthen(-shorter)
-              self%orbit%repeats = 1
-              self%orbit%following = 1
-              self%orbit%is_restless = .true.
-              self%orbit%returned = .true.
-            end if
-          end associate
-        end if
+        if (repeats) call repeat_since_look(self, shorter)
       end if
       if (.not. abs(recurrence%last%time - piece%to%time) > 0.0_wp) call self%since_look%clear()
     end associate
   end subroutine look_for_recurrence
+
+  !> What follows repeats the motion since the last look, which is longer than a slow cycle by so little [s].
+  subroutine repeat_since_look(self, shorter)
+    class(cycle_map_t), intent(inout) :: self
+    real(wp), intent(in) :: shorter
+
+    call forget(self)
+    associate (slow => self%slow(place_of(-1_int64)))
+      call slow%clear(.true.)
+      call slow%append(measured(self%since_look), self%since_look)
+      if (.not. slow%sum%is_complete) return
+      call slow%lengthen(-shorter)
+    end associate
+    self%orbit%repeats = 1
+    self%orbit%following = 1
+    self%orbit%is_restless = .true.
+    self%orbit%begins_passage = .true.
+  end subroutine repeat_since_look
 
   !> By how much slow cycles may differ that are taken for the same, as a share of their size.
   pure real(wp) function largest_difference(self)

@@ -13,7 +13,7 @@ module dst_growth
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t, max_components
   use dst_state, only: state_t
-  use dst_tangent, only: tangent_t, directions_t, rate_in, n_changes
+  use dst_tangent, only: tangent_t, directions_t, take_out_flow, n_changes
   implicit none
   private
 
@@ -63,8 +63,7 @@ contains
     class(slip_system_t), intent(in) :: system
     type(slider_t), intent(in) :: slider
     type(directions_t) :: beginning
-    real(wp) :: coefficient(0:2), weakening, size_of
-    real(wp), dimension(n_changes) :: difference, flow, measured
+    real(wp) :: coefficient(0:2), weakening, difference(n_changes), shift, size_of
     integer :: i
 
     associate (velocity => piece%drive%velocity, tangent => self%tangent(1))
@@ -80,21 +79,9 @@ contains
       allocate (beginning%variation(1))
       call beginning%follow(self%tangent, piece, system, slider, self%is_followed)
       if (.not. self%is_followed) return
-      ! Speeds are measured in V, lengths in V sqrt(m/k), a direction in rad.
-      measured = 0.0_wp
-      do i = system%axis, system%axis + system%components - 1
-        measured(i) = sqrt(slider%stiffness(i)/slider%mass)/velocity
-      end do
-      measured(max_components + 1:max_components + system%unknowns) = 1.0_wp/velocity
-      if (tangent%is_polar) measured(max_components + 2) = 1.0_wp
-      flow = rate_in(piece, 1.0_wp)
       difference = [tangent%u, tangent%y]
-      size_of = sum((measured*flow)**2)
-      self%is_followed = size_of > 0.0_wp
-      if (.not. self%is_followed) return
-      difference = difference - sum(measured*flow*(measured*difference))/size_of*flow
-      size_of = sqrt(sum((measured*difference)**2))
-      self%is_followed = size_of > tiny(size_of)
+      call take_out_flow(difference, piece, slider, shift, size_of, self%is_followed)
+      self%is_followed = self%is_followed .and. size_of > tiny(size_of)
       if (.not. self%is_followed) return
       self%logarithm = self%logarithm + log(size_of)
       tangent%u = difference(:max_components)/size_of

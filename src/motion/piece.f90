@@ -34,6 +34,7 @@ module dst_piece
     procedure :: inside
     procedure :: slip_inside
     procedure :: obey
+    procedure :: is_steady
   end type piece_t
 
 contains
@@ -95,6 +96,14 @@ contains
     end associate
     if (self%held > 0) state%y(max_components) = self%from%y(max_components)
   end function slip_inside
+
+  !> Whether the drive moves at a constant velocity, and goes on so after the piece.
+  pure logical function is_steady(self)
+    class(piece_t), intent(in) :: self
+
+    is_steady = abs(self%drive%velocity) > 0.0_wp .and. .not. abs(self%drive%acceleration) > 0.0_wp &
+      .and. self%to%time < self%drive%end
+  end function is_steady
 
   !> From now on the pieces belong to this system.
   pure subroutine obey(self, system)

@@ -8,9 +8,8 @@ module dst_recurrence
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
   use dst_slider, only: slider_t
-  use dst_slip_system, only: max_components
   use dst_state, only: state_t
-  use dst_tangent, only: rate_in, n_changes
+  use dst_tangent, only: take_out_flow, n_changes
   implicit none
   private
 
@@ -31,7 +30,7 @@ module dst_recurrence
     logical :: is_watched = .false.
     real(wp), private :: period = 0.0_wp
     type(state_t) :: last = state_t()
-    !> How far two looks were apart across the flow, in V, V sqrt(m/k) and rad.
+    !> How far two looks were apart across the flow, as dst_tangent measures it.
     real(wp), private :: apart = huge(1.0_wp)
     !> Whether the load rises; its highest value since it began to, or its lowest since it began to fall [N], and when [s].
     logical, private :: rises = .true.
@@ -98,18 +97,12 @@ contains
     real(wp), intent(in) :: allowed
     logical, intent(out) :: repeats
     real(wp), intent(out) :: shorter
-    real(wp), dimension(n_changes) :: difference, flow, measured
-    real(wp) :: before, shrinks, missing
+    real(wp) :: difference(n_changes), before, shrinks, missing
+    logical :: flows
 
-    measured = 0.0_wp
-    associate (speed => abs(piece%drive%velocity))
-      measured(:max_components + 2) = [sqrt(slider%stiffness/slider%mass), 1.0_wp, merge(speed, 1.0_wp, piece%is_polar)]/speed
-    end associate
-    difference = measured*[piece%to%u - self%last%u, piece%to%y - self%last%y]
-    flow = measured*rate_in(piece, 1.0_wp)
-    shorter = dot_product(flow, difference)/max(tiny(1.0_wp), dot_product(flow, flow))
+    difference = [piece%to%u - self%last%u, piece%to%y - self%last%y]
     before = self%apart
-    self%apart = sqrt(sum((difference - shorter*flow)**2))
+    call take_out_flow(difference, piece, slider, shorter, self%apart, flows)
     ! All that follows shrinks as much.
     shrinks = 1.0_wp
     if (self%apart < before) shrinks = self%apart/before

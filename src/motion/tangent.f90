@@ -31,7 +31,7 @@ module dst_tangent
   implicit none
   private
 
-  public :: tangent_t, variation_t, directions_t, trail_t, set_slope, carry, rate_in, n_changes
+  public :: tangent_t, variation_t, directions_t, trail_t, set_slope, carry, rate_in, take_out_flow, n_changes
 
   !> Numbers that may change: u and y.
   integer, parameter :: n_changes = max_components + max_unknowns
@@ -250,6 +250,30 @@ contains
         + piece%drive%velocity_at(piece%from%time + tau*duration)*piece%drive_coupling
     end associate
   end function rate_in
+
+  !> Take out of a difference of u and y at the end of a piece in slip what it has along the flow, which is a shift of the time [s]; the
+  !> size of what is left: speeds are measured in V, lengths in V sqrt(m/k), a direction in rad. `flows`: the state changes at all.
+  pure subroutine take_out_flow(difference, piece, slider, shift, size_of, flows)
+    real(wp), intent(inout) :: difference(n_changes)
+    type(piece_t), intent(in) :: piece
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(out) :: shift, size_of
+    logical, intent(out) :: flows
+    real(wp), dimension(n_changes) :: flow, measured
+    real(wp) :: square
+
+    measured = 0.0_wp
+    measured(:max_components) = sqrt(slider%stiffness/slider%mass)/piece%drive%velocity
+    measured(max_components + 1:max_components + 2) = 1.0_wp/piece%drive%velocity
+    if (piece%is_polar) measured(max_components + 2) = 1.0_wp
+    flow = rate_in(piece, 1.0_wp)
+    square = sum((measured*flow)**2)
+    flows = square > 0.0_wp
+    shift = 0.0_wp
+    if (flows) shift = sum(measured*flow*(measured*difference))/square
+    difference = difference - shift*flow
+    size_of = sqrt(sum((measured*difference)**2))
+  end subroutine take_out_flow
 
   !> Slip begins in the direction of the force. From a rest it begins when the force reaches the limit; otherwise where slip has turned.
   subroutine set_off(self, from, drive, slider, variation, found)

@@ -156,8 +156,7 @@ contains
     ! Equal springs have no soft axis, and its load has no cycle that would be a property of the motion.
     if (minval(slider%free) > 0.0_wp .and. .not. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp) return
     associate (known => self%restless)
-      if (piece%contact /= slips .or. abs(piece%drive%acceleration) > 0.0_wp .or. .not. abs(piece%drive%velocity) > 0.0_wp &
-        .or. piece%to%time >= piece%drive%end) then
+      if (piece%contact /= slips .or. .not. piece%is_steady()) then
         call rest(known)
         return
       end if

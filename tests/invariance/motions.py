@@ -295,12 +295,12 @@ def compare_summary(
     motion: Motion, found: dict[str, float], right: dict[str, float], scales: dict[str, float], said: Judgement
 ) -> None:
     """Every summary value."""
+    # An exponent by the growth in the cycles so far is an estimate with an error; by the multiplier of one that repeats it has none.
+    errors = [of.get("lyapunov_error", 0.0) for of in (found, right)]
     for key in sorted({*found, *right}):
         said.values += 1
         a, b, scale = found.get(key, math.nan), right.get(key, math.nan), scales[key]
         plain = ((ENERGY if key == "energy_residual" else FACTOR) * motion.rtol + ROUNDOFF) * scale
-        # An exponent by the growth in the cycles so far is an estimate with an error; by the multiplier of one that repeats it has none.
-        errors = [of.get("lyapunov_error", 0.0) for of in (found, right)]
         if key == "lyapunov_exponent":
             plain += STANDARD_ERRORS * sum(errors)
         elif key == "lyapunov_error":

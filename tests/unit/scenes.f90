@@ -9,7 +9,7 @@ module scenes
   implicit none
   private
 
-  public :: fig3, constant_friction, along_a_line, without_map, begin, go_to, complete, energy, velocity
+  public :: fig3, fast, constant_friction, along_a_line, without_map, begin, go_to, complete, energy, velocity
 
 contains
 
@@ -54,6 +54,15 @@ contains
     changed%mu_inf = scene%mu_0
     changed%v_f = 1.0_wp
   end function constant_friction
+
+  !> So fast that the object does not come to rest after some slow cycles, which repeat.
+  pure function fast(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%drive_velocity = 50.0_wp*scene%drive_velocity
+  end function fast
 
   !> The same with misalignment 0: all motion is along the soft axis.
   pure function along_a_line(scene) result(changed)

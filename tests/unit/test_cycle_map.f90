@@ -2,7 +2,7 @@
 !> motion, or stopping it inside a leap, changes no bit of it. Before that, the polynomials of its tables.
 program test_cycle_map
   use checks, only: check, check_close, finish
-  use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete, energy, velocity
+  use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete, energy, velocity
   use dst_archive, only: archive_t, archive_of
   use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
   use dst_errors, only: error_t
@@ -201,15 +201,6 @@ contains
     changed = scene
     changed%misalignment_deg = 10.0_wp
   end function steep
-
-  !> So fast that after some slow cycles the object does not come to rest.
-  pure function fast(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%drive_velocity = 50.0_wp*scene%drive_velocity
-  end function fast
 
   !> One slow cycle, a stretch twice as fast, and the first velocity again.
   pure function there_and_back(scene) result(changed)

@@ -2,7 +2,7 @@
 !> summary value and count as the run without interruption.
 program test_resume
   use checks, only: check, finish
-  use scenes, only: fig3, constant_friction, along_a_line, without_map, begin, complete
+  use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete
   use dst_archive, only: archive_t, archive_of
   use dst_errors, only: error_t
   use dst_kinds, only: wp
@@ -54,15 +54,6 @@ contains
     scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
     scene%interval = 1.0e-3_wp
   end function many_cycles
-
-  !> So fast that the object does not rest: slow cycles that repeat are leapt.
-  pure function fast(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%drive_velocity = 50.0_wp*scene%drive_velocity
-  end function fast
 
   !> Slow cycles of some passages that never repeat: laps and slips are tabulated, and observed.
   function irregular() result(scene)
