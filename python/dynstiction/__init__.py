@@ -78,8 +78,10 @@ _MODULE_OF = {
     "FrictionFit": "friction_fit",
     "fit_friction_law": "friction_fit",
     "Chain": "trace_chain",
-    "CreepTest": "trace_creep",
-    "creep_test": "trace_creep",
+    "CreepTest": "trace_rivals",
+    "Explanation": "trace_rivals",
+    "creep_test": "trace_rivals",
+    "explanations": "trace_rivals",
     "KeyRange": "ranges",
     "StickSlipRange": "ranges",
     "stick_slip_range": "ranges",
@@ -111,11 +113,11 @@ if _TYPE_CHECKING:
     from .trace import Trace
     from .trace_chain import Chain
     from .trace_comparison import Statistic, TraceComparison, compare
-    from .trace_creep import CreepTest, creep_test
     from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_slip, mean_waveform
     from .trace_file import read_trace
     from .trace_fit import Fit, FittedParameter, FittedTrace, fit
     from .trace_plan import TracePlan, plan_traces
+    from .trace_rivals import CreepTest, Explanation, creep_test, explanations
 
 __version__ = _native.origin()["version"]
 

@@ -93,7 +93,10 @@ contains
     else if (model == 'full' .and. scene%contact /= 'exact') then
       call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
         'which has rest', 'friction.contact')
-    else if (model /= 'full' .and. slider%law%static_limit > slider%law%kinetic_limit) then
+    else if (slider%law%ageing > 0.0_wp) then
+      call raise(error, deck_error, 'friction.ageing: cycles are found from release to release, and with a limit that ages the '// &
+        'angle of friction is not all that a release is: remove ageing', 'friction.ageing')
+    else if (model /= 'full' .and. slider%law%holds_more()) then
       call raise(error, deck_error, 'friction.mu_static: cycles of the slow motion are found only without a separate static '// &
         "limit: remove mu_static, or give model 'full'", 'friction.mu_static')
     else if (model /= 'full' .and. .not. falls_exponentially(slider%law)) then

@@ -31,6 +31,7 @@ module dst_scene
     real(wp) :: exponent = 1.0_wp                        !! of the law stribeck
     real(wp) :: viscous = 0.0_wp                         !! s/m, of the law stribeck
     real(wp) :: mu_static = 0.0_wp                       !! up to which rest lasts; 0 = the value of the law at v = 0
+    real(wp) :: ageing = 0.0_wp, ageing_time = 1.0_wp    !! growth of the static coefficient with rest; s
     real(wp) :: normal_load = 0.0_wp                     !! N
     real(wp) :: v_smooth = 0.0_wp                        !! m/s
     real(wp) :: velocity_ratio = 0.0_wp                  !! X'(0)/V
@@ -148,6 +149,10 @@ contains
       scene%viscous = value
     case ('mu_static')
       scene%mu_static = value
+    case ('ageing')
+      scene%ageing = value
+    case ('ageing_time')
+      scene%ageing_time = value
     case ('normal_load')
       scene%normal_load = value
     case ('v_smooth')

@@ -86,6 +86,7 @@ module dst_schema
   type(condition_t), parameter :: stribeck(2) = [condition_t('law', 'stribeck'), none]
   type(condition_t), parameter :: tabulated(2) = [condition_t('law', 'table'), none]
   type(condition_t), parameter :: exact(2) = [condition_t('contact', 'exact'), none]
+  type(condition_t), parameter :: resting(2) = [condition_t('contact', 'exact'), condition_t('model', plane_models//' auto')]
   type(condition_t), parameter :: smoothed(2) = [condition_t('contact', 'smoothed'), none]
   type(condition_t), parameter :: fixed_step(2) = [condition_t('method', fixed_step_methods), none]
   type(condition_t), parameter :: adaptive(2) = [condition_t('method', adaptive_methods), none]
@@ -147,6 +148,10 @@ module dst_schema
           'CSV file of the points, a row for each: table_speed, table_mu; in place of these keys'), &
     key_t('friction', 'mu_static', real_kind, '1', non_negative, may, '0.0', '', '', exact, &
           'friction coefficient up to which rest holds, >= F(0)/W; 0 = F(0)/W'), &
+    key_t('friction', 'ageing', real_kind, '1', non_negative, may, '0.0', '', '', resting, &
+          'growth of this coefficient with rest: by ageing*ln(1 + time at rest/ageing_time)'), &
+    key_t('friction', 'ageing_time', real_kind, 's', positive, may, '1.0', '', '', resting, &
+          'time at rest from which on it grows'), &
     key_t('friction', 'normal_load', real_kind, 'N', non_negative, must, '', '10.0', '', always, &
           'normal load W'), &
     key_t('friction', 'contact', choice_kind, '', any_real, may, 'exact', '', 'exact smoothed', contacts, &

@@ -118,12 +118,21 @@ contains
     end if
   end subroutine rest_or_set_off
 
-  !> Whether the object, which has not moved until now, is held.
-  pure logical function stays_at_rest(self)
+  !> Whether the object, which has not moved, or not for so long [s], is held.
+  pure logical function stays_at_rest(self, age)
     class(slip_stick_t), intent(in) :: self
+    real(wp), intent(in), optional :: age
 
-    stays_at_rest = is_held(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration)
+    stays_at_rest = is_held(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration, age)
   end function stays_at_rest
+
+  !> How long the object rests at a state [s].
+  pure real(wp) function age(self, state)
+    class(slip_stick_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+
+    age = -state%until(self%now%rest_since)
+  end function age
 
   !> After slip whose speed has fallen to zero: rest, or a turn.
   subroutine stop_or_turn(self)
@@ -143,7 +152,7 @@ contains
     if (self%piece%from%time > self%piece%drive%start .or. self%piece%drive%start <= 0.0_wp) return
     self%now%just_released = .false.
     self%contact = slips
-    call self%rest_or_set_off(stays_at_rest(self))
+    call self%rest_or_set_off(stays_at_rest(self, age(self, self%piece%to)))
     self%piece%from = self%piece%to
     self%piece%contact = self%contact
   end subroutine look_at_jump
@@ -153,6 +162,7 @@ contains
     class(slip_stick_t), intent(inout) :: self
 
     self%piece%to%y = 0.0_wp
+    self%now%rest_since = self%piece%to%time
     self%contact = merge(touches, sticks, is_touch(self))
     if (self%contact == sticks) call self%note_event(stick_begins)
   end subroutine come_to_rest
@@ -178,7 +188,7 @@ contains
 
     associate (from => self%piece%from, to => self%piece%to, drive => self%piece%drive, k => self%slider%stiffness, &
         coupling => self%system%drive_coupling)
-      delay = release_delay(self%slider, from%u, drive, from%time)
+      delay = release_delay(self%slider, from%u, drive, from%time, age(self, from))
       duration = from%until(horizon)
       released = delay < duration
       if (released) released = moves_within(self, delay, duration - delay)
@@ -203,7 +213,8 @@ contains
       return
     end if
     if (self%contact == sticks) call self%note_event(slip_begins)
-    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
+    call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration, &
+      age(self, self%piece%to)))
   end subroutine stay_stuck
 
   !> Whether the load grows beyond its own roundoff within `time` [s] of a release that is `delay` away. If it does not, the slip is

@@ -40,6 +40,8 @@ module dst_stepping
     real(wp) :: next_step = 0.0_wp      !! size of the next step, s
     !> After the last release: size of the first step [s], initial acceleration [m/s2], time [s], direction of slip [rad].
     real(wp) :: release_step = 0.0_wp, release_rate = 0.0_wp, slipped = 0.0_wp, direction = 0.0_wp
+    !> When the last rest began [s].
+    real(wp) :: rest_since = 0.0_wp
     !> The time of the last slip and of the one before from release to stop [s], 0 if there was none.
     real(wp) :: last_slip = 0.0_wp, slip_before = 0.0_wp
     logical :: just_released = .false.

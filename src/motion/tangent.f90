@@ -46,6 +46,8 @@ module dst_tangent
     !> Whether the object rests; and how the time changes further at which the slip speed has fallen to zero.
     logical :: rests = .true.
     real(wp) :: delay = 0.0_wp
+    !> When the last rest began [s], and how that changes.
+    real(wp) :: rest_since = 0.0_wp, rest_shift = 0.0_wp
   contains
     procedure :: set_off
   end type tangent_t
@@ -223,6 +225,8 @@ contains
     call piece%path%end_slope(slope, curvature)
     tangents%delay = 0.0_wp
     if (slope < 0.0_wp) tangents%delay = -tangents%y(1)/slope
+    tangents%rest_since = piece%to%time
+    tangents%rest_shift = tangents%clock + tangents%delay
   end subroutine follow
 
   !> Rates of u and y [1/s] at position `tau` in [0, 1] of a piece.
@@ -283,23 +287,27 @@ contains
     type(slider_t), intent(in) :: slider
     type(variation_t), intent(in) :: variation
     logical, intent(out) :: found
-    real(wp) :: force(2), change(2), loading(2), outward, limit, velocity
+    real(wp) :: force(2), change(2), loading(2), outward, limit, velocity, age, ageing
 
     velocity = drive%velocity_at(from%time)
     force = slider%force_at_rest(from%u, velocity)
     loading = slider%loading_rate(velocity, drive%acceleration)
     ! How the force changes at the time from which it has been seen so far.
     change = slider%stiffness*self%u + self%clock*slider%loading_rate(0.0_wp, drive%acceleration)
-    limit = 0.0_wp
+    age = -from%until(self%rest_since)
+    ! The limit grows from the time on at which the rest has begun.
+    ageing = hypot(force(1), force(2))*slider%law%limit_rate(age)
+    limit = ageing*(self%clock - self%rest_shift)
     if (variation%is_there()) then
       associate (more => variation%more, less => variation%less)
         change = change + (more%slider%force_at_rest(from%u, more%piece%drive%velocity_at(from%time)) &
           - less%slider%force_at_rest(from%u, less%piece%drive%velocity_at(from%time)))/variation%apart
-        limit = hypot(force(1), force(2))*(more%slider%law%static_limit - less%slider%law%static_limit)/variation%apart
+        limit = limit + hypot(force(1), force(2)) &
+          *(more%slider%law%limit_after(age) - less%slider%law%limit_after(age))/variation%apart
       end associate
     end if
     if (self%rests) then
-      outward = dot_product(force, loading)
+      outward = dot_product(force, loading) - ageing
       found = outward > 0.0_wp
       if (.not. found) return
       self%delay = (limit - dot_product(force, change))/outward

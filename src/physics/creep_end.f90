@@ -107,7 +107,7 @@ contains
     exists = slider%mass > 0.0_wp .and. minval(slider%stiffness) > 0.0_wp .and. minval(abs(slider%along)) > 0.0_wp &
       .and. abs(velocity) > 0.0_wp .and. slider%law%kinetic_limit > 0.0_wp
     ! If friction at rest is higher than in slip, the object jumps and does not creep.
-    if (slider%law%static_limit > slider%law%kinetic_limit) exists = .false.
+    if (slider%law%holds_more()) exists = .false.
     if (.not. exists) return
     call slider%law%evaluate(1, [0.0_wp], friction, slope)
     exists = slope(1) < 0.0_wp

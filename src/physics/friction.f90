@@ -1,8 +1,8 @@
 !> Friction laws: magnitude of the friction force as a function of the slip speed.
 !>
 !> There are two limits. The static limit F_s is the largest force that friction balances at rest; the kinetic limit F_0 = F(0+) is
-!> the friction force as slip begins. They are equal unless a scene has a `mu_static` above F_0/W. Rest and
-!> release depend on F_s, stops, forces and slopes in slip on F.
+!> the friction force as slip begins. They are equal unless a scene has a `mu_static` above F_0/W, or the limit ages: it grows with
+!> the logarithm of the time at rest (Dieterich 1972). Rest and release depend on F_s, stops, forces and slopes in slip on F.
 !>
 !> Adding a law: extend `friction_law_t` here and name it in `new_friction_law`; docs/howto/friction_law.md.
 !> Source: Nakano & Popov (2020), Eq. (3) (weakening) and its constant limit; docs/equations.md (stribeck, table).
@@ -16,8 +16,10 @@ module dst_friction
 
   !> A friction law, with its coefficients.
   type, abstract :: friction_law_t
-    !> The static limit F_s [N], up to which the object stays at rest; F(0), unless the scene has a higher one.
+    !> The static limit F_s [N], up to which the object stays at rest as rest begins; F(0), unless the scene has a higher one.
     real(wp) :: static_limit = 0.0_wp
+    !> By how much it grows [N] in rests that last longer by a factor of e, much longer than this time [s].
+    real(wp) :: ageing = 0.0_wp, ageing_time = 1.0_wp
     !> The kinetic limit F_0 = F(0) [N].
     real(wp) :: kinetic_limit = 0.0_wp
     !> The least force F(v) at any slip speed [N], or less.
@@ -25,6 +27,9 @@ module dst_friction
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
+    procedure :: limit_after
+    procedure :: limit_rate
+    procedure :: holds_more
     !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge if it is smooth.
     procedure :: first_knot
   end type friction_law_t
@@ -115,6 +120,31 @@ contains
     if (name == 'constant') law%least_force = law%kinetic_limit
     if (name == 'table') law%least_force = normal_load*minval(mu)
   end subroutine new_friction_law
+
+  !> The static limit [N] after so long a rest [s]: F_s + ageing ln(1 + age/ageing_time).
+  elemental real(wp) function limit_after(self, age)
+    class(friction_law_t), intent(in) :: self
+    real(wp), intent(in) :: age
+
+    limit_after = self%static_limit
+    if (self%ageing > 0.0_wp) limit_after = limit_after + self%ageing*log(1.0_wp + age/self%ageing_time)
+  end function limit_after
+
+  !> How fast it grows then [N/s].
+  elemental real(wp) function limit_rate(self, age)
+    class(friction_law_t), intent(in) :: self
+    real(wp), intent(in) :: age
+
+    limit_rate = 0.0_wp
+    if (self%ageing > 0.0_wp) limit_rate = self%ageing/(self%ageing_time + age)
+  end function limit_rate
+
+  !> Whether friction holds an object at rest against more than F_0.
+  elemental logical function holds_more(self)
+    class(friction_law_t), intent(in) :: self
+
+    holds_more = self%static_limit > self%kinetic_limit .or. self%ageing > 0.0_wp
+  end function holds_more
 
   !> The law as F = limit + drop exp(-decay v), if it has this form: with these numbers, many laws can be evaluated side by side.
   pure subroutine exponential_form(law, limit, drop, decay, is_exponential)

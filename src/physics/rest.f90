@@ -2,6 +2,7 @@
 !>
 !> The object sticks while |K u| <= F_s, the static limit; u then follows the drive, u(t) = u_s + D(t) e. It is released when
 !> |K u| = F_s, in the direction of K u, with the acceleration (F_s - F_0)/m; this is zero if F_s is the kinetic limit F_0 = F(0+).
+!> A limit that ages is F_s(age), with the time since rest began.
 !>
 !> Slip comes to rest only where |K u| < F_0, because friction in slip is F_0 down to v = 0: under more load the direction of slip
 !> turns at a speed that never vanishes, into the direction of K u, and slip goes on. Slip on a straight line cannot turn: there it
@@ -36,6 +37,10 @@ module dst_rest
   !> Twice: the same steps and events in 60 random scenes, 40 of them on a line or nearly.
   real(wp), parameter :: line_roundoff = 4.0e4_wp*epsilon(1.0_wp), line_angle = 1.0e-6_wp
 
+  !> Most limits that are tried for the release under a limit that ages. Each is nearer by the ratio of the rates of limit and force;
+  !> this many are needed where they agree to 0.4 %. Convention; twice: no change.
+  integer, parameter :: most_limits = 10000
+
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
   type :: slip_start_t
     real(wp) :: y(2) = 0.0_wp
@@ -57,14 +62,23 @@ contains
     spring_force_size = hypot(force(1), force(2))
   end function spring_force_size
 
-  !> Whether an object at rest stays at rest, with the drive at this velocity [m/s] and acceleration [m/s2].
-  pure logical function is_held(slider, u, drive_velocity, drive_acceleration)
+  !> Whether an object at rest stays at rest, with the drive at this velocity [m/s] and acceleration [m/s2], after so long a rest [s].
+  pure logical function is_held(slider, u, drive_velocity, drive_acceleration, age)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
-    real(wp), intent(in), optional :: drive_acceleration
+    real(wp), intent(in), optional :: drive_acceleration, age
 
-    is_held = balances(slider, slider%law%static_limit, u, drive_velocity, drive_acceleration)
+    is_held = balances(slider, limit_of(slider, age), u, drive_velocity, drive_acceleration)
   end function is_held
+
+  !> The static limit [N] after so long a rest [s]; of a rest that begins, if no time is given.
+  pure real(wp) function limit_of(slider, age)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in), optional :: age
+
+    limit_of = slider%law%static_limit
+    if (present(age)) limit_of = slider%law%limit_after(age)
+  end function limit_of
 
   !> Whether slip in the direction `theta` [rad] whose speed falls to zero ends at rest. On a straight line it stops against any
   !> force, and then the static limit holds it.
@@ -128,32 +142,55 @@ contains
     end associate
   end function delay_by_turning
 
-  !> Time [s] from `time` until the stuck object is released, huge if it is not released within the segment.
-  !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
-  pure real(wp) function release_delay(slider, u, drive, time)
+  !> Time [s] from `time` until the stuck object, which has rested for `age` [s], is released, huge if it is not released within the
+  !> segment. Under a limit that ages it is the limit of the times at which the force reaches F_s as it was at the one before: they
+  !> rise to the first at which the force is as large as the limit.
+  pure real(wp) function release_delay(slider, u, drive, time, age) result(delay)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time
+    type(drive_segment_t), intent(in) :: drive
+    real(wp), intent(in), optional :: age
+    real(wp) :: before, later
+    integer :: i
+
+    delay = delay_to(slider, limit_of(slider, age), u, drive, time)
+    if (.not. slider%law%ageing > 0.0_wp) return
+    before = 0.0_wp
+    if (present(age)) before = age
+    do i = 1, most_limits
+      if (.not. delay < huge(delay)) return
+      later = delay_to(slider, slider%law%limit_after(before + delay), u, drive, time)
+      if (.not. later > delay*(1.0_wp + epsilon(delay))) return
+      delay = later
+    end do
+  end function release_delay
+
+  !> Time [s] until the force on the object at rest reaches this limit [N].
+  !> |K (u + D e) + C V e| = F_s is quadratic in D at a constant velocity V and without dampers, and D(t) is quadratic in t.
+  pure real(wp) function delay_to(slider, limit, u, drive, time)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: limit, u(2), time
     type(drive_segment_t), intent(in) :: drive
     real(wp) :: force(2), gain(2), a, b, c, root, forward, backward
 
     if (slider%is_damped()) then
-      if (spring_force_size(slider, u, drive%velocity_at(time)) > slider%law%static_limit*(1.0_wp + excess_roundoff)) then
+      if (spring_force_size(slider, u, drive%velocity_at(time)) > limit*(1.0_wp + excess_roundoff)) then
         ! The velocity of the drive has jumped.
-        release_delay = 0.0_wp
+        delay_to = 0.0_wp
         return
       else if (abs(drive%acceleration) > 0.0_wp) then
-        release_delay = damped_delay(slider, u, drive, time)
+        delay_to = damped_delay(slider, limit, u, drive, time)
         return
       end if
     end if
     force = slider%force_at_rest(u, drive%velocity_at(time))
     gain = slider%stiffness*slider%drive_coupling()
     a = dot_product(gain, gain)
-    release_delay = huge(release_delay)
+    delay_to = huge(delay_to)
     if (.not. a > 0.0_wp) return
     b = dot_product(gain, force)
     ! F_s^2 - |K u|^2 as a product has all digits close to the limit.
-    associate (limit => slider%law%static_limit, size => hypot(force(1), force(2)))
+    associate (size => hypot(force(1), force(2)))
       c = max(0.0_wp, (limit - size)*(limit + size))
     end associate
     root = sqrt(b**2 + a*c)
@@ -164,21 +201,20 @@ contains
       forward = (root - b)/a
       backward = -quotient(c, root - b)
     end if
-    release_delay = min(time_to_travel(drive, time, forward, 1.0_wp), time_to_travel(drive, time, backward, -1.0_wp))
-  end function release_delay
+    delay_to = min(time_to_travel(drive, time, forward, 1.0_wp), time_to_travel(drive, time, backward, -1.0_wp))
+  end function delay_to
 
   !> The same with dampers under a ramp: the force is a quadratic polynomial in time, its square one of degree 4.
-  pure real(wp) function damped_delay(slider, u, drive, time) result(delay)
+  pure real(wp) function damped_delay(slider, limit, u, drive, time) result(delay)
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: u(2), time
+    real(wp), intent(in) :: limit, u(2), time
     type(drive_segment_t), intent(in) :: drive
     integer, parameter :: most_iterations = 4
-    real(wp) :: force(2, 0:2), power(0:4), coefficient(0:4), here(2), there(2), length, size, slope, limit
+    real(wp) :: force(2, 0:2), power(0:4), coefficient(0:4), here(2), there(2), length, size, slope
     integer :: iteration
 
-    ! A polynomial in the share of the remaining ramp, in units of the static limit.
+    ! A polynomial in the share of the remaining ramp, in units of the limit.
     delay = huge(delay)
-    limit = slider%law%static_limit
     length = drive%end - time
     if (.not. (length > 0.0_wp .and. limit > 0.0_wp)) then
       if (length > 0.0_wp .and. any(abs(slider%drive_coupling()) > 0.0_wp)) delay = 0.0_wp
@@ -296,14 +332,15 @@ contains
     end associate
   end function start_of_slip
 
-  !> Start of slip at a release, where |K u| = F_s by definition: any excess over the static limit is roundoff.
-  pure function start_at_release(slider, u, drive_velocity, drive_acceleration) result(begin)
+  !> Start of slip at a release, after so long a rest [s], where |K u| = F_s by definition: any excess over the static limit is
+  !> roundoff.
+  pure function start_at_release(slider, u, drive_velocity, drive_acceleration, age) result(begin)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity
-    real(wp), intent(in), optional :: drive_acceleration
+    real(wp), intent(in), optional :: drive_acceleration, age
     type(slip_start_t) :: begin
 
     begin = start_of_slip(slider, u, drive_velocity, drive_acceleration)
-    begin%rate(1) = (slider%law%static_limit - slider%law%kinetic_limit)/slider%mass
+    begin%rate(1) = (limit_of(slider, age) - slider%law%kinetic_limit)/slider%mass
   end function start_at_release
 end module dst_rest

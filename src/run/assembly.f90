@@ -86,8 +86,9 @@ contains
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
-    ! A release along a line is no angle.
-    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model /= 'full')) then
+    ! A release along a line is no angle, and one under a limit that ages more than an angle.
+    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model /= 'full') &
+      .or. slider%law%ageing > 0.0_wp) then
       call move_alloc(first, motion)
     else
       call leap_cycles(scene, first, motion)
@@ -192,6 +193,8 @@ contains
     call new_friction_law(scene%law, scene%mu_0, scene%mu_inf, scene%v_f, scene%normal_load, slider%law, &
       scene%exponent, scene%viscous, scene%table_speed, scene%table_mu)
     slider%law%static_limit = max(slider%law%static_limit, scene%mu_static*scene%normal_load)
+    slider%law%ageing = scene%ageing*scene%normal_load
+    slider%law%ageing_time = scene%ageing_time
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
   end subroutine slider_from_scene
 

@@ -290,8 +290,8 @@ contains
       text = 'the errors of the reduced models are known only without dampers'
     else if (.not. falls_exponentially(slider%law)) then
       text = "the errors of the reduced models are known only for the laws 'constant' and 'weakening'"
-    else if (slider%law%static_limit > slider%law%kinetic_limit) then
-      text = 'the errors of the reduced models are known only without a separate static limit (mu_static)'
+    else if (slider%law%holds_more()) then
+      text = 'the errors of the reduced models are known only without a separate static limit (mu_static, ageing)'
     else if (.not. slider%law%static_limit > 0.0_wp) then
       text = 'without friction there is nothing to reduce'
     else if (.not. slider%along(1) > 0.0_wp .or. .not. abs(slider%along(2)) > 0.0_wp) then

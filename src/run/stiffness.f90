@@ -46,7 +46,7 @@ contains
     call slider_from_scene(scene, slider)
     associate (speed => maxval(abs(scene%drive_velocity)), limit => slider%law%kinetic_limit)
       ! If friction at rest is higher than in slip, the object jumps and does not creep.
-      if (slider%law%static_limit > limit .or. .not. min(limit, speed, abs(slider%along(2)), slider%mass) > 0.0_wp) return
+      if (slider%law%holds_more() .or. .not. min(limit, speed, abs(slider%along(2)), slider%mass) > 0.0_wp) return
       ! As logarithms, which do not overflow.
       steps = log(limit) - log(slider%mass) - log(speed) - log(abs(slider%along(2)))
       duration = min(log(scene%t_end), log(limit) - log(slider%stiffness(1)) - log(speed))

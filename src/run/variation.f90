@@ -41,6 +41,8 @@ contains
       select type (motion)
       class is (cycle_map_t)
         call move_alloc(motion%steps, steps)
+      class is (stepping_t)
+        allocate (steps, source=motion)
       end select
     end if
     if (.not. allocated(steps)) call raise(error, deck_error, &

@@ -1,0 +1,478 @@
+"""What explains a trace: creep, static friction, ageing, or another change of the rig; each is fitted, and its evidence compared
+(docs/fit.md).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arguments import instance, names_in
+from ._fit.models import NoCycleError, full_cycles, steady_velocity
+from ._fit.problem import LeadsNowhereError, Problem
+from ._fit.solve import Solution, has_failed
+from ._fit.starts import glances
+from ._progress import progress_bar
+from .errors import Error, FitWarning, UsageError
+from .scene import DeckLike, Scene
+from .trace import Trace
+from .trace_chain import Chain
+from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, fit, problem_of
+
+__all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
+
+_Floats = NDArray[np.float64]
+
+ALL = (ANGLE, "friction.mu_0", "friction.mu_inf", "friction.v_f", "system.mass", "system.stiffness_x")
+"""What is free in a test by default."""
+SURE = 0.95
+"""Probability above which an explanation is named."""
+POWER = 1.2816
+"""Standard deviations by which an effect that is seen in nine of ten traces exceeds the one that is just seen."""
+ANGLES = tuple(0.05 * 1.5**i for i in range(15))
+"""Misalignments for which it is asked whether the trace would show them [deg]."""
+SHARES = (0.99, 0.7, 0.4)
+"""Starts for friction with a higher limit at rest: share of the weakening from mu_inf to that limit which mu_0 has."""
+SMALL_ANGLES = (0.1, 0.4, 1.5)
+"""Starts for creep beside an explanation without it [deg]."""
+AGE = 1e-3
+"""Time at rest from which on friction grows, over the period, if the deck has none."""
+COMPLETED = 3
+"""Most starts that are completed for an explanation."""
+BEGIN = 0.05
+"""Start of a key that the deck does not have, relative to what it competes with."""
+
+
+class Explanation(NamedTuple):
+    """One explanation of a trace, fitted to it."""
+
+    name: str
+    """What is added to the rig, or left out."""
+    probability: float
+    """Its probability if one of the compared explanations is right, and each as likely before."""
+    misfit: float
+    """Mean square of the residuals over that expected from the scatter of the cycles."""
+    chance: float
+    """Probability of such a misfit if it is right."""
+    values: Mapping[str, float]
+    """Fitted values of its parameters, by ``group.key``."""
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in self.values.items())
+        return f"{self.name}: probability {self.probability:.2g}, misfit {self.misfit:.3g} (by chance {self.chance:.1g}), {values}"
+
+
+@dataclass(frozen=True, repr=False)
+class CreepTest:
+    """Why an object sticks before it slips.
+
+    Attributes
+    ----------
+    explanations : tuple of Explanation
+        The most probable one first: 'creep' (friction that turns, with a misalignment), 'static' (a static limit above the kinetic
+        one), 'ageing' (one that grows with the time at rest), 'weakening' (neither: friction falls with speed).
+    cycles : int
+        Cycles of all traces.
+    least_angle : float
+        Smallest misalignment [deg] that nine of ten such traces would show; NaN if none would, or nothing without creep is near.
+    """
+
+    explanations: tuple[Explanation, ...]
+    cycles: int
+    least_angle: float
+
+    def probability(self, name: str) -> float:
+        """Probability of an explanation, 0 if it has no stick-slip."""
+        return sum(each.probability for each in self.explanations if each.name == name)
+
+    @property
+    def explains(self) -> bool:
+        """Whether any of them explains the trace."""
+        return max(each.chance for each in self.explanations) >= MISFIT
+
+    @property
+    def named(self) -> str | None:
+        """The explanation with a probability of at least 95 %, if it explains the trace."""
+        best = self.explanations[0]
+        return best.name if best.probability >= SURE and best.chance >= MISFIT else None
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the object creeps before it slips."""
+        return self.named == "creep"
+
+    def __str__(self) -> str:
+        words = {
+            "creep": "the object creeps before it slips: dynamic stiction",
+            "static": "the object rests up to a static limit, without creep",
+            "ageing": "the object rests up to a limit that grows with the time at rest, without creep",
+            "weakening": "friction that falls with speed explains it, without creep and without a static limit",
+        }
+        resting = self.probability("static") + self.probability("ageing")
+        if not self.explains:
+            verdict = "none of the explanations explains the trace"
+        elif self.named:
+            verdict = words[self.named]
+        elif resting >= SURE:
+            verdict = "static friction, without creep; whether it ages only traces at other speeds show"
+        else:
+            verdict = "this trace does not tell"
+        seen = (
+            "no misalignment would be seen"
+            if math.isnan(self.least_angle)
+            else f"a misalignment from {self.least_angle:.2g}° on would be seen"
+        )
+        lines = [
+            f"{verdict} ({self.cycles} cycles; in nine of ten such traces {seen})",
+            *map(str, self.explanations),
+        ]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<CreepTest: {self}>"
+
+
+@dataclass(frozen=True)
+class _Hypothesis:
+    """What a hypothesis changes: values of the deck, and what is free in addition."""
+
+    name: str
+    groups: Mapping[str, Mapping[str, Any]]
+    extra: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """A hypothesis at its best values."""
+
+    name: str
+    problem: Problem
+    solution: Solution
+    cost: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cost", float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2)))
+
+    @property
+    def values(self) -> dict[str, float]:
+        names = self.problem.names
+        found = self.problem.values(self.solution.z[: len(names)])
+        return dict(zip(names, map(float, found), strict=True))
+
+
+def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
+    """Explanations by their evidence: the integral of the likelihood over the parameters, by Schwarz's approximation."""
+    told = [each.problem.misfit(each.solution.z) for each in fits]
+    scale = max(1.0, min(misfit for misfit, _ in told))
+    bins = sum(int(np.count_nonzero(each.wave.counts)) + 1 for each in fits[0].problem.recordings)
+    evidence = np.array(
+        [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
+    )
+    shares = np.exp(evidence - evidence.max())
+    shares /= shares.sum()
+    return tuple(
+        Explanation(fits[i].name, float(shares[i]), *told[i], fits[i].values) for i in np.argsort(-shares)
+    )
+
+
+def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
+    """The best fit from the best of some starts, which name values of parameters; None if no start has stick-slip."""
+    begin = dict(zip(problem.names, problem.begin, strict=True))
+    places = [
+        np.append(
+            problem.coordinates(np.array([values.get(name, begin[name]) for name in problem.names])),
+            np.zeros(len(problem.recordings)),
+        )
+        for values in starts
+    ]
+    costs = [
+        math.inf if has_failed(there) else float(np.sum(there**2))
+        for there in problem.spread(lambda z: problem.residuals(z, COARSE_OF_OWN[0]), places)
+    ]
+    found: list[Solution] = []
+    for i in np.argsort(costs, kind="stable")[:COMPLETED]:
+        if math.isinf(costs[i]):
+            break
+        try:
+            found.append(problem.improved(places[i], COARSE_OF_OWN))
+        except LeadsNowhereError as error:
+            found.append(problem.at(error.z))
+        except NoCycleError:
+            continue
+        if problem.misfit(found[-1].z)[1] >= USUAL:
+            break
+    return min(found, key=lambda each: each.cost) if found else None
+
+
+def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
+    """Starts for friction that holds an object at rest: up to the peak of the load, with a lower friction in slip."""
+    record = problem.recordings[0]
+    load = record.scene.friction.normal_load or 1.0
+    age = record.scene.friction.ageing_time or 1.0
+    begin = dict(zip(problem.names, map(float, np.abs(problem.begin)), strict=True))
+    for values in [begin, *list(glances(record.wave, steady_velocity(record.scene), load))[:4]]:
+        limit = values.get("friction.mu_0", begin.get("friction.mu_0", 0.0))
+        low = values.get("friction.mu_inf", 0.5 * limit)
+        for share in SHARES:
+            top = low + share * (limit - low)
+            grown = (limit - top) / math.log1p(record.wave.period / age)
+            yield {**values, "friction.mu_0": top, "friction.mu_static": limit, "friction.ageing": grown}
+
+
+def creep_test(
+    scene: DeckLike,
+    trace: Trace | Sequence[Trace],
+    free: Sequence[str] | str = ALL,
+    *,
+    each: Mapping[str, Sequence[float]] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    chain: Chain | None = None,
+    rng: int | np.random.Generator | None = 0,
+    progress: bool | None = None,
+) -> CreepTest:
+    """Whether an object creeps before it slips, because friction turns, or rests up to a static limit, which may age.
+
+    Four models are fitted to the trace, each with all free parameters, and compared by their evidence: with the misalignment; without
+    it, and without any static limit above mu_0; with one, ``friction.mu_static``; and with one that grows with the time at rest,
+    ``friction.ageing``.
+
+    Parameters
+    ----------
+    scene : str, PathLike or Scene
+        The rig, of model 'full': its known parameters, and initial values of the free ones.
+    trace, free, each, known, chain, rng, progress
+        As for `fit`; ``system.misalignment_deg`` is always free. Whether a limit ages only traces at several speeds show.
+
+    Returns
+    -------
+    CreepTest
+        The explanations with their probabilities, and the smallest misalignment that such a trace would show.
+
+    Raises
+    ------
+    UsageError, FileError, DeckError
+        As for `fit`.
+    """
+    traces = [trace] if isinstance(trace, Trace) else list(trace) if isinstance(trace, Sequence) else [trace]
+    for one in traces:
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
+    rig = Scene(scene)
+    if (rig.scene.model or "full") != "full":
+        raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
+    if rig.friction.contact == "smoothed":
+        raise UsageError("creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'")
+    names = names_in("free", free)
+    names = tuple(name for name in names if name != ANGLE)
+    rig = rig.replace(
+        friction={"mu_static": None, "ageing": None},
+        system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
+    )
+    options = {"each": dict(each or {}), "known": dict(known or {}), "chain": chain or Chain()}
+    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+        creep = problem_of(rig, traces, (ANGLE, *names), **options, spread=pool.map)
+        fits = []
+        if not all(record.wave.repeats for record in creep.recordings):
+            # The errors of cycles that are not alike are known from their fit.
+            fits += _whole(creep, rig, traces, options, rng)
+            creep = fits[0].problem if fits else creep
+        without = dict(options, known={k: v for k, v in options["known"].items() if k != ANGLE})
+        period = min(record.wave.period for record in creep.recordings)
+        resting = []
+        for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(traces))):
+            show(0.3 + 0.1 * i)
+            changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
+            problem = problem_of(changed, traces, (*names, *extra), **without, spread=pool.map)
+            weighted = [
+                replace(one, wave=other.wave)
+                for one, other in zip(problem.recordings, creep.recordings, strict=True)
+            ]
+            problem = replace(problem, recordings=tuple(weighted))
+            found = _best(problem, list(_resting_starts(problem)))
+            if found is not None:
+                resting.append(_Fitted(name, problem, found))
+        show(0.6)
+        near = min(resting, key=lambda one: one.cost) if resting else None
+        if not fits and near is not None and near.problem.misfit(near.solution.z)[1] >= USUAL:
+            found = _best(creep, list(_creeping_starts(near)))
+            fits += [_Fitted("creep", creep, found)] if found is not None else []
+        elif not fits:
+            fits += _whole(creep, rig, traces, options, rng)
+        fits += resting
+        if not fits:
+            raise UsageError(
+                f"{rig.name}: no stick-slip near any start: begin with values with which a run has some"
+            )
+        show(0.9)
+        least = _least_angle(near) if near is not None else math.nan
+        show(1.0)
+        return CreepTest(_compared(fits), sum(len(each.wave.rows) for each in creep.recordings), least)
+
+
+def _without_creep(
+    rig: Scene, period: float, traces: int
+) -> Iterator[tuple[str, dict[str, float], tuple[str, ...]]]:
+    """Name, values and free parameters of the explanations without a misalignment."""
+    mu_0 = float(rig.friction.mu_0 or 0.2)
+    age = {"ageing": BEGIN * mu_0, "ageing_time": rig.friction.ageing_time or AGE * period}
+    yield "weakening", {}, ()
+    yield "static", {"mu_static": (1.0 + BEGIN) * mu_0}, ("friction.mu_static",)
+    # At one speed a rest is as long as the next, and shows one limit.
+    yield "ageing", age, ("friction.ageing", *(["friction.ageing_time"] if traces > 1 else []))
+
+
+def _creeping_starts(near: _Fitted) -> Iterator[dict[str, float]]:
+    """Starts for creep beside a good explanation without it: friction begins to turn where that one releases the object."""
+    yield {}
+    values = near.values
+    top = values.get("friction.mu_static", values.get("friction.mu_0"))
+    if top is not None:
+        values["friction.mu_0"] = top
+    for angle in SMALL_ANGLES:
+        yield {**values, ANGLE: angle}
+
+
+def _whole(
+    problem: Problem,
+    rig: Scene,
+    traces: Sequence[Trace],
+    options: Mapping[str, Any],
+    rng: int | np.random.Generator | None,
+) -> list[_Fitted]:
+    """The explanation by creep, by a whole fit; none where the full model has no stick-slip near."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FitWarning)
+        try:
+            whole = fit(rig, traces, problem.names, **options, rng=rng, progress=False)
+        except Error:
+            return []
+    if whole.model != "full":
+        return []
+    same = replace(whole.problem, spread=problem.spread)
+    return [_Fitted("creep", same, same.at(whole.coordinates))]
+
+
+def _least_angle(near: _Fitted) -> float:
+    """Smallest angle [deg] whose effect, after all free parameters have made up for it, would be evidence of creep."""
+    problem, solution = near.problem, near.solution
+    here = problem.residuals(solution.z, 0.0)
+    basis, _ = np.linalg.qr(solution.jacobian)
+    need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(here.size)) + POWER
+
+    def is_seen(angle: float) -> bool:
+        turned = tuple(
+            replace(each, scene=each.scene.replace(system={"misalignment_deg": angle}))
+            for each in problem.recordings
+        )
+        there = replace(problem, recordings=turned, cycles_of=full_cycles).residuals(solution.z, 0.0)
+        if has_failed(there):
+            return False
+        change = there - here
+        change -= basis @ (basis.T @ change)
+        return bool(math.sqrt(change @ change) > need)
+
+    seen = list(problem.spread(is_seen, ANGLES))
+    return float(ANGLES[seen.index(True)]) if any(seen) else math.nan
+
+
+def explanations(found: Fit) -> tuple[Explanation, ...]:
+    """What would explain the traces of a fit that does not explain them: the same with one more free parameter, each fitted.
+
+    Parameters
+    ----------
+    found : Fit
+        The fit.
+
+    Returns
+    -------
+    tuple of Explanation
+        The most probable one first; 'as fitted' is the fit itself.
+    """
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        base = replace(found.problem, spread=pool.map)
+        fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
+        for name, extra, groups in _changes(found):
+            chain = groups.get("chain", {})
+            record = tuple(
+                replace(
+                    each,
+                    scene=each.scene.replace(**{k: v for k, v in groups.items() if k != "chain"}),
+                    chain=replace(each.chain, **chain),
+                )
+                for each in base.recordings
+            )
+            group, _, key = extra.partition(".")
+            begin = float(groups[group][key])
+            problem = replace(
+                base,
+                names=(*base.names, extra),
+                heard=(*base.heard, extra),
+                begin=np.append(base.begin, begin),
+                recordings=record,
+                runs=[],
+            )
+            start = problem.coordinates(np.append(base.values(found.coordinates[: len(base.names)]), begin))
+            z = np.append(start, found.coordinates[len(base.names) :])
+            try:
+                best = problem.improved(z, COARSE_OF_OWN[-3:])
+            except LeadsNowhereError as error:
+                best = problem.at(error.z)
+            except Error:
+                continue
+            fits.append(_Fitted(name, problem, best))
+        return _compared(fits)
+
+
+def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]:
+    """Name, key and initial values of what one more free parameter may explain."""
+    scene, chain = found.traces[0].scene, found.traces[0].chain
+    wave = found.waveform
+    if found.model != (scene.scene.model or "full"):
+        return
+    system, friction = scene.system, scene.friction
+    mu_0, stiffness = float(friction.mu_0 or 0.2), float(system.stiffness_x or 1.0)
+    free = set(found.problem.names)
+    for name in ALL:
+        group, _, key = name.partition(".")
+        value = getattr(getattr(scene, group), key)
+        if name not in free and value:
+            yield f"another {key}", name, {group: {key: value}}
+    candidates: list[tuple[str, str, dict[str, Any], bool]] = [
+        ("a static limit", "friction.mu_static", {"mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
+        (
+            "a limit that ages",
+            "friction.ageing",
+            {"ageing": BEGIN * mu_0, "ageing_time": AGE * wave.period},
+            not friction.ageing,
+        ),
+        (
+            "another exponent of friction",
+            "friction.exponent",
+            {"law": "stribeck", "exponent": 1.0 + BEGIN},
+            friction.law in (None, "weakening"),
+        ),
+        (
+            "a damper along the pull",
+            "system.damping_x",
+            {"damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
+            not system.damping_x,
+        ),
+        (
+            "another velocity",
+            "drive.velocity",
+            {"velocity": scene.drive.velocity},
+            len(found.traces) == 1 and not {"system.stiffness_x", "system.mass", "friction.v_f"} <= free,
+        ),
+        ("a zero that is off", "chain.tare", {"tare": chain.tare + BEGIN * wave.swing}, True),
+        ("a low pass", "chain.filter", {"filter": BEGIN / wave.interval}, chain.filter is None),
+    ]
+    for name, extra, values, applies in candidates:
+        if applies and extra not in free:
+            yield name, extra, {extra.partition(".")[0]: values}
