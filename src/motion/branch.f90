@@ -3,7 +3,7 @@
 !> Where sticks end by grazing, laps are analytic in the square root of the distance. If there is another such place just beyond, or
 !> the end is not known so well, or it is a canard, they are analytic in the logarithm, as are slips, but need twice the points. So
 !> laps are tried in the square root first. Intervals of the logarithm are halved where one polynomial does not pass its test. The
-!> table of an interval is a function of the scene and the interval alone. docs/cycles.md, section 3.
+!> table of an interval is a function of the scene and the interval alone. docs/cycle_map.md, section 2.
 module dst_branch
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t

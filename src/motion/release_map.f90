@@ -4,7 +4,7 @@
 !> of one number, alpha -> P(alpha). By steps alone the map is complete. It has two branches, parted at the angle where sticks end:
 !> above it a lap (slip and stick) turns the force towards the soft axis, below it a slip turns it back. Where many passages of a
 !> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. A table is made from runs that begin
-!> with the same state of the method, so that it is a function of the scene, V and its interval alone. docs/cycles.md, section 3.
+!> with the same state of the method: it is a function of the scene, V and its interval alone. docs/cycle_map.md, section 2.
 module dst_release_map
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
