@@ -371,6 +371,7 @@ def _compare(options: argparse.Namespace) -> None:
 def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
+    from .trace_rivals import explanations  # noqa: PLC0415
 
     stem = _stem(options.trace[0])
     deck = options.fitted or Path(f"{stem}_fitted.nml")
@@ -395,7 +396,10 @@ def _fit(options: argparse.Namespace) -> int:
             rng=options.seed,
         )
         explains, words = verdict(found)
+        others = () if explains else explanations(found)
     _say(words)
+    if others:
+        _say("\n".join(["what would explain it, fitted with one more free parameter:", *map(str, others)]))
     for trace in traces:
         _say(f"{printable(trace.name)}: {trace.units}")
     _say(found)

@@ -45,8 +45,11 @@ SMALL_ANGLES = (0.1, 0.4, 1.5)
 """Starts for creep beside an explanation without it [deg]."""
 AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
-COMPLETED = 3
-"""Most starts that are completed for an explanation."""
+TRIED, NEAR_BEST, FAR = 3, 4.0, 4.0
+"""Starts that are tried for an explanation; of these, cost over the least up to which it is completed, and mean square of the residuals
+with ROUGH errors above which none is: the explanation is wrong, however its values are."""
+ROUGH = COARSE_OF_OWN[:3]
+"""Errors with which starts are tried."""
 BEGIN = 0.05
 """Start of a key that the deck does not have, relative to what it competes with."""
 
@@ -197,19 +200,28 @@ def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution |
         math.inf if has_failed(there) else float(np.sum(there**2))
         for there in problem.spread(lambda z: problem.residuals(z, COARSE_OF_OWN[0]), places)
     ]
+    rough: list[Solution] = []
+    for i in np.argsort(costs, kind="stable")[:TRIED]:
+        try:
+            rough.append(problem.improved(places[i], ROUGH))
+        except LeadsNowhereError as error:
+            rough.append(problem.at(error.z, ROUGH[-1]))
+        except NoCycleError:
+            continue
+    rough.sort(key=lambda each: each.cost)
+    if not rough or rough[0].cost > FAR * rough[0].jacobian.shape[0]:
+        return rough[0] if rough else None
     found: list[Solution] = []
-    for i in np.argsort(costs, kind="stable")[:COMPLETED]:
-        if math.isinf(costs[i]):
+    for each in rough:
+        if each.cost > NEAR_BEST * rough[0].cost:
             break
         try:
-            found.append(problem.improved(places[i], COARSE_OF_OWN))
-        except LeadsNowhereError as error:
-            found.append(problem.at(error.z))
+            found.append(problem.improved(each.z, COARSE_OF_OWN[3:]))
         except NoCycleError:
             continue
         if problem.misfit(found[-1].z)[1] >= USUAL:
             break
-    return min(found, key=lambda each: each.cost) if found else None
+    return min(found, key=lambda each: each.cost) if found else rough[0]
 
 
 def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
@@ -363,7 +375,7 @@ def _least_angle(near: _Fitted) -> float:
     """Smallest angle [deg] whose effect, after all free parameters have made up for it, would be evidence of creep."""
     problem, solution = near.problem, near.solution
     here = problem.residuals(solution.z, 0.0)
-    basis, _ = np.linalg.qr(solution.jacobian)
+    basis, _ = np.linalg.qr(problem.at(solution.z).jacobian)
     need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(here.size)) + POWER
 
     def is_seen(angle: float) -> bool:
@@ -378,8 +390,15 @@ def _least_angle(near: _Fitted) -> float:
         change -= basis @ (basis.T @ change)
         return bool(math.sqrt(change @ change) > need)
 
-    seen = list(problem.spread(is_seen, ANGLES))
-    return float(ANGLES[seen.index(True)]) if any(seen) else math.nan
+    # A larger angle has a larger effect.
+    least, most = -1, len(ANGLES)
+    while most - least > 1:
+        middle = (least + most) // 2
+        if is_seen(ANGLES[middle]):
+            most = middle
+        else:
+            least = middle
+    return float(ANGLES[most]) if most < len(ANGLES) else math.nan
 
 
 def explanations(found: Fit) -> tuple[Explanation, ...]:

@@ -39,7 +39,8 @@ PERIOD = 1e-8
 """Relative tolerance of the period."""
 PERIOD_STEPS = 4
 MOST_STEPS = 30
-CONVERGED = 1e-6
+CONVERGED, ROUGHLY = 1e-6, 1e-2
+"""Relative changes of cost and coordinates at which a search ends: with the errors of the traces, and with larger ones."""
 LEAST = 1e-6
 """Added to the normal matrix, so that it has an inverse."""
 LARGEST = 0.7
@@ -189,8 +190,8 @@ def least_squares_of(
         jac,
         bounds=(z[free] - RANGE, z[free] + RANGE),
         max_nfev=MOST_STEPS,
-        ftol=CONVERGED,
-        xtol=CONVERGED,
+        ftol=CONVERGED if last else ROUGHLY,
+        xtol=CONVERGED if last else ROUGHLY,
         gtol=1e-12,
         x_scale=1.0,
     )
