@@ -33,14 +33,14 @@ An HDF5 file in the format of HDF5 1.8; the executable and `Result.save` write t
 
 ROOT = {
     "program": "`dynstiction`, or `dynstiction-quad` of the build in quadruple precision",
-    "version": "version of the program",
-    "git_revision": "revision of its source",
-    "compiler": "compiler that built it",
-    "build_flags": "flags of the compiler",
-    "host": "machine on which the file was written",
-    "job": "job of the scheduler (Slurm, PBS, LSF); empty without one",
-    "threads": "number of threads of the process",
-    "created": "time at which the run began, ISO 8601, UTC",
+    "version": "its version",
+    "git_revision": "its source",
+    "compiler": "what built it",
+    "build_flags": "with which flags",
+    "host": "machine",
+    "job": "job of the scheduler (Slurm, PBS, LSF), or empty",
+    "threads": "of the process",
+    "created": "when the run began, ISO 8601, UTC",
     "deck_sha256": "SHA-256 of the deck as read",
     "model": "model that was integrated",
     "model_choice": "with `model = 'auto'`: which model was taken, and why",
@@ -51,12 +51,13 @@ ROOT = {
 }
 
 GROUPS = {
-    "deck": "The deck.",
+    "deck": "`text` is the deck as read, `resolved` the deck with every key as used.",
     "parameters": "Every [key of the deck](deck.md) with a number, as used, with its unit and meaning.",
     "time_series": "The columns that `output.fields` names, one value for each sample.",
     "events": "Every stick and slip, whether or not a sample is near. Where a motion repeats with more than 100 000 of them, they are a block: successive rows that "
     "occur `occurs` times, each time a `period` later, all of them before all of them again. `result.events_between` gives each event of an interval.",
-    "summary": "Summary values of the run, of the motion between the samples too. A value that does not exist is left out, such as the mean of a cycle that did not occur.",
+    "summary": "Summary values of the run, of the motion between the samples too. A value that does not exist is left out, such as the mean of a cycle that did not occur. "
+    "`NAME_scatter` is the standard deviation of the mean `NAME` of cycles.",
     "statistics": "Counts of the work.",
 }
 
@@ -88,13 +89,14 @@ def main() -> None:
         with h5py.File(run) as file, h5py.File(sweep) as cases:
             parts = [INTRODUCTION, root(file)]
             for name, meaning in GROUPS.items():
-                parts.append(f"## /{name}\n\n{meaning}\n\n{rows(file[name]) if name != 'parameters' else ''}")
+                parts.append(f"## /{name}\n\n{meaning}\n\n{'' if name in ('deck', 'parameters') else rows(file[name])}".rstrip() + "\n")
             parts += [
                 SWEEP,
                 rows(cases["sweep"], skip=("velocity",)),
                 "`summary/NAME` has the values of `/summary`, and\n",
                 rows(cases["sweep/summary"], "summary/", skip=tuple(file["summary"])),
-                rows(cases["sweep/cycles"], "cycles/"),
+                "`cycles/NAME` has period, peak and valley forces, durations and slip length of single cycles, and\n",
+                rows(cases["sweep/cycles"], "cycles/", skip=tuple(file["summary"])),
                 ELSEWHERE,
             ]
     (FOLDER / "file.md").write_text("\n".join(parts), encoding="utf-8")
@@ -116,7 +118,7 @@ def root(file: h5py.File) -> str:
 def rows(found: h5py.Group, prefix: str = "", skip: tuple[str, ...] = ()) -> str:
     lines = ["| dataset | meaning |", "| --- | --- |"]
     for name, dataset in found.items():
-        if not isinstance(dataset, h5py.Dataset) or name in skip:
+        if not isinstance(dataset, h5py.Dataset) or name in skip or name.endswith("_scatter"):
             continue
         unit = dataset.attrs.get("units", "1")
         notes = ", ".join(note for note in (kind(dataset), "" if unit == "1" else f"[{unit}]") if note)

@@ -23,10 +23,9 @@ COMMAND_LINE = """\
 
 <!-- Made by docs/make_pages.py: change src/app/command_table.f90, python/dynstiction/_commands.py or the script, not this page. -->
 
-Exit statuses: [errors.md](errors.md). Every command takes `[OPTION]...` behind what its heading shows; options are in [one table](#options).
-Commands marked *Python* are carried out by the Python package, also as `python -m dynstiction COMMAND`. The executable hands them, and every
-word that is none of its own commands, to the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder,
-else to that of `PATH`.
+Exit statuses: [errors.md](errors.md). [Options](#options) follow what a heading shows; `dynstiction help COMMAND` lists those of a command.
+Commands marked *Python* are carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable hands them to
+the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder, else to that of `PATH`.
 
 For other programs, `dynstiction template --json` prints all names of the executable and of its results as one JSON object: `version`, `program`, and the lists
 `commands`, `options`, `exit_statuses`, `keys` of decks, and `columns`, `summary` and `statistics` of results. `times` of an option is `?` (at most once), `1` or `*`;
@@ -48,9 +47,8 @@ dynstiction check my.nml          # every key as it will be used, marked user or
 dynstiction run my.nml            # the same checks, then the run
 ```
 
-* A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)). A deck that passes `check` runs: `check` also sets up the scene,
-  reads a list of points, and compares the size of the results (`samples × columns × 8 bytes`; of a [sweep](sweeps.md) its cases) with the free space on the disk,
-  unless `wall_limit` is given.
+* A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)). A deck that passes `check` runs: `check` also reads a list of points, and compares the size of the
+  results (`samples × columns × 8 bytes`; of a [sweep](sweeps.md) its cases) with the free space on the disk, unless `wall_limit` is given.
 * A key without default must be given if it is used. A key that the chosen model, law, contact or method does
   not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and `v_smooth`).
 * `--set group.key=value` on the command line replaces a value of the deck; text needs no quotes there. If a setting makes a key of the deck useless, the key
@@ -58,8 +56,7 @@ dynstiction run my.nml            # the same checks, then the run
 * `cycle_map` and `settle`: [the cycle map](cycle_map.md).
 * `interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), if the model has it, 100 in a period of the slow oscillation,
   2π/√(k_x/m), and 1000 in a run; for creep in closed form, 500 in the time in which the drive loads the soft spring to the static limit. A run has at most 10⁶
-  samples: if these do not show the fast oscillation, `check` and `run` print a note. The value is `/parameters/interval` in the file. In a sweep with
-  `keep = 'series'` it follows from the deck itself and is the same in all cases.
+  samples: if these do not show the fast oscillation, `check` and `run` print a note. In a sweep with `keep = 'series'` it follows from the deck itself and is the same in all cases.
 * The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
   k_y u_y sin φ without dampers, positive if it pulls the object along X. A load cell between drive and springs measures it.
 * `theta_deg` is `theta` in degrees; `u_x_rate` = V cos φ − w_x and `u_y_rate` = V sin φ − w_y are the rates of the elongations (v_x, v_y in the preprint). These three
@@ -94,9 +91,15 @@ def command_line(catalogue: dict[str, Any]) -> list[str]:
         for option in command["options"]:
             takers.setdefault(tuple(option), []).append(command["name"])
         heading = " ".join([f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]])
-        parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", block(command["examples"])]
+        parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", *examples(command["examples"])]
     rows = [(code(option), meaning, ", ".join(names)) for (option, meaning), names in sorted(takers.items())]
     return [*parts, "## Options\n", table(("option", "meaning", "of"), rows)]
+
+
+def examples(text: str) -> list[str]:
+    """Those that show more than the heading."""
+    telling = [line for line in text.splitlines() if " -" in line]
+    return [block("\n".join(telling))] if telling else []
 
 
 def deck(keys: list[dict[str, Any]]) -> list[str]:
