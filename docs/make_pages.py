@@ -92,8 +92,8 @@ def command_line(catalogue: dict[str, Any]) -> list[str]:
             takers.setdefault(tuple(option), []).append(command["name"])
         heading = " ".join([f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]])
         parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", *examples(command["examples"])]
-    rows = [(code(option), meaning, ", ".join(names)) for (option, meaning), names in sorted(takers.items())]
-    return [*parts, "## Options\n", table(("option", "meaning", "of"), rows)]
+    rows = [f"* `{option}` ({', '.join(names)}): {meaning}" for (option, meaning), names in sorted(takers.items())]
+    return [*parts, "## Options\n", *rows, ""]
 
 
 def examples(text: str) -> list[str]:
