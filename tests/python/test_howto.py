@@ -136,7 +136,9 @@ def test_the_tour_works(toured: Path, tmp_path: Path) -> None:
 
     # No test of the executable lists what there is.
     quick = [f"test_{name}.py" for name in ("decks", "sizes", "error_codes", "manual", "sampling")]
-    suite = Program((sys.executable, "-m", "pytest", "-q", "-m", "not full", "-p", "no:cacheprovider", *quick), Path(__file__).parent)
+    suite = Program(
+        (sys.executable, "-m", "pytest", "-q", "-m", "not full", "-p", "no:cacheprovider", *quick), Path(__file__).parent
+    )
     tested = suite(env={"DYNSTICTION_EXE": str(toured / "dynstiction")})
     assert tested.returncode == 0, tested.stdout
 
