@@ -23,24 +23,13 @@ COMMAND_LINE = """\
 
 <!-- Made by docs/make_pages.py: change src/app/command_table.f90, python/dynstiction/_commands.py or the script, not this page. -->
 
-`dynstiction help COMMAND` explains every command. Exit statuses: [errors.md](errors.md). Commands marked *Python* are
-carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable hands them over, with every other word that
-is none of its own commands, to the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder, else
-to that of `PATH`. `dynstiction help python` lists them.
+Exit statuses: [errors.md](errors.md). [Options](#options) follow what a heading shows; `dynstiction help COMMAND` lists those of a command.
+Commands marked *Python* are carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable hands them to
+the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder, else to that of `PATH`.
 
-## For other programs
-
-`dynstiction template --json` prints one JSON object with every name of the executable and of its results:
-
-| member | is a list of |
-| --- | --- |
-| `commands` | `name`, `operands`, `brief`, `meaning`, `usage`, names of `options`, `examples` (one a line) |
-| `options` | `name`, `argument`, `commands` that take it, `times` (`?` at most once, `1` once, `*` any number), `meaning`; one entry for each kind of argument |
-| `exit_statuses` | `status`, `meaning` |
-| `keys` | of decks: `group`, `name`, `kind` (`real`, `integer`, `text`, `choice`, `reals`, `texts`), `required`, `units`, `range`, `choices`, `default` (`null`: none), `models` with which it may be used, `used_by` (other keys, and those of their choices that use this key), `meaning` |
-| `columns`, `summary`, `statistics` | columns and values of results: `name`, `units`, `long_name` |
-
-Further members are `version`, and `program` with the description of the program in the help.
+For other programs, `dynstiction template --json` prints all names of the executable and of its results as one JSON object: `version`, `program`, and the lists
+`commands`, `options`, `exit_statuses`, `keys` of decks, and `columns`, `summary` and `statistics` of results. `times` of an option is `?` (at most once), `1` or `*`;
+a `default` of a key is `null` if there is none; `used_by` of a key are other keys, with those of their choices that use it.
 """
 
 DECK = """\
@@ -58,31 +47,27 @@ dynstiction check my.nml          # every key as it will be used, marked user or
 dynstiction run my.nml            # the same checks, then the run
 ```
 
-A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)).
-A deck that passes `check` runs: `check` also sets up the scene, reads a list of points, and compares the size of the results with the
-free space on the disk of the output: `samples × columns × 8 bytes` for a run with `interval` > 0, and the cases of a sweep
-([sweeps.md](sweeps.md)). With `wall_limit` the space is not compared, because such a run writes only the results until this limit.
-A key without default must be given if it is used. A key that the chosen model, law, contact or method does
-not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and
-`v_smooth`). `--set group.key=value` on the command line replaces a value of the deck; text needs no
-quotes there. If a setting makes a key of the deck useless, the key is left out with a note. The resolved deck is stored in the result file (`/deck/resolved`), together with the deck as it was
-read (`/deck/text`).
+* A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)). A deck that passes `check` runs: `check` also reads a list of points, and compares the size of the
+  results (`samples × columns × 8 bytes`; of a [sweep](sweeps.md) its cases) with the free space on the disk, unless `wall_limit` is given.
+* A key without default must be given if it is used. A key that the chosen model, law, contact or method does
+  not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and `v_smooth`).
+* `--set group.key=value` on the command line replaces a value of the deck; text needs no quotes there. If a setting makes a key of the deck useless, the key
+  is left out with a note.
+* `cycle_map` and `settle`: [the cycle map](cycle_map.md).
+* `interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), if the model has it, 100 in a period of the slow oscillation,
+  2π/√(k_x/m), and 1000 in a run; for creep in closed form, 500 in the time in which the drive loads the soft spring to the static limit. A run has at most 10⁶
+  samples: if these do not show the fast oscillation, `check` and `run` print a note. In a sweep with `keep = 'series'` it follows from the deck itself and is the same in all cases.
+* The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
+  k_y u_y sin φ without dampers, positive if it pulls the object along X. A load cell between drive and springs measures it.
+* `theta_deg` is `theta` in degrees; `u_x_rate` = V cos φ − w_x and `u_y_rate` = V sin φ − w_y are the rates of the elongations (v_x, v_y in the preprint). These three
+  are written if `fields` names them.
 
-`cycle_map` and `settle` are explained in [the cycle map](cycle_map.md).
-
-`interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), if the model has it, at least
-100 in a period of the slow oscillation, 2π/√(k_x/m), and at least 1000 in a run; for creep in closed form, at least 500 in the time in which the
-drive loads the soft spring to the static limit. A run has at most 10⁶ samples: if these do not show the fast oscillation,
-`check` and `run` print a note. The value in seconds is in the output of `check` and in the file, `/parameters/interval`. In a sweep with
-`keep = 'series'` the interval follows from the deck itself and is the same in all cases.
-
-The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
-k_y u_y sin φ without dampers, positive if it pulls the object along X. A load cell between drive and springs measures it.
-`theta_deg` is `theta` in degrees. `u_x_rate` = V cos φ − w_x and `u_y_rate` = V sin φ − w_y are the rates of the elongations (v_x, v_y in the
-preprint). These three are written if `fields` names them.
+A range without a type is of a real number. The column *of* below names the models that use a key, if not all do: F `full`, L `low_frequency`, H `high_frequency`, C `creep`, A `creep_asymptotic`. `auto` uses what
+`full` uses.
 """
 
 KINDS = {"reals": "list of reals", "texts": "list of texts"}
+LETTERS = {"full": "F", "low_frequency": "L", "high_frequency": "H", "creep": "C", "creep_asymptotic": "A"}
 
 
 def main() -> None:
@@ -105,41 +90,44 @@ def command_line(catalogue: dict[str, Any]) -> list[str]:
     for command in commands:
         for option in command["options"]:
             takers.setdefault(tuple(option), []).append(command["name"])
-        parts += [
-            f"## {command['name']}{' (Python)' if command['is_python'] else ''}\n",
-            command["meaning"].replace("*", r"\*") + "\n",
-            block(f"dynstiction {command['name']} {command['operands']} [OPTION]...\n\n{command['examples']}"),
-        ]
-    rows = [(code(option), meaning, ", ".join(names)) for (option, meaning), names in sorted(takers.items())]
-    return [*parts, "## Options\n", table(("option", "meaning", "of"), rows)]
+        heading = " ".join([f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]])
+        parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", *examples(command["examples"])]
+    rows = [f"* `{option}` ({', '.join(names)}): {meaning}" for (option, meaning), names in sorted(takers.items())]
+    return [*parts, "## Options\n", *rows, ""]
+
+
+def examples(text: str) -> list[str]:
+    """Those that show more than the heading."""
+    telling = [line for line in text.splitlines() if " -" in line]
+    return [block("\n".join(telling))] if telling else []
 
 
 def deck(keys: list[dict[str, Any]]) -> list[str]:
     models = next(key["choices"] for key in keys if key["name"] == "model")
     parts = [DECK]
     for group, found in groupby(keys, key=lambda key: key["group"]):
-        head = ("key", "meaning", "values", "unit", "default")
+        head = ("key", "meaning", "values", "of", "default")
         parts += [f"## &{group}\n", table(head, [row(key, models) for key in found])]
     return parts
 
 
 def row(key: dict[str, Any], models: list[str]) -> tuple[str, ...]:
     meaning = key["meaning"].replace("|w|", "abs(w)").replace("|", r"\|").replace("*", r"\*")
-    conditions = {} if key["models"] == models else {"model": key["models"]}
-    conditions |= {name: choices for name, choices in key["used_by"].items() if name != "model"}
-    if conditions:
-        needed = (f"{name} {' or '.join(choices)}" for name, choices in conditions.items())
-        meaning += "; only with " + " and ".join(needed)
+    for name, choices in key["used_by"].items():
+        if name != "model":
+            meaning += f"; with {name} {', '.join(choices)}"
     values = ", ".join(map(code, key["choices"])) or KINDS.get(key["kind"], key["kind"])
     if key["choices"] and key["kind"] == "texts":
         values = "list of " + values
     if key["range"]:
-        values += f", {key['range']}"
+        values = key["range"] if key["kind"] == "real" else f"{values}, {key['range']}"
+    if key["units"] not in ("", "1"):
+        values += f" [{key['units']}]"
+    of = "" if key["models"] == models else "".join(LETTERS.get(model, "") for model in key["models"]) or "`auto`"
     default = None if key["required"] else key["default"]
     if default is not None and key["kind"] in ("text", "texts", "choice"):
         default = f"'{default}'"
-    units = key["units"] if key["units"] != "1" else ""
-    return code(key["name"]), meaning, values, units, "(none)" if default is None else code(default)
+    return code(key["name"]), meaning, values, of, "" if default is None else code(default)
 
 
 def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:

@@ -11,5 +11,3 @@ bash -euo pipefail commands.sh > log 2>&1 || { cat log >&2; exit 1; }
 cp ten.png "$figures/tutorial_ten.png"
 cp map.png "$figures/tutorial_map.png"
 cp rig.png "$figures/rig.png"
-cp hold.png "$figures/rig_hold.png"
-cp phi.png "$figures/rig_phi.png"

@@ -2,7 +2,7 @@
 
 Blocks ``sh`` and ``python`` are executed in their order, in one folder; the Python blocks of a page share their names. A ``text``
 block right after one is what it prints, held loosely: numbers to 2 %, `…` stands for anything, other lines may come in
-between. Blocks ``diff`` are patches of the source; ``console`` is shown only.
+between. Blocks ``console`` are shown only.
 """
 
 from __future__ import annotations

@@ -36,6 +36,6 @@ def test_what_is_not_as_expected_is_counted(capsys: pytest.CaptureFixture[str], 
 
 def test_every_reference_has_an_entry() -> None:
     entries = set(re.findall(r"@\w+\{(\w+),", (ROOT / "docs" / "references.bib").read_text(encoding="utf-8")))
-    text = "".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in ("claims.md", "paper.md"))
+    text = "".join((ROOT / page).read_text(encoding="utf-8") for page in ("docs/claims.md", "paper/paper.md"))
     cited = {name for group in re.findall(r"\[([^\]]+)\](?!\()", text) for name in re.findall(r"\w+\d{4}", group)}
     assert cited == entries

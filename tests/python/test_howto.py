@@ -1,5 +1,5 @@
-"""What docs/architecture.md says of adding something is followed to the letter: the patches of the how-to pages and of docs/tour go
-into a copy of the source, which is built and run, and the files that they change are counted.
+"""What docs/architecture.md says of adding something is followed to the letter: the patches of docs/tour go into a copy of the
+source, which is built and run, and the files that they change are counted.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from pages import DOCS, blocks, run_page
+from pages import DOCS, run_page
 from programs import ROOT, Program
 
 PAGES = {
@@ -24,18 +24,14 @@ PAGES = {
 }
 """The file, and where the line stands."""
 
-TOUR = DOCS / "tour"
+TOUR = {path.stem: path for path in sorted((DOCS / "tour").glob("*.diff"))}
 # What can be added, how many files that takes, and the page or the patch that does it.
 ROW = re.compile(r"^\| [^|]+ \| \[(?P<files>\d+)\]\((?P<change>[\w./]+)\) \|", re.MULTILINE)
 ROWS = {Path(row["change"]).stem: row for row in ROW.finditer((DOCS / "architecture.md").read_text(encoding="utf-8"))}
 
 
 def patches(name: str) -> list[str]:
-    """The changes of a how-to page, or of a file in docs/tour."""
-    if (TOUR / f"{name}.diff").exists():
-        text = (TOUR / f"{name}.diff").read_text(encoding="utf-8")
-        return re.split(r"^(?=--- )", text, flags=re.MULTILINE)[1:]
-    return [block.text for block in blocks(DOCS / "howto" / f"{name}.md") if block.kind == "diff"]
+    return re.split(r"^(?=--- )", TOUR[name].read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
 
 
 def changed_file(patch: str) -> str:
@@ -51,8 +47,7 @@ def test_one_file_and_one_line(page: str) -> None:
 
 
 def test_the_rows_are_those_that_are_followed() -> None:
-    followed = {*PAGES, "model", *(path.stem for path in TOUR.glob("*.diff"))}
-    assert set(ROWS) == followed
+    assert set(ROWS) == set(TOUR)
     assert all((DOCS / row["change"]).exists() for row in ROWS.values())
 
 
@@ -95,7 +90,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def toured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return changed_program(tmp_path_factory.mktemp("tour"), sorted(path.stem for path in TOUR.glob("*.diff")))
+    return changed_program(tmp_path_factory.mktemp("tour"), [name for name in TOUR if name not in (*PAGES, "model")])
 
 
 @pytest.mark.full
@@ -141,7 +136,9 @@ def test_the_tour_works(toured: Path, tmp_path: Path) -> None:
 
     # No test of the executable lists what there is.
     quick = [f"test_{name}.py" for name in ("decks", "sizes", "error_codes", "manual", "sampling")]
-    suite = Program((sys.executable, "-m", "pytest", "-q", "-m", "not full", "-p", "no:cacheprovider", *quick), Path(__file__).parent)
+    suite = Program(
+        (sys.executable, "-m", "pytest", "-q", "-m", "not full", "-p", "no:cacheprovider", *quick), Path(__file__).parent
+    )
     tested = suite(env={"DYNSTICTION_EXE": str(toured / "dynstiction")})
     assert tested.returncode == 0, tested.stdout
 
