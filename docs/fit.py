@@ -2,8 +2,7 @@
 
     python docs/fit.py [--short]
 
-Prints two tables in Markdown. The first: standard errors of the parameters of a rig from a force trace along the pull, by noise
-and sampling. The second: how often creep before slip is detected, by misalignment and noise, and with static friction. Writes
+Prints a table in Markdown: standard errors of the parameters of a rig from a force trace along the pull, by noise and sampling. Writes
 docs/figures/fit.png, identifiability.png.
 """
 
@@ -33,8 +32,6 @@ FREE = (
 )
 NOISES, RATES = (0.001, 0.01, 0.05), (200.0, 1e3, 5e3)
 CYCLES = 20.6
-SEEDS = 20
-ANGLES, CREEP_NOISES = (0.1, 0.3, 1.0, 3.0), (0.002, 0.01, 0.03, 0.1)
 
 
 def clean_trace(scene: ds.Scene, cycles: float, rate: float) -> ds.Trace:
@@ -78,24 +75,6 @@ def identifiability(short: bool) -> dict[tuple[float, float], ds.Fit]:
     return found
 
 
-def power(short: bool) -> None:
-    print("| scene | " + " | ".join(f"noise {100.0 * noise:g} %" for noise in CREEP_NOISES) + " |")
-    print("| --- " * (len(CREEP_NOISES) + 1) + "|")
-    fig3 = ds.Scene(RIG, system={"stiffness_x": 1e3, "mass": 0.25}, friction={"mu_0": 0.2, "mu_inf": 0.15})
-    scenes = {f"{angle:g}°": ds.Scene(fig3, system={"misalignment_deg": angle}) for angle in ANGLES}
-    for static in (0.2, 0.22, 0.3):
-        scenes[f"0°, mu_static = {static:g}"] = ds.Scene(
-            fig3, system={"misalignment_deg": 0.0}, friction={"mu_static": static}
-        )
-    for name, scene in list(scenes.items())[:: 3 if short else 1]:
-        trace = clean_trace(scene, 11.3, 1e3)
-        cells = []
-        for noise in CREEP_NOISES:
-            seen = [ds.creep_test(noisy(trace, noise, seed)).creeps for seed in range(3 if short else SEEDS)]
-            cells.append(f"{100.0 * np.mean(seen):.0f} %")
-        print(f"| {name} | " + " | ".join(cells) + " |")
-
-
 def draw_identifiability(found: dict[tuple[float, float], ds.Fit], figure: Figure) -> None:
     figure.set_size_inches(COLUMN_WIDTH, 75.0 * MM)
     axis = figure.subplots()
@@ -125,7 +104,6 @@ def main() -> None:
     short = parser.parse_args().short
     warnings.simplefilter("ignore", ds.FitWarning)
     found = identifiability(short)
-    power(short)
     if not short:
         write(found[1e3, 0.01].plot(), DOCS / "figures" / "fit.png")
         write(

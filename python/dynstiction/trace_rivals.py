@@ -45,11 +45,11 @@ SMALL_ANGLES = (0.1, 0.4, 1.5)
 """Starts for creep beside an explanation without it [deg]."""
 AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
-TRIED, NEAR_BEST, FAR = 3, 4.0, 4.0
-"""Starts that are tried for an explanation; of these, cost over the least up to which it is completed, and mean square of the residuals
-with ROUGH errors above which none is: the explanation is wrong, however its values are."""
-ROUGH = COARSE_OF_OWN[:3]
-"""Errors with which starts are tried."""
+ROUGH = (0.05, 0.01)
+"""Errors with which starts are tried, relative to swing and period."""
+TRIED, NEAR_BEST, FAR = 2, 4.0, 20.0
+"""Starts that are tried for an explanation; of these, cost over the least up to which it is completed, and the misfit above which none
+is: the explanation is wrong, however its values are."""
 BEGIN = 0.05
 """Start of a key that the deck does not have, relative to what it competes with."""
 
@@ -209,19 +209,29 @@ def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution |
         except NoCycleError:
             continue
     rough.sort(key=lambda each: each.cost)
-    if not rough or rough[0].cost > FAR * rough[0].jacobian.shape[0]:
+    if not rough or rough[0].cost > FAR * _expected(problem, ROUGH[-1]):
         return rough[0] if rough else None
     found: list[Solution] = []
     for each in rough:
         if each.cost > NEAR_BEST * rough[0].cost:
             break
         try:
-            found.append(problem.improved(each.z, COARSE_OF_OWN[3:]))
+            found.append(problem.improved(each.z, COARSE_OF_OWN[-1:]))
         except NoCycleError:
             continue
         if problem.misfit(found[-1].z)[1] >= USUAL:
             break
     return min(found, key=lambda each: each.cost) if found else rough[0]
+
+
+def _expected(problem: Problem, coarse: float) -> float:
+    """Sum of the squares of the residuals that the errors of the traces explain, if a share is added to them."""
+    total = 0.0
+    for each in problem.recordings:
+        used = each.wave.counts
+        total += float(np.sum((each.wave.weights(coarse)[used] / each.wave.weights(0.0)[used]) ** 2))
+        total += (each.period_error(0.0) / each.period_error(coarse)) ** 2
+    return total
 
 
 def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:

@@ -737,19 +737,3 @@ def test_a_compressed_table_says_its_units(tmp_path: Path) -> None:
     (tmp_path / "b.csv.gz").write_bytes((tmp_path / "a.csv.gz").read_bytes()[:-9])
     with pytest.raises(ds.FileError, match="cannot be decompressed"):
         ds.read_trace(tmp_path / "b.csv.gz")
-
-
-def test_a_round_peak_is_no_creep() -> None:
-    """A sine behind a mains filter, and stick-slip without misalignment behind a low pass."""
-    time = np.arange(0.0, 4.0, 5e-4)
-    hum = ds.Trace(time, 4.0 + 0.3 * np.sin(2.0 * np.pi * 50.0 * time)).with_noise(0.003, 1)
-    assert not ds.creep_test(hum).creeps and "rounds such a peak" in str(ds.creep_test(hum))
-    rig = ds.Scene(
-        model="full", mass=0.4, stiffness_x=2e4, stiffness_y=2e6, misalignment_deg=0.0, mu_0=0.25, mu_inf=0.18, v_f=4e-3,
-        normal_load=20.0, velocity=3e-3, t_end=8.0,
-    )  # fmt: skip
-    run = ds.run(rig, output={"interval": 5e-4, "fields": ["spring_force_x", "spring_force_y"]})
-    sharp = ds.Trace.of(run).part(start=3.0)
-    for corner in (30.0, 100.0):
-        rounded = ds.Chain(filter=corner, order=4)(sharp).with_noise(0.005 * np.ptp(sharp.force), 2)
-        assert not ds.creep_test(rounded).creeps, corner

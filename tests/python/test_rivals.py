@@ -1,0 +1,86 @@
+"""What makes a rig stick is named: creep, a static limit, ageing, or none of them; and what a fit lacks."""
+
+from __future__ import annotations
+
+import warnings
+
+import dynstiction as ds
+import numpy as np
+import pytest
+from programs import INPUTS
+
+DECK = ds.Scene(INPUTS / "fig3.nml").replace(
+    integrator={"rtol": 1e-7}, system={"misalignment_deg": 1.2, "stiffness_x": 900.0, "mass": 0.35}, friction={"mu_0": 0.23, "mu_inf": 0.19}
+)
+RIG = DECK.replace(system={"misalignment_deg": 1.4, "mass": 0.4}, friction={"mu_0": 0.24})
+FREE = "friction.mu_0,system.mass"
+STATIC = {"system": {"misalignment_deg": 0.0}, "friction": {"mu_static": 0.255}}
+AGEING = {"system": {"misalignment_deg": 0.0}, "friction": {"ageing": 0.004, "ageing_time": 1e-3}}
+
+
+def trace_of(rig: ds.Scene, end: float = 14.0, seed: int = 1) -> ds.Trace:
+    run = ds.run(rig, scene={"t_end": end}, output={"interval": 1e-3, "fields": ["spring_force_x", "spring_force_y"]})
+    clean = ds.Trace.of(run).part(start=2.0)
+    return clean.with_noise(0.01 * np.ptp(clean.force), seed)
+
+
+@pytest.mark.parametrize(
+    ("name", "groups"), [("creep", {}), ("static", STATIC), ("weakening", {"system": {"misalignment_deg": 0.0}})]
+)
+def test_what_holds_the_object_is_named(name: str, groups: dict[str, dict[str, float]]) -> None:
+    found = ds.creep_test(DECK, trace_of(RIG.replace(**groups)), FREE)
+    best = found.explanations[0]
+    assert best.name == name and found.explains
+    assert found.creeps == (name == "creep")
+    # At one speed a limit that ages is as good as one that does not.
+    likely = found.probability(name) + (found.probability("ageing") if name == "static" else 0.0)
+    assert likely > 0.95
+    assert best.values["system.mass"] == pytest.approx(0.4, rel=0.05)
+    if name == "static":
+        assert best.values["friction.mu_static"] == pytest.approx(0.255, rel=0.01)
+        assert found.named is None and "other speeds" in str(found)
+    assert 0.0 < found.least_angle < 1.0
+
+
+@pytest.mark.parametrize(("name", "groups"), [("static", STATIC), ("ageing", AGEING)])
+def test_two_speeds_show_whether_a_limit_ages(name: str, groups: dict[str, dict[str, float]]) -> None:
+    speeds = (1e-3, 4e-3)
+    traces = [
+        trace_of(RIG.replace(**groups, drive={"velocity": v}), end, k) for k, (v, end) in enumerate(zip(speeds, (14.0, 6.0), strict=True))
+    ]
+    found = ds.creep_test(DECK, traces, FREE, each={"drive.velocity": speeds})
+    assert found.named == name, found
+
+
+def test_a_filter_that_is_not_named_is_no_creep() -> None:
+    sharp = trace_of(RIG.replace(**STATIC))
+    rounded = ds.Chain(filter=15.0, order=4)(sharp)
+    assert not ds.creep_test(DECK, rounded, FREE).creeps
+    assert not ds.creep_test(DECK, rounded, FREE, chain=ds.Chain(filter=15.0, order=4)).creeps
+
+
+def test_a_deck_without_rest_is_refused() -> None:
+    trace = trace_of(RIG, 6.0)
+    with pytest.raises(ds.UsageError, match="model 'full'"):
+        ds.creep_test(DECK.replace(scene={"model": "low_frequency"}), trace, FREE)
+    with pytest.raises(ds.UsageError, match="contact 'exact'"):
+        ds.creep_test(DECK.replace(friction={"contact": "smoothed", "v_smooth": 1e-6}), trace, FREE)
+
+
+@pytest.mark.parametrize(
+    ("groups", "deck", "lacks", "value"),
+    [
+        ({}, {"system": {"mass": 0.25}}, "system.mass", 0.4),
+        ({"friction": {"mu_static": 0.27}}, {"system": {"mass": 0.4}}, "friction.mu_static", 0.27),
+    ],
+)
+def test_what_a_fit_lacks_is_found(
+    groups: dict[str, dict[str, float]], deck: dict[str, dict[str, float]], lacks: str, value: float
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ds.FitWarning)
+        found = ds.fit(DECK.replace(**deck), trace_of(RIG.replace(**groups)), ("system.misalignment_deg", "friction.mu_0"))
+    assert not found.explains
+    best = ds.explanations(found)[0]
+    assert lacks in best.values and best.chance > 1e-3, best
+    assert best.values[lacks] == pytest.approx(value, rel=0.05)
