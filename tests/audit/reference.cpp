@@ -2,7 +2,7 @@
 //
 //     u' = V(t) e - w,     m w' = f - F(v) w/v,     f = K u + C (V e - w),     v = |w|,
 //
-// with every law of friction. A body at rest stays while |f| <= F_s; a slip stops where v = 0 and |f| < F_0. It shares no code with
+// with every law of friction. A body at rest stays while |f| <= F_s, which may grow with the time at rest; a slip stops where v = 0 and |f| < F_0. It shares no code with
 // src/ and takes another way:
 //
 // * the unknown is the Cartesian slip velocity w, not (v, theta); Radau IIA collocation of 12 stages (or as many as asked for), in
@@ -66,7 +66,8 @@ struct Panel {
 
 struct Scene {
   real m, mu0, mu_inf, vf, exponent, viscous, load, ratio, t_end, tolerance;
-  real limit, kinetic;  // F_s, F_0
+  real limit, kinetic;  // F_s as rest begins, F_0
+  real ageing, ageing_time;
   vec K, C, u0, e;
   list knot, velocity, samples;  // the drive is constant after its last knot
   std::vector<Panel> table;
@@ -102,6 +103,7 @@ struct Scene {
     tabulate(speed, mu);
     kinetic = mu0 * load;
     limit = std::max(kinetic, one("mu_static", 0) * load);
+    ageing = one("ageing", 0) * load, ageing_time = one("ageing_time", 1);
     knot = all("time", {0}), velocity = all("velocity", {0}), samples = all("samples", {});
     stages = static_cast<int>(one("stages", 12)), tolerance = one("tolerance", 1e-12L);
     if (!given.empty()) throw std::runtime_error("unknown key " + given.begin()->first);
@@ -131,6 +133,7 @@ struct Scene {
     if (last > 0) table.push_back({speed[last], 1e4000L, {load * mu[last], 0, 0, 0}});
   }
 
+  real limit_after(real age) const { return limit + ageing * std::log1p(age / ageing_time); }
   real power(real v) const { return exponent == 1 ? 1 : std::pow(v / vf, exponent - 1); }
   // Friction at a speed in the panel of the table, if there is one, and its slope.
   real friction(real v, size_t panel) const {
@@ -350,6 +353,7 @@ class Motion {
   vec u_lost;
   vec u, w;
   bool sticking = false;
+  real rest_since = 0;
   real h = 0;                        // the next step
   real peak = 0, fastest = 0;        // largest speed since the release, and of the run
   // The polynomial of the last step, for the first guess; after a release, a series.
@@ -398,6 +402,7 @@ class Motion {
 
   void stick() {
     sticking = true;
+    rest_since = t;
     w = {};
     event(1);
   }
@@ -405,12 +410,20 @@ class Motion {
   // To the release, the end of the piece, or the next sample. |f(d)|^2 is a polynomial of degree 4 in the share of this time.
   void rest() {
     const Piece& p = pieces[piece];
-    const real duration = time_left(), size = norm(force(0, u, w)), square = s.limit * s.limit;
+    const real limit = s.limit_after(t - rest_since);
+    const real duration = time_left(), size = norm(force(0, u, w)), square = limit * limit;
     const vec f0 = force(0, u, w), f1 = duration * (V(0) * (s.K * s.e) + p.acceleration * (s.C * s.e));
     const vec f2 = duration * duration * p.acceleration / 2 * (s.K * s.e);
-    const list excess = {std::min(real(0), (size - s.limit) * (size + s.limit) / square), 2 * dot(f0, f1) / square,
+    const list excess = {std::min(real(0), (size - limit) * (size + limit) / square), 2 * dot(f0, f1) / square,
                          (dot(f1, f1) + 2 * dot(f0, f2)) / square, 2 * dot(f1, f2) / square, dot(f2, f2) / square};
-    const list release = size > s.limit * (1 + 16 * epsilon) ? list{0} : zeros(excess);  // at once where V has jumped
+    list release = size > limit * (1 + 16 * epsilon) ? list{0} : zeros(excess);  // at once where V has jumped
+    if (s.ageing > 0 && !release.empty() && size <= limit * (1 + 16 * epsilon)) {
+      // Not before the limit as it is now would be reached; then the first change of sign on a fine grid.
+      list point = {release[0]};
+      for (int i = 1; i <= 4000; ++i) point.push_back(release[0] + (1 - release[0]) * std::pow(real(i) / 4000, 3));
+      release = crossings(
+          [&](real x) { return norm(f0 + x * f1 + x * x * f2) - s.limit_after(t - rest_since + x * duration); }, point);
+    }
     const real d = release.empty() ? duration : release[0] * duration;
     const real end = horizon();
     pass(d, p.travel(t, d) * s.e);

@@ -33,6 +33,8 @@ class Scene:
     elongation_y: float = 0.0
     t_end: float = 0.0
     mu_static: float = 0.0
+    ageing: float = 0.0
+    ageing_time: float = 1.0
     damping_x: float = 0.0
     damping_y: float = 0.0
     exponent: float = 1.0
@@ -78,6 +80,8 @@ class Scene:
         optional = [name for name in ("damping_x", "damping_y") if getattr(self, name) > 0]
         if self.mu_static > 0:
             of_law += ("mu_static",)
+        if self.ageing > 0 and model == "full":
+            of_law += ("ageing", "ageing_time")
         groups: Groups = {
             "scene": {"model": model, "t_end": self.t_end},
             "system": self._keys("mass", "stiffness_x", "stiffness_y", "misalignment_deg", *optional),
@@ -116,7 +120,16 @@ def random_scene(seed: int, number: int, profiles: bool = True, family: str = "a
     while True:
         scene = _draw_turning(chance) if family == "turning" else _draw(chance, profiles)
         if scene is not None:
-            return scene
+            return _age(random.Random(f"ageing {family} {seed}/{number}"), scene)
+
+
+def _age(chance: random.Random, scene: Scene) -> Scene:
+    """One of five has a static limit that ages."""
+    if chance.random() > 0.2:
+        return scene
+    release, fast, _ = _times(scene)
+    ageing, time = scene.mu_0 * log_uniform(chance, 1e-4, 0.1), chance.choice([release, fast]) * log_uniform(chance, 1e-3, 1e2)
+    return replace(scene, ageing=ageing, ageing_time=time, kinds=(*scene.kinds, "ageing"))
 
 
 def _rig(chance: random.Random) -> Scene:
