@@ -47,25 +47,25 @@ def process(script: str, deck: str, **how: object) -> str:
 
 
 TWO_THREADS = """
-import threading
+from concurrent.futures import ThreadPoolExecutor
 simulation = ds.Simulation(DECK, scene={"t_end": 3.0})
 refused = []
-def use():
+def use(_):
     for i in range(1, 7):
         try:
             simulation.step_to(simulation.t_end * i / 6)
         except ds.UsageError as error:
             refused.append(str(error))
-users = [threading.Thread(target=use) for _ in range(4)]
-for user in users: user.start()
-for user in users: user.join()
+with ThreadPoolExecutor(4) as pool:
+    list(pool.map(use, range(4)))
 assert any("busy: another thread" in text for text in refused), refused
 result, whole = simulation.finish(), ds.run(DECK, scene={"t_end": 3.0})
 assert all(result[n].tobytes() == whole[n].tobytes() for n in whole)
 """
 
 SWEEP = """
-import threading, time
+import time
+from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from dynstiction import _native
 core = _native.Sweep(ds.Scene(DECK).source, [("system.misalignment_deg", np.linspace(1.0, 9.0, 64))], False)
@@ -76,11 +76,10 @@ def use(first):
             done.append(core.run(case, 1))
     except ds.UsageError as error:
         ends.append(str(error))
-users = [threading.Thread(target=use, args=(i,)) for i in range(3)]
-for user in users: user.start()
-while not done: time.sleep(0.01)
-core.close()
-for user in users: user.join()
+with ThreadPoolExecutor(3) as pool:
+    pool.map(use, range(3))
+    while not done: time.sleep(0.01)
+    core.close()
 assert len(ends) == 3 and all("closed" in text for text in ends), (ends, len(done))
 """
 
@@ -96,9 +95,9 @@ def test_closed_handles_say_so(fig3: ds.Scene) -> None:
     of_run = (
         lambda: run.advance(0.1),
         lambda: run.state(0.0),
+        lambda: run.sample_at(np.zeros(1)),
         run.ending,
         run.parameters,
-        lambda: run.sample_at(np.zeros(1)),
         run.time,
     )
     for handle, methods in ((run, of_run), (values, (values.given,)), (sweep, (lambda: sweep.run(0, 1), sweep.stop))):
@@ -137,12 +136,7 @@ def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
 def test_handles_are_not_copied(fig3: ds.Scene) -> None:
     with ds.Simulation(fig3, scene=SHORT) as simulation:
         for thing in (simulation, simulation._core):
-            for copying in (
-                copy.deepcopy,
-                pickle.dumps,
-                lambda x: pickle.dumps(x, protocol=0),
-                lambda x: pickle.dumps({"a": (x,)}),
-            ):
+            for copying in (copy.deepcopy, pickle.dumps, lambda x: pickle.dumps(x, 0), lambda x: pickle.dumps({"a": (x,)})):
                 with pytest.raises(TypeError, match="the scene that it was made of, or its result"):
                     copying(thing)
             with pytest.raises(TypeError, match="cannot be copied"):
@@ -187,7 +181,7 @@ def test_errors_are_made_again_by_new() -> None:
 
 
 FORKED = """
-import os, threading
+import multiprocessing, threading
 idle = ds.Simulation(DECK, scene={"t_end": 0.5})
 idle.step_to(0.2)
 busy = ds.Simulation(DECK, scene={"t_end": 1e6}, output={"interval": 1.0})
@@ -210,15 +204,10 @@ def child():
         raise AssertionError("used")
     busy.close()
 for i in range(5):
-    pid = os.fork()
-    if pid == 0:
-        status = 1
-        try:
-            child()
-            status = 0
-        finally:
-            os._exit(status)
-    assert os.waitpid(pid, 0)[1] == 0
+    process = multiprocessing.get_context("fork").Process(target=child)
+    process.start()
+    process.join(60)
+    assert process.exitcode == 0
 busy.close()
 user.join()
 whole, result = ds.run(DECK, scene={"t_end": 0.5}), idle.finish()
@@ -347,53 +336,49 @@ def test_no_rate_where_there_is_no_direction_and_no_creep_beyond_the_numbers() -
         assert np.all(np.isfinite(function(at_rest, **SLIDER, v_smooth=1e-5)))
         with pytest.raises(ds.UsageError, match="beyond the range"):
             function([[1e308, 1e308, 1e308, 1.0]], **SLIDER)
-    for first, second, value in (
-        ("mu_0", "normal_load", 1e200),
-        ("mu_0", "normal_load", 1e-200),
-        ("velocity", "stiffness_x", 1e-200),
-    ):
+    for *product, value in (("mu_0", "normal_load", 1e200), ("mu_0", "normal_load", 1e-200), ("velocity", "stiffness_x", 1e-200)):
         with pytest.raises(ds.UsageError, match="must be finite and in"):
-            ds.creep_velocity(0.5, **{**CREEP, "stiffness_y": 1e307, first: value, second: value})
+            ds.creep_velocity(0.5, **{**CREEP, "stiffness_y": 1e307, **dict.fromkeys(product, value)})
 
 
 LOOP: list[object] = []
 LOOP.append(LOOP)
-SAMPLES = np.arange(99.0)
-WILD: list[Callable[[ds.Scene, ds.Result], object]] = [
-    lambda scene, _: ds.run(3),
-    lambda scene, _: ds.run(b"&scene /"),
-    lambda scene, _: ds.run(scene, system={"mass\nsystem.mass": 1.0}),
-    lambda scene, _: ds.run(scene, system={1: 1.0}),
-    lambda scene, _: ds.run(scene, scene={"title": "\ud800"}),
-    lambda scene, _: ds.run(scene, progress="yes"),
-    lambda scene, _: ds.Scene(scene, drive={"velocity": LOOP}),
-    lambda scene, _: ds.Scene(scene, drive={"velocity": 10**5000}),
-    lambda scene, _: ds.sweep(scene, "x"),
-    lambda scene, _: ds.sweep(scene, {"system.mass": [1.0]}, threads=1.5),
-    lambda scene, _: ds.sweep(scene, {"system.mass": [1.0]}, points="x"),
-    lambda scene, _: ds.trade(scene, quantities=1),
-    lambda scene, _: ds.trade(scene, quantities=[1]),
-    lambda scene, _: ds.trade(scene, budget=np.nan),
-    lambda scene, _: ds.ridge(1),
-    lambda scene, _: ds.ridge(ds.Spectrogram(np.empty(0), np.empty(0), np.empty((0, 0)))),
-    lambda scene, _: ds.spectrogram(SAMPLES, np.ones(99), 20.0, count=0),
-    lambda scene, _: ds.spectrogram(SAMPLES, SAMPLES * 1e300, 20.0),
-    lambda scene, _: ds.stick_slip_statistics(None),
-    lambda scene, _: ds.open(None),
-    lambda scene, _: ds.Described([1]),
-    lambda scene, _: ds.Simulation(scene).step_to(None),
-    lambda _, result: result.sticks(np.nan),
-    lambda _, result: result.to_pandas(np.ones(2)),
-    lambda _, result: result.save(3),
-    lambda _, result: result.save("x.h5", overwrite="no"),
-    lambda _, result: ds.stick_slip_statistics(result)[[1]],
-]
 
 
 def test_wild_calls_are_refused(fig3: ds.Scene, fig3_result: ds.Result) -> None:
-    for number, call in enumerate(WILD):
+    scene, result, samples = fig3, fig3_result, np.arange(99.0)
+    calls: list[Callable[[], object]] = [
+        lambda: ds.run(3),
+        lambda: ds.run(b"&scene /"),
+        lambda: ds.run(scene, system={"mass\nsystem.mass": 1.0}),
+        lambda: ds.run(scene, system={1: 1.0}),
+        lambda: ds.run(scene, scene={"title": "\ud800"}),
+        lambda: ds.run(scene, progress="yes"),
+        lambda: ds.Scene(scene, drive={"velocity": LOOP}),
+        lambda: ds.Scene(scene, drive={"velocity": 10**5000}),
+        lambda: ds.sweep(scene, "x"),
+        lambda: ds.sweep(scene, {"system.mass": [1.0]}, threads=1.5),
+        lambda: ds.sweep(scene, {"system.mass": [1.0]}, points="x"),
+        lambda: ds.trade(scene, quantities=1),
+        lambda: ds.trade(scene, quantities=[1]),
+        lambda: ds.trade(scene, budget=np.nan),
+        lambda: ds.ridge(1),
+        lambda: ds.ridge(ds.Spectrogram(np.empty(0), np.empty(0), np.empty((0, 0)))),
+        lambda: ds.spectrogram(samples, np.ones(99), 20.0, count=0),
+        lambda: ds.spectrogram(samples, samples * 1e300, 20.0),
+        lambda: ds.stick_slip_statistics(None),
+        lambda: ds.open(None),
+        lambda: ds.Described([1]),
+        lambda: ds.Simulation(scene).step_to(None),
+        lambda: result.sticks(np.nan),
+        lambda: result.to_pandas(np.ones(2)),
+        lambda: result.save(3),
+        lambda: result.save("x.h5", overwrite="no"),
+        lambda: ds.stick_slip_statistics(result)[[1]],
+    ]
+    for number, call in enumerate(calls):
         with pytest.raises(ds.UsageError):
-            pytest.fail(f"call {number} returned {call(fig3, fig3_result)}")
+            pytest.fail(f"call {number} returned {call()}")
 
 
 # Saving

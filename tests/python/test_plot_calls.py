@@ -16,9 +16,6 @@ WAYS = (
     "figure = result.plot()",
     "figure = ds.plot.draw(result)",
     "import dynstiction.plot; figure = dynstiction.plot.draw(result)",
-    "import dynstiction.plot; figure = dynstiction.plot(result)",
-    "from dynstiction.plot import draw; figure = draw(result)",
-    "from dynstiction import plot; figure = plot(result)",
     "import dynstiction.plot as p; figure = p(result)",
     "from dynstiction.plot.time_series import draw_history; figure = ds.plot(result)",
 )

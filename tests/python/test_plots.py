@@ -238,6 +238,10 @@ def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
     fall = 0.5 * np.exp(-speed / 0.01)
     expected = np.degrees(np.arctan(np.sqrt(speed / 0.01 * fall / (1.5 + fall))))
     np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-9)
+    # The same from a list in any order, with a third parameter that follows from the two.
+    phi, velocity = (a.ravel()[np.random.default_rng(3).permutation(12)] for a in np.meshgrid(PHI, VELOCITY, indexing="ij"))
+    cases = {"system.misalignment_deg": phi, "drive.velocity": velocity, "scene.t_end": 5.0 + 0.0 * phi}
+    np.testing.assert_array_equal(colours(plot.draw(ds.sweep(LOW, cases, points=True, threads=1))), grid["swing"].values / 2.0)
 
 
 def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
@@ -255,19 +259,6 @@ def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) 
     assert slow.get_ydata()[-1] == pytest.approx(8.65603, abs=1e-4)
     assert fast.get_ydata()[-1] == pytest.approx(76.263, abs=1e-3)
     assert axis.get_xlabel() == "$k_y$ [N/m]"
-
-
-def test_map_of_a_list_that_is_a_grid(grid) -> None:
-    """In any order, with a third parameter that follows from the two."""
-    phi, velocity = (a.ravel() for a in np.meshgrid(PHI, VELOCITY, indexing="ij"))
-    order = np.random.default_rng(3).permutation(phi.size)
-    data = ds.sweep(
-        LOW,
-        {"system.misalignment_deg": phi[order], "drive.velocity": velocity[order], "scene.t_end": 5.0 + 0.0 * phi},
-        points=True,
-        threads=1,
-    )
-    np.testing.assert_array_equal(colours(plot.draw(data)), grid["swing"].values / 2.0)
 
 
 def test_map_of_one_parameter_and_of_a_list(grid) -> None:
