@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import dynstiction as ds
 import numpy as np
@@ -130,41 +131,32 @@ def test_creep_figure_has_the_closed_form_and_those_of_equation_8(constant_resul
     np.testing.assert_allclose(deviation[inner], 100 * (first / exact - 1)[inner])
 
 
-def run_short(groups: dict[str, dict[str, object]]) -> ds.Result:
-    return ds.run(deck("fig3"), **({"scene": {"t_end": 0.3}, "output": {"interval": 2e-4}} | groups))
+def run_short(changes: dict[str, Any]) -> ds.Result:
+    return ds.run(deck("fig3"), **({"t_end": 0.3, "interval": 2e-4} | changes))
 
 
 # Changes of a scene, and what names the remedy of the kinds that it cannot have.
-ANY_FILE: dict[str, tuple[dict[str, dict[str, object]], dict[str, str]]] = {
-    "aligned": (
-        {"system": {"misalignment_deg": 0.0}},
-        {"damping": "misalignment", "creep": "misalignment", "cycle_map": "releases"},
-    ),
-    "negative": ({"system": {"misalignment_deg": -1.0}}, {}),
-    "across": ({"system": {"misalignment_deg": 90.0}}, {"creep": "phi", "cycle_map": "releases"}),
-    "turned": ({"system": {"misalignment_deg": 170.0}}, {"creep": "phi"}),
-    "backwards": ({"drive": {"velocity": -1e-3}}, {}),
+ANY_FILE: dict[str, tuple[dict[str, Any], dict[str, str]]] = {
+    "aligned": ({"misalignment_deg": 0.0}, {"damping": "misalignment", "creep": "misalignment", "cycle_map": "releases"}),
+    "negative": ({"misalignment_deg": -1.0}, {}),
+    "across": ({"misalignment_deg": 90.0}, {"creep": "phi", "cycle_map": "releases"}),
+    "turned": ({"misalignment_deg": 170.0}, {"creep": "phi"}),
+    "backwards": ({"velocity": -1e-3}, {}),
     "profile": (
-        {"drive": {"time": [0.0, 0.1, 0.2], "velocity": [1e-3, 1e-3, 0.0]}},
+        {"time": [0.0, 0.1, 0.2], "velocity": [1e-3, 1e-3, 0.0]},
         {"damping": "velocity", "creep": "velocity", "cycle_map": "constant drive velocity"},
     ),
-    "at rest": (
-        {"drive": {"velocity": 0.0}, "initial": {"velocity_ratio": 0.0}},
-        {"damping": "drive", "creep": "velocity", "cycle_map": "velocity"},
-    ),
-    "strained": ({"initial": {"elongation_x": 1e-4}}, {"creep": "relaxed"}),
-    "isotropic": ({"system": {"stiffness_y": 1e3}}, {"creep": "kappa", "cycle_map": "releases"}),
-    "without friction": (
-        {"friction": {"mu_0": 0.0, "mu_inf": 0.0}},
-        {"creep": "friction", "damping": "friction", "cycle_map": "friction"},
-    ),
+    "at rest": ({"velocity": 0.0, "velocity_ratio": 0.0}, {"damping": "drive", "creep": "velocity", "cycle_map": "velocity"}),
+    "strained": ({"elongation_x": 1e-4}, {"creep": "relaxed"}),
+    "isotropic": ({"stiffness_y": 1e3}, {"creep": "kappa", "cycle_map": "releases"}),
+    "without friction": ({"mu_0": 0.0, "mu_inf": 0.0}, {"creep": "friction", "damping": "friction", "cycle_map": "friction"}),
     "constant": ({"friction": CONSTANT}, {"cycle_map": "releases"}),
-    "smoothed": ({"friction": {"contact": "smoothed", "v_smooth": 1e-6}}, {"cycle_map": "contact = 'exact'"}),
-    "every step": ({"output": {"interval": 0.0}, "scene": {"t_end": 0.1}}, {"spectrogram": "uniform"}),
-    "coarse": ({"output": {"interval": 0.01}}, {"spectrogram": r"output\.interval = 5e-05"}),
-    "short": ({"scene": {"t_end": 1e-3}}, {"spectrogram": "longer run", "creep": "samples", "cycle_map": "releases"}),
+    "smoothed": ({"contact": "smoothed", "v_smooth": 1e-6}, {"cycle_map": "contact = 'exact'"}),
+    "every step": ({"interval": 0.0, "t_end": 0.1}, {"spectrogram": "uniform"}),
+    "coarse": ({"interval": 0.01}, {"spectrogram": r"output\.interval = 5e-05"}),
+    "short": ({"t_end": 1e-3}, {"spectrogram": "longer run", "creep": "samples", "cycle_map": "releases"}),
     "two samples": (
-        {"scene": {"t_end": 1e-3}, "output": {"interval": 1e-3}},
+        {"t_end": 1e-3, "interval": 1e-3},
         {"spectrogram": "longer run|uniform|output", "creep": "samples", "cycle_map": "releases"},
     ),
 }

@@ -67,13 +67,7 @@ def test_an_unstable_cycle_parts_what_sticks_and_slips_from_what_slides() -> Non
     for share, swing in ((0.999, 0.0), (1.001, large.swing)):
         middle = found.sliding_load
         start = (middle + share * (small.valley_force - middle)) / 1e3
-        run = ds.run(
-            slow(at(75e-3, 3.5)),
-            scene={"t_end": 200.0},
-            initial={"elongation_x": start, "velocity_ratio": 1.0},
-            integrator=TIGHT,
-            output={"interval": 200.0},
-        )
+        run = ds.run(slow(at(75e-3, 3.5)), t_end=200.0, interval=200.0, elongation_x=start, velocity_ratio=1.0, **TIGHT)
         assert run.summary["swing"] == pytest.approx(swing, abs=1e-3 * large.swing)
 
 
@@ -87,13 +81,8 @@ def test_no_cycle_of_a_random_scene_is_overlooked() -> None:
         found = ds.cycles(scene)
         swings = [cycle.swing for cycle in found.stable] + ([0.0] if found.sliding_is_stable else [])
         for share in (0.02, 0.3, 2.0):
-            run = ds.run(
-                scene,
-                scene={"t_end": 200.0},
-                initial={"elongation_x": (found.sliding_load - share * LIMIT) / 1e3, "velocity_ratio": 1.0},
-                integrator={"method": "radau13", "rtol": 1e-8},
-                output={"interval": 200.0},
-            )
+            start = (found.sliding_load - share * LIMIT) / 1e3
+            run = ds.run(scene, t_end=200.0, interval=200.0, elongation_x=start, velocity_ratio=1.0, method="radau13", rtol=1e-8)
             nearest = min(swings, key=lambda swing: abs(swing - run.summary["swing"]))
             assert run.summary["swing"] == pytest.approx(nearest, abs=0.02 * LIMIT), (scene.groups(), share)
             ended.add(nearest == 0.0)
@@ -237,16 +226,14 @@ def test_several_stable_cycles_of_the_full_model_are_all_found() -> None:
 # The release map: what repeats, after how many slow cycles.
 
 FAST = FIG3.replace(
-    system={"mass": 0.12843404516110027, "misalignment_deg": 2.636206398074764, "stiffness_y": 2540.1376172650675},
-    friction={"mu_inf": 0.17256450051088845, "v_f": 0.04166683247099321},
-    drive={"velocity": 0.00013293200356692174},
-)
+    mass=0.12843404516110027, misalignment_deg=2.636206398074764, stiffness_y=2540.1376172650675,
+    mu_inf=0.17256450051088845, v_f=0.04166683247099321, velocity=0.00013293200356692174,
+)  # fmt: skip
 
 
 def releases(scene: ds.Scene, t_end: float, steps: dict[str, object]) -> np.ndarray:
     """Times of the releases of a run by steps."""
-    steps = steps | {"cycle_map": "off"}
-    run = ds.run(scene, scene={"t_end": t_end}, integrator=steps, output={"interval": t_end, "fields": ["u_x"]})
+    run = ds.run(scene, t_end=t_end, interval=t_end, fields=["u_x"], cycle_map="off", **steps)
     return run.events["time"][run.events["kind"] == 2]
 
 
@@ -254,7 +241,7 @@ def releases_from(scene: ds.Scene, angle: float, t_end: float, steps: dict[str, 
     """Of a run that begins with the release at this angle."""
     x, y = scene.system.stiffness_x, scene.system.stiffness_y
     begun = {"elongation_x": LIMIT * math.cos(angle) / x, "elongation_y": LIMIT * math.sin(angle) / y}
-    return releases(scene.replace(initial={"velocity_ratio": 0.0, **begun}), t_end, steps)
+    return releases(scene.replace(velocity_ratio=0.0, **begun), t_end, steps)
 
 
 def test_the_fast_oscillation_alone_is_a_cycle_and_steady_sliding_is_none() -> None:
@@ -300,15 +287,13 @@ def test_an_irregular_beginning_is_no_irregular_motion() -> None:
 
 
 FEW = FIG3.replace(
-    system={"mass": 0.11810069680474723, "misalignment_deg": 19.705913050320426, "stiffness_y": 10717.48146869197},
-    friction={"mu_inf": 0.07208458490660812, "v_f": 0.01989111302206811},
-    drive={"velocity": 0.00016333553636584846},
-)
+    mass=0.11810069680474723, misalignment_deg=19.705913050320426, stiffness_y=10717.48146869197,
+    mu_inf=0.07208458490660812, v_f=0.01989111302206811, velocity=0.00016333553636584846,
+)  # fmt: skip
 OTHERS = FIG3.replace(
-    system={"mass": 0.003146045936841037, "misalignment_deg": 0.7182818178738907, "stiffness_y": 8877557.575645091},
-    friction={"mu_inf": 0.05153929994043587, "v_f": 0.003616128958358883},
-    drive={"velocity": 0.03969562397834232},
-)
+    mass=0.003146045936841037, misalignment_deg=0.7182818178738907, stiffness_y=8877557.575645091,
+    mu_inf=0.05153929994043587, v_f=0.003616128958358883, velocity=0.03969562397834232,
+)  # fmt: skip
 
 
 def test_every_cycle_of_few_slow_cycles_repeats_itself() -> None:
@@ -329,9 +314,9 @@ def test_cycles_to_which_only_other_motions_come() -> None:
     found = ds.cycles(OTHERS)
     assert len(found.stable) == 2
     assert found.regularity.repeats == 1
-    tight = {"scene": {"t_end": 8.0}, "integrator": {"method": "radau13", "rtol": 1e-10}, "output": {"interval": 8.0}}
-    starts: tuple[dict[str, float], ...] = ({}, {"elongation_x": 1e-3, "elongation_y": -1e-7})
-    periods = sorted(ds.run(OTHERS, initial=start, **tight).summary["period"] for start in starts)
+    tight = OTHERS.replace(t_end=8.0, interval=8.0, method="radau13", rtol=1e-10)
+    starts = (tight, tight.replace(elongation_x=1e-3, elongation_y=-1e-7))
+    periods = sorted(ds.run(start).summary["period"] for start in starts)
     assert periods == pytest.approx(sorted(cycle.period for cycle in found.stable), rel=1e-7)
 
 
@@ -368,10 +353,9 @@ def test_the_command(program: Program) -> None:
     ):
         assert remedy in program("cycles", INPUTS / "fig3.nml", settings=settings, status=2).stderr
     many = FIG3.replace(
-        system={"mass": 0.00736305136761138, "misalignment_deg": 0.26351469481281053, "stiffness_y": 34763446.02554201},
-        friction={"mu_inf": 0.09476532229353388, "v_f": 0.029872538167948545},
-        drive={"velocity": 0.0013755287024585605},
-    )
+        mass=0.00736305136761138, misalignment_deg=0.26351469481281053, stiffness_y=34763446.02554201,
+        mu_inf=0.09476532229353388, v_f=0.029872538167948545, velocity=0.0013755287024585605,
+    )  # fmt: skip
     (program.folder / "many.nml").write_text(many.to_deck())
     search = program.start("cycles", "many.nml", stdout=subprocess.PIPE)
     time.sleep(2.0)
@@ -440,11 +424,8 @@ def test_a_fast_object_oscillates_before_it_is_said_to_slide() -> None:
 
 def test_a_fast_cycle_that_laps_come_to_too_slowly() -> None:
     """Differences shrink by a thousandth in each of 300,000 laps: Newton's method finds where these end."""
-    slow_laps = FIG3.replace(
-        system={"mass": 3.4868651e-3, "stiffness_y": 59628585.2, "misalignment_deg": 11.53632},
-        friction={"mu_inf": 0.0610707833, "v_f": 0.043051494},
-        drive={"velocity": 2.4422e-4},
-    )
+    slow_laps = FIG3.replace(mass=3.4868651e-3, stiffness_y=59628585.2, misalignment_deg=11.53632)
+    slow_laps = slow_laps.replace(mu_inf=0.0610707833, v_f=0.043051494, velocity=2.4422e-4)
     found = ds.cycles(slow_laps)
     (cycle,) = found.stable
     assert found.regularity.verdict == "regular"
@@ -457,14 +438,10 @@ def test_a_fast_cycle_that_laps_come_to_too_slowly() -> None:
 def test_a_cycle_reached_from_both_sides_has_one_exponent() -> None:
     """Here each slow cycle is one passage, which ends a little above and a little below the release of the cycle in turn."""
     scene = ds.Scene(
-        scene={"t_end": 0.6},
-        system={"mass": 0.0587, "stiffness_x": 22250.0, "stiffness_y": 1.5e5, "misalignment_deg": -7.57}
-        | {"damping_x": 2.54, "damping_y": 17.3},
-        friction={"law": "stribeck", "mu_0": 0.68, "mu_inf": 0.405, "v_f": 3.89e-3, "viscous": 0.053, "normal_load": 0.677}
-        | {"exponent": 1.0},
-        drive={"velocity": 1.464e-3},
-        output={"interval": 0.1},
-    )
+        t_end=0.6, mass=0.0587, stiffness_x=22250.0, stiffness_y=1.5e5, misalignment_deg=-7.57, damping_x=2.54, damping_y=17.3,
+        law="stribeck", mu_0=0.68, mu_inf=0.405, v_f=3.89e-3, viscous=0.053, normal_load=0.677, exponent=1.0, velocity=1.464e-3,
+        interval=0.1,
+    )  # fmt: skip
     (cycle,) = ds.cycles(scene).stable
     assert cycle.log_multiplier == pytest.approx(-0.89, abs=0.02)
     for rtol in (1e-5, 1e-7, 1e-9):

@@ -12,15 +12,11 @@ from programs import INPUTS
 FIG3 = ds.Scene(INPUTS / "fig3.nml")
 NAMES = ("pull_peak", "pull_valley", "pull_swing", "pull_frequency")
 
-RIG: dict[str, Any] = {
-    "system": {"mass": 0.4, "stiffness_x": 2e4, "stiffness_y": 2e6},
-    "friction": {"normal_load": 20.0, "mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3},
-    "scene": {"t_end": 1.5},
-}
+RIG = FIG3.replace(mass=0.4, stiffness_x=2e4, stiffness_y=2e6, normal_load=20.0, mu_0=0.25, mu_inf=0.18, v_f=4e-3, t_end=1.5)
 
 
-def rig(phi: float, **changes: dict[str, Any]) -> ds.Scene:
-    return FIG3.replace(**RIG).replace(system={"misalignment_deg": phi}, **changes)
+def rig(phi: float, **changes: Any) -> ds.Scene:
+    return RIG.replace(misalignment_deg=phi, **changes)
 
 
 SCENES = {

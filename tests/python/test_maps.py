@@ -132,9 +132,7 @@ def test_stiction_fades_with_lambda(thinned):
 
 def test_a_map_says_what_is_irregular_and_what_rings_down() -> None:
     rig = ds.Scene(INPUTS / "fig3.nml").replace(
-        system={"mass": 0.4, "stiffness_x": 2e4, "stiffness_y": 2e6},
-        friction={"normal_load": 20.0, "mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3},
-        scene={"t_end": 2.0},
+        mass=0.4, stiffness_x=2e4, stiffness_y=2e6, normal_load=20.0, mu_0=0.25, mu_inf=0.18, v_f=4e-3, t_end=2.0
     )
     data = ds.sweep(rig, {"misalignment_deg": [2.0, 6.0, 20.0], "velocity": [1e-3, 5e-2]})
     assert (data["regularity"].values == -1.0).any() and (data["regularity"].values == 3.0).any()

@@ -24,13 +24,13 @@ UNUSED: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-def run(deck: str, **groups: dict[str, Any]) -> ds.Result:
-    return ds.run(INPUTS / f"{deck}.nml", **groups)
+def run(deck: str, **changes: Any) -> ds.Result:
+    return ds.run(INPUTS / f"{deck}.nml", **changes)
 
 
-def refusal(deck: str, **groups: dict[str, Any]) -> str:
+def refusal(deck: str, **changes: Any) -> str:
     with pytest.raises(ds.DeckError) as refused:
-        run(deck, **groups)
+        run(deck, **changes)
     return str(refused.value)
 
 
@@ -92,13 +92,11 @@ def test_low_frequency_does_not_oscillate_nor_stick(low: ds.Result) -> None:
 
 
 def test_rk4_follows_what_never_rests(low: ds.Result) -> None:
-    groups = {"integrator": {"method": "rk4", "step": 2e-6, "rtol": None}, "scene": {"t_end": 0.1}}
-    other = run("low_frequency", **groups)
-    n = other.time.size
-    np.testing.assert_allclose(other["u_x"], low["u_x"][:n], rtol=1e-8)
-    text = refusal("low_frequency", **groups, system={"misalignment_deg": 0.0})
-    assert "rk4" in text
-    assert "use an adaptive method" in text
+    rk4 = {"method": "rk4", "step": 2e-6, "rtol": None, "t_end": 0.1}
+    other = run("low_frequency", **rk4)
+    np.testing.assert_allclose(other["u_x"], low["u_x"][: other.time.size], rtol=1e-8)
+    text = refusal("low_frequency", **rk4, misalignment_deg=0.0)
+    assert "rk4" in text and "use an adaptive method" in text
 
 
 def test_without_misalignment_it_is_the_full_model() -> None:
@@ -171,9 +169,7 @@ def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
     """An explicit method follows slip below v_cut in closed form: F(v) varies there, and its work with it."""
     residual = []
     for cut in (1e-3, 3e-4):
-        integrator = {"method": method, "rtol": 1e-10, "v_cut": cut}
-        system = {"misalignment_deg": 0.0}
-        result = run("fig3", integrator=integrator, system=system, scene={"t_end": 4.5}, output={"interval": 0.1})
+        result = run("fig3", method=method, rtol=1e-10, v_cut=cut, misalignment_deg=0.0, t_end=4.5, interval=0.1)
         assert result.sticks() == 4
         residual.append(abs(result.summary["energy_residual"]))
     assert residual[0] < 5e-7
@@ -184,15 +180,9 @@ def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
 @pytest.mark.parametrize(("velocity", "v_f"), [(1e-2, 1e-3), (1e-2, 1e-4), (1e-1, 1e-3)])
 def test_a_release_where_friction_falls_within_a_tiny_slip(method: str, velocity: float, v_f: float) -> None:
     """The series of an explicit method is as exact as asked, also where the law is no polynomial over its reach."""
-    groups = {
-        "drive": {"velocity": velocity},
-        "friction": {"v_f": v_f},
-        "initial": {"velocity_ratio": 0.0},
-        "scene": {"t_end": 1.3e-5 / velocity},
-        "output": {"interval": 5e-7 / velocity},
-    }
-    exact = run("fig3", **groups, integrator={"method": "radau13", "rtol": 1e-12})
-    found = run("fig3", **groups, integrator={"method": method, "rtol": 1e-8})
+    short = {"velocity": velocity, "v_f": v_f, "velocity_ratio": 0.0, "t_end": 1.3e-5 / velocity, "interval": 5e-7 / velocity}
+    exact = run("fig3", **short, method="radau13", rtol=1e-12)
+    found = run("fig3", **short, method=method, rtol=1e-8)
     assert np.abs(exact["w_y"]).max() > 0.0
     for name in ("w_y", "u_y"):
         assert np.abs(found[name] - exact[name]).max() < 1e-9 * np.abs(exact[name]).max(), name
@@ -204,13 +194,7 @@ def test_a_release_where_friction_falls_within_a_tiny_slip(method: str, velocity
 def test_frequency_of_the_fast_oscillation() -> None:
     """F = f_y sqrt(1 - (k_x u_x/F_0)^2) with constant friction, Eq. (9)."""
     for load in (0.0, 0.5, 0.9):
-        result = run(
-            "high_frequency",
-            friction=CONSTANT,
-            initial={"elongation_x": 2e-3 * load},
-            scene={"t_end": 0.05},
-            output={"interval": 1e-6},
-        )
+        result = run("high_frequency", friction=CONSTANT, elongation_x=2e-3 * load, t_end=0.05, interval=1e-6)
         w = result["w_y"] - 1e-3 * np.sin(np.radians(1.0))
         up = np.flatnonzero((w[:-1] < 0.0) & (w[1:] >= 0.0))
         crossings = result.time[up] - w[up] * 1e-6 / (w[up + 1] - w[up])
@@ -363,12 +347,7 @@ def test_decks_run(program: Program) -> None:
 @pytest.mark.parametrize("late", [0.0, 4e-16, 1e-14, 1e-11])
 def test_a_release_just_before_the_end(method: str, late: float, degrees: float) -> None:
     """The spring reaches the static limit at 2 s. Where nothing can be seen of the slip before the end, it is rest."""
-    result = run(
-        "fig3",
-        scene={"t_end": 2.0 + late},
-        system={"misalignment_deg": degrees, "stiffness_y": 1e3},
-        integrator={"method": method, "rtol": 1e-6},
-        output={"interval": 1.0},
-    )
+    short = {"t_end": 2.0 + late, "interval": 1.0, "misalignment_deg": degrees, "stiffness_y": 1e3}
+    result = run("fig3", **short, method=method, rtol=1e-6)
     assert np.hypot(result["u_x"][-1], result["u_y"][-1]) == pytest.approx(2e-3, rel=1e-6)
     assert np.hypot(result["w_x"][-1], result["w_y"][-1]) < 1e-10

@@ -14,17 +14,15 @@ from dynstiction.plot.theory import driven_length
 from matplotlib.figure import Figure
 from programs import Program
 
-OWN = {
-    "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
-    "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
-    "drive": {"velocity": 5e-3},
-}
+OWN = ds.Scene(deck("fig3")).replace(
+    mass=1.0, stiffness_x=5e3, stiffness_y=2e6, misalignment_deg=3.0,
+    mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3,
+)  # fmt: skip
 """A heavier object on a softer spring, pulled faster: 80 cycles in 10 s; f_y = 225 Hz."""
 
 
 def own(interval: float = 5e-4, t_end: float = 10.0, **others: object) -> ds.Result:
-    groups = {name: {**OWN[name], **others.get(name, {})} for name in OWN}  # type: ignore[dict-item]
-    return ds.run(deck("fig3"), **groups, scene={"t_end": t_end}, output={"interval": interval})
+    return ds.run(OWN, t_end=t_end, interval=interval, **others)
 
 
 @pytest.fixture(scope="module")
@@ -66,8 +64,8 @@ def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -
 
 
 def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
-    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
-    slower = own(t_end=4.0, drive={"time": [0.0, 2.0, 2.1], "velocity": [5e-3, 5e-3, 4e-3]})
+    settling = own(t_end=2.0, misalignment_deg=25.0)
+    slower = own(t_end=4.0, time=[0.0, 2.0, 2.1], velocity=[5e-3, 5e-3, 4e-3])
     assert np.count_nonzero(ds.stick_slip_statistics(slower).settled) > 10
     for whole in (fig3_result, held, settling, slower):
         figure = plot.draw(whole, "history")
@@ -115,11 +113,11 @@ def test_the_history_has_its_limits_and_its_slips(result: ds.Result) -> None:
     np.testing.assert_allclose(slips, np.stack([cycles["peak_time"], cycles["valley_time"]], axis=1)[: len(slips)])
     assert len(slips) == 9
     assert slips[0][0] == pytest.approx(0.2612, abs=2e-3)
-    back = plot.draw(own(t_end=1.0, drive={"velocity": -5e-3}), "history").axes[0]
+    back = plot.draw(own(t_end=1.0, velocity=-5e-3), "history").axes[0]
     levels = [float(line.get_ydata()[0]) for line in back.lines[1:]]
     assert levels == [-6.0, pytest.approx(-steady * np.cos(np.radians(3.0)))]
     # Without weakening there is one limit.
-    constant = own(t_end=1.0, friction={"law": "constant", "mu_inf": None, "v_f": None})
+    constant = own(t_end=1.0, law="constant", mu_inf=None, v_f=None)
     assert "steady sliding" not in legend_of(plot.draw(constant, "history"))
 
 
@@ -163,14 +161,12 @@ def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: d
     assert plot.coarseness(own(0.24 / stiff, 1.0)) is None
     assert plot.coarseness(own(0.26 / stiff, 1.0)) is not None
     # A damper beyond the critical one leaves no oscillation, and the slow model has none.
-    damped = own(5e-3, 1.0, system={"damping_y": 2.1 * np.sqrt(2e6)})
-    assert plot.coarseness(damped) is None
+    assert plot.coarseness(own(5e-3, 1.0, damping_y=2.1 * np.sqrt(2e6))) is None
     assert plot.coarseness(ds.run(deck("low_frequency"))) is None
     assert plot.coarseness(ds.run(deck("creep"), output={"interval": 0.01})) is None
     # Without misalignment nothing excites it, but an elongation across does.
-    aligned = {"misalignment_deg": 0.0}
-    assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
-    pulled = ds.run(deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3})
+    assert plot.coarseness(own(5e-3, 1.0, misalignment_deg=0.0)) is None
+    pulled = ds.run(deck("fig3"), t_end=0.5, misalignment_deg=0.0, elongation_y=1e-7, interval=5e-3)
     assert plot.coarseness(pulled) is not None
 
 
@@ -200,7 +196,7 @@ def test_the_window_of_the_spectrogram_follows_from_the_scene(fig4_result: ds.Re
 
 def test_rest_sets_no_scale_of_the_creep(result: ds.Result) -> None:
     """The object rests until the spring has reached F_0, at tau = 0.05: its mean velocity is then 1e-29."""
-    light = own(5e-5, 0.4, system={"mass": 0.01})
+    light = own(5e-5, 0.4, mass=0.01)
     for each in (result, light):
         above = plot.draw(each, "creep").axes[0]
         assert above.get_ylim()[0] > 1e-4
@@ -252,7 +248,7 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
 
 
 def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
-    runs = {f"{speed}": own(t_end=end, drive={"velocity": speed}) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
+    runs = {f"{speed}": own(t_end=end, velocity=speed) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
     figure = plot.overlay(runs, columns="X", over_distance=True)
     (panel,) = figure.axes
     for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
@@ -261,13 +257,13 @@ def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
         speed = abs(float(name))
         np.testing.assert_allclose(place, 1e3 * np.interp(1e-3 * length / speed, run.time, run["X"]), atol=1e-3)
     assert panel.get_xlabel() == "distance of the driven end [mm]"
-    back = own(t_end=1.0, drive={"time": [0.0, 1.0], "velocity": [5e-3, -5e-3]})
+    back = own(t_end=1.0, time=[0.0, 1.0], velocity=[5e-3, -5e-3])
     with pytest.raises(ds.UsageError, match="no distance that grows"):
         plot.overlay({"a": runs["0.002"], "b": back}, over_distance=True)
 
 
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
-    runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
+    runs = {"3": result, "6": own(t_end=3.0, misalignment_deg=6.0)}
     figure = plot.overlay(runs)
     assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
@@ -320,14 +316,11 @@ def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
 def angles():
     """Stick-slip below 13.1 degrees, steady sliding beyond."""
     pytest.importorskip("xarray")
-    return ds.sweep(deck("fig3"), {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, scene={"t_end": 6.0}, threads=1, **OWN)
+    return ds.sweep(OWN, {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, t_end=6.0, threads=1)
 
 
 def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
-    critical = ds.critical_misalignment(
-        mass=1.0, stiffness_x=5e3, stiffness_y=2e6, mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3
-    )
-    degrees = critical.angle[0]
+    degrees = ds.critical_misalignment(OWN).angle[0]
     for quantity in ("swing", "period"):
         axis = plot.draw(angles, quantity=quantity).axes[0]
         upright = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2]
@@ -353,7 +346,7 @@ def test_no_period_where_no_cycle_persists(angles) -> None:
 
 def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     grid = {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3, 3e-3]}
-    data = ds.sweep(deck("low_frequency"), grid, scene={"t_end": 6.0}, threads=1)
+    data = ds.sweep(deck("low_frequency"), grid, t_end=6.0, threads=1)
     for name, given in {
         "period": [[1.0, np.nan, np.nan], [np.nan] * 3],
         "swing": [[1.0, 0.0, 1.0], [1.0, np.nan, np.nan]],

@@ -246,9 +246,8 @@ def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
 
 def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
     pytest.importorskip("xarray")
-    data = ds.sweep(
-        fig3, {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]}, scene={"t_end": 0.1}, threads=1
-    )
+    both = {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]}
+    data = ds.sweep(fig3, both, t_end=0.1, threads=1)
     axis = plot.draw(data, quantity="sticking_time").axes[0]
     slow, fast, crossover = axis.lines
     stiffness = crossover.get_xdata()

@@ -188,6 +188,16 @@ def test_units_have_one_grammar_and_counts_are_integers(tmp_path: Path, fig3_res
     assert type(fig3_result.parameters["max_steps"]) is type(fig3_result.statistics["steps"]) is int
 
 
+def test_events_alternate_and_agree_with_the_samples(fig3_result: ds.Result) -> None:
+    kinds, times = fig3_result.events["kind"], fig3_result.events["time"]
+    assert kinds[0] == 1
+    assert np.all(np.diff(kinds) != 0)
+    assert np.all(np.diff(times) > 0)
+    after_first = fig3_result.time >= times[0]
+    last_event = np.searchsorted(times, fig3_result.time[after_first], side="right") - 1
+    np.testing.assert_array_equal(kinds[last_event] == 1, fig3_result["sticking"][after_first] == 1)
+
+
 # Files
 
 
@@ -296,32 +306,26 @@ def test_incomplete_file_opens_with_a_warning(tmp_path: Path, fig3_result: ds.Re
 # Threads, signals, memory
 
 
-CREEP: dict[str, dict[str, object]] = {
-    "system": {"mass": None},
-    "friction": {"law": None, "mu_inf": None, "v_f": None},
-    "initial": {"velocity_ratio": None},
-    "integrator": {"method": None, "rtol": None},
-}
-SMOOTHED = {"contact": "smoothed", "v_smooth": 1e-6}
+UNUSED_IN_CREEP = dict.fromkeys(("mass", "law", "mu_inf", "v_f", "velocity_ratio", "method", "rtol"))
 # Every model and method, one scene each: what one run leaves behind would change the next.
-THREAD_SCENES: list[dict[str, dict[str, object]]] = [
-    {"integrator": {"method": "radau5"}},
-    {"integrator": {"method": "radau9"}, "system": {"misalignment_deg": 5.0}},
-    {"integrator": {"method": "radau13"}, "system": {"misalignment_deg": 10.0}},
-    {"integrator": {"method": "dopri5"}, "system": {"misalignment_deg": 20.0}},
-    {"integrator": {"method": "dop853"}, "drive": {"velocity": 3e-3}},
-    {"integrator": {"method": "rk4", "step": 1e-6}, "friction": SMOOTHED},
-    {"scene": {"model": "low_frequency"}, "system": {"stiffness_y": None}},
-    {"scene": {"model": "high_frequency"}, "initial": {"elongation_x": 1e-4}},
-    {"scene": {"model": "creep"}, **CREEP},
-    {"scene": {"model": "creep_asymptotic"}, **CREEP, "system": {"mass": None, "stiffness_y": None}},
-    {"scene": {"model": "auto"}},
+THREAD_SCENES: list[dict[str, Any]] = [
+    {"method": "radau5"},
+    {"method": "radau9", "misalignment_deg": 5.0},
+    {"method": "radau13", "misalignment_deg": 10.0},
+    {"method": "dopri5", "misalignment_deg": 20.0},
+    {"method": "dop853", "velocity": 3e-3},
+    {"method": "rk4", "step": 1e-6, "contact": "smoothed", "v_smooth": 1e-6},
+    {"model": "low_frequency", "stiffness_y": None},
+    {"model": "high_frequency", "elongation_x": 1e-4},
+    {"model": "creep", **UNUSED_IN_CREEP},
+    {"model": "creep_asymptotic", **UNUSED_IN_CREEP, "stiffness_y": None},
+    {"model": "auto"},
 ]
 
 
 @pytest.fixture(scope="module")
 def alone(fig3: ds.Scene) -> dict[ds.Scene, ds.Result]:
-    scenes = [fig3.replace(**{**changes, "scene": {"t_end": 0.2, **changes.get("scene", {})}}) for changes in THREAD_SCENES]
+    scenes = [fig3.replace(t_end=0.2, **changes) for changes in THREAD_SCENES]
     return {scene: ds.run(scene) for scene in scenes}
 
 
@@ -358,9 +362,11 @@ def test_other_threads_go_on_during_a_run(fig3: ds.Scene) -> None:
     with ThreadPoolExecutor(1) as pool:
         pool.submit(tick)
         begin = time.perf_counter()
-        ds.run(fig3, scene={"t_end": 20.0}, integrator={"rtol": 1e-10})
-        end = time.perf_counter()
-        done.set()
+        try:
+            ds.run(fig3, scene={"t_end": 20.0}, integrator={"rtol": 1e-10})
+        finally:
+            end = time.perf_counter()
+            done.set()
     during = np.array([tick for tick in ticks if begin <= tick <= end])
     assert during.size > 5 * (end - begin) / 0.05
     assert np.median(np.diff(during)) < 0.01
