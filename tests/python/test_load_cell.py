@@ -12,15 +12,11 @@ from programs import INPUTS
 FIG3 = ds.Scene(INPUTS / "fig3.nml")
 NAMES = ("pull_peak", "pull_valley", "pull_swing", "pull_frequency")
 
-RIG: dict[str, Any] = {
-    "system": {"mass": 0.4, "stiffness_x": 2e4, "stiffness_y": 2e6},
-    "friction": {"normal_load": 20.0, "mu_0": 0.25, "mu_inf": 0.18, "v_f": 4e-3},
-    "scene": {"t_end": 1.5},
-}
+RIG = FIG3.replace(mass=0.4, stiffness_x=2e4, stiffness_y=2e6, normal_load=20.0, mu_0=0.25, mu_inf=0.18, v_f=4e-3, t_end=1.5)
 
 
-def rig(phi: float, **changes: dict[str, Any]) -> ds.Scene:
-    return FIG3.replace(**RIG).replace(system={"misalignment_deg": phi}, **changes)
+def rig(phi: float, **changes: Any) -> ds.Scene:
+    return RIG.replace(misalignment_deg=phi, **changes)
 
 
 SCENES = {
@@ -93,12 +89,6 @@ def test_a_drive_that_rests_is_seen_in_its_direction(times: tuple[float, ...], s
     assert np.abs(force).max() > 0.1
 
 
-def test_long_runs_repeat_their_values() -> None:
-    short, long = (ds.run(FIG3, scene={"t_end": end}, output={"interval": end / 10}).summary for end in (10.0, 3e4))
-    for name in NAMES:
-        assert long[name] == pytest.approx(short[name], rel=1e-9), name
-
-
 def test_where_the_load_is_quiet_the_load_cell_swings() -> None:
     """At 20 deg the stick-slip of k_x u_x is gone; an independent simulator found 4.190 to 5.049 N."""
     summary = ds.run(rig(20.0)).summary
@@ -109,16 +99,12 @@ def test_where_the_load_is_quiet_the_load_cell_swings() -> None:
     assert 0.2 * fast < summary["pull_frequency"] < fast
 
 
-def test_a_settled_run_has_those_of_its_last_cycle() -> None:
-    whole = ds.run(FIG3).summary
+def test_long_and_settled_runs_and_sweeps_have_the_same_values() -> None:
+    short, long = (ds.run(FIG3, scene={"t_end": end}, output={"interval": end / 10}).summary for end in (10.0, 3e4))
     settled = ds.run(FIG3, scene={"settle": 1e-6, "t_end": 100.0}).summary
-    for name in NAMES:
-        assert settled[name] == pytest.approx(whole[name], rel=1e-6), name
-
-
-def test_a_sweep_has_them() -> None:
     cases = ds.sweep(rig(1.0), {"misalignment_deg": [1.0, 20.0]})
-    for i, phi in enumerate((1.0, 20.0)):
-        alone = ds.run(rig(phi)).summary
-        for name in NAMES:
-            assert float(cases[name][i]) == alone[name], name
+    alone = [ds.run(rig(phi)).summary for phi in (1.0, 20.0)]
+    for name in NAMES:
+        assert long[name] == pytest.approx(short[name], rel=1e-9), name
+        assert settled[name] == pytest.approx(short[name], rel=1e-6), name
+        assert cases[name].values.tolist() == [summary[name] for summary in alone], name

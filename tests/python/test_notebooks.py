@@ -10,10 +10,6 @@ from programs import ROOT
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 
 
-def test_there_is_one_for_each_figure_of_the_paper() -> None:
-    assert {f"fig{number}" for number in range(1, 6)} <= {notebook.stem for notebook in NOTEBOOKS}
-
-
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
 def test_outputs_are_not_kept(notebook: Path) -> None:
     nbformat = pytest.importorskip("nbformat")

@@ -14,18 +14,15 @@ from dynstiction.plot.theory import driven_length
 from matplotlib.figure import Figure
 from programs import Program
 
-OWN = {
-    "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
-    "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
-    "drive": {"velocity": 5e-3},
-}
+OWN = ds.Scene(deck("fig3")).replace(
+    mass=1.0, stiffness_x=5e3, stiffness_y=2e6, misalignment_deg=3.0,
+    mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3,
+)  # fmt: skip
 """A heavier object on a softer spring, pulled faster: 80 cycles in 10 s; f_y = 225 Hz."""
-FIRST_SLIP = 0.2612
 
 
 def own(interval: float = 5e-4, t_end: float = 10.0, **others: object) -> ds.Result:
-    groups = {name: {**OWN[name], **others.get(name, {})} for name in OWN}  # type: ignore[dict-item]
-    return ds.run(deck("fig3"), **groups, scene={"t_end": t_end}, output={"interval": interval})
+    return ds.run(OWN, t_end=t_end, interval=interval, **others)
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +64,8 @@ def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -
 
 
 def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
-    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
-    slower = own(t_end=4.0, drive={"time": [0.0, 2.0, 2.1], "velocity": [5e-3, 5e-3, 4e-3]})
+    settling = own(t_end=2.0, misalignment_deg=25.0)
+    slower = own(t_end=4.0, time=[0.0, 2.0, 2.1], velocity=[5e-3, 5e-3, 4e-3])
     assert np.count_nonzero(ds.stick_slip_statistics(slower).settled) > 10
     for whole in (fig3_result, held, settling, slower):
         figure = plot.draw(whole, "history")
@@ -88,20 +85,14 @@ def test_a_part_is_the_samples_between_its_ends(result: ds.Result) -> None:
     assert plot.draw(result, "history", end=1.0).axes[0].get_xlim() == (0.0, 1.0)
     assert plot.draw(result, end=10.0).axes[0].get_xlim() == (0.0, 10.0)
     assert not notes_of(figure)
-
-
-@pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, 11.0), (float("nan"), 1.0), (20.0, None)])
-def test_a_part_that_is_none_is_refused(result: ds.Result, start: float, end: float | None) -> None:
-    with pytest.raises(ds.UsageError, match=r"the run has samples from 0 to 10 s.*begins before it ends"):
-        plot.draw(result, start=start, end=end)
-
-
-def test_kinds_of_the_first_creep_have_no_other_part(result: ds.Result) -> None:
+    for start, end in ((2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (0.0, 11.0), (float("nan"), 1.0), (20.0, None)):
+        with pytest.raises(ds.UsageError, match=r"the run has samples from 0 to 10 s.*begins before it ends"):
+            plot.draw(result, start=start, end=end)
+    with pytest.raises(ds.UsageError, match="fewer than two samples there"):
+        plot.draw(result, start=1.0001, end=1.0002)
     for kind in ("creep", "damping", "cycle_map"):
         with pytest.raises(ds.UsageError, match=f"history, velocities, .*not for '{kind}'"):
             plot.draw(result, kind, start=1.0)
-    with pytest.raises(ds.UsageError, match="fewer than two samples there"):
-        plot.draw(result, start=1.0001, end=1.0002)
 
 
 # What is marked
@@ -121,17 +112,12 @@ def test_the_history_has_its_limits_and_its_slips(result: ds.Result) -> None:
     slips = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in load.patches]
     np.testing.assert_allclose(slips, np.stack([cycles["peak_time"], cycles["valley_time"]], axis=1)[: len(slips)])
     assert len(slips) == 9
-    assert slips[0][0] == pytest.approx(FIRST_SLIP, abs=2e-3)
-
-
-def test_limits_of_a_drive_back_are_negative() -> None:
-    back = own(t_end=1.0, drive={"velocity": -5e-3})
-    levels = [float(line.get_ydata()[0]) for line in plot.draw(back, "history").axes[0].lines[1:]]
-    assert levels == [-6.0, pytest.approx(-20.0 * (0.25 + 0.05 * np.exp(-0.5)) * np.cos(np.radians(3.0)))]
-
-
-def test_without_weakening_there_is_one_limit() -> None:
-    constant = own(t_end=1.0, friction={"law": "constant", "mu_inf": None, "v_f": None})
+    assert slips[0][0] == pytest.approx(0.2612, abs=2e-3)
+    back = plot.draw(own(t_end=1.0, velocity=-5e-3), "history").axes[0]
+    levels = [float(line.get_ydata()[0]) for line in back.lines[1:]]
+    assert levels == [-6.0, pytest.approx(-steady * np.cos(np.radians(3.0)))]
+    # Without weakening there is one limit.
+    constant = own(t_end=1.0, law="constant", mu_inf=None, v_f=None)
     assert "steady sliding" not in legend_of(plot.draw(constant, "history"))
 
 
@@ -160,21 +146,6 @@ def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
     assert np.hypot(*(segments[0][0] - start)) > 1.0
 
 
-def test_an_inset_stands_where_no_line_is(fig3_result: ds.Result, result: ds.Result, held: ds.Result) -> None:
-    figure = plot.draw(fig3_result, "history")
-    assert len(figure.axes[5].child_axes) == 1
-    for each in (fig3_result, result, held):
-        figure = plot.draw(each, "history")
-        figure.draw_without_rendering()
-        panel = figure.axes[-1]
-        for inset in panel.child_axes:
-            box = inset.get_tightbbox()
-            for line in panel.lines:
-                here = panel.transData.transform(np.column_stack(line.get_data()))
-                crossing = (here[:, 0] > box.x0) & (here[:, 0] < box.x1) & (here[:, 1] > box.y0) & (here[:, 1] < box.y1)
-                assert not crossing.any()
-
-
 # What the figure says of its samples
 
 
@@ -190,14 +161,12 @@ def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: d
     assert plot.coarseness(own(0.24 / stiff, 1.0)) is None
     assert plot.coarseness(own(0.26 / stiff, 1.0)) is not None
     # A damper beyond the critical one leaves no oscillation, and the slow model has none.
-    damped = own(5e-3, 1.0, system={"damping_y": 2.1 * np.sqrt(2e6)})
-    assert plot.coarseness(damped) is None
+    assert plot.coarseness(own(5e-3, 1.0, damping_y=2.1 * np.sqrt(2e6))) is None
     assert plot.coarseness(ds.run(deck("low_frequency"))) is None
     assert plot.coarseness(ds.run(deck("creep"), output={"interval": 0.01})) is None
     # Without misalignment nothing excites it, but an elongation across does.
-    aligned = {"misalignment_deg": 0.0}
-    assert plot.coarseness(own(5e-3, 1.0, system=aligned)) is None
-    pulled = ds.run(deck("fig3"), scene={"t_end": 0.5}, system=aligned, initial={"elongation_y": 1e-7}, output={"interval": 5e-3})
+    assert plot.coarseness(own(5e-3, 1.0, misalignment_deg=0.0)) is None
+    pulled = ds.run(deck("fig3"), t_end=0.5, misalignment_deg=0.0, elongation_y=1e-7, interval=5e-3)
     assert plot.coarseness(pulled) is not None
 
 
@@ -227,7 +196,7 @@ def test_the_window_of_the_spectrogram_follows_from_the_scene(fig4_result: ds.Re
 
 def test_rest_sets_no_scale_of_the_creep(result: ds.Result) -> None:
     """The object rests until the spring has reached F_0, at tau = 0.05: its mean velocity is then 1e-29."""
-    light = own(5e-5, 0.4, system={"mass": 0.01})
+    light = own(5e-5, 0.4, mass=0.01)
     for each in (result, light):
         above = plot.draw(each, "creep").axes[0]
         assert above.get_ylim()[0] > 1e-4
@@ -239,17 +208,10 @@ def test_rest_sets_no_scale_of_the_creep(result: ds.Result) -> None:
 # Columns, figures and axes of the user
 
 
-def test_columns_are_chosen(result: ds.Result) -> None:
+def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
     figure = plot.draw(result, columns=["X_rate", "theta"], start=1.0, end=1.3)
     assert [axis.get_ylabel() for axis in figure.axes] == [r"$\dot X$ [mm/s]", r"$\theta$ [deg]"]
     assert [axis.get_ylabel() for axis in plot.draw(result, columns="Y").axes] == ["$Y$ [µm]"]
-    with pytest.raises(ds.ColumnError, match="no column 'tehta': did you mean 'theta'"):
-        plot.draw(result, columns=["tehta"])
-    with pytest.raises(ds.UsageError, match="not for 'path'"):
-        plot.draw(result, "path", columns=["theta"])
-
-
-def test_a_figure_of_the_user_keeps_its_size(result: ds.Result) -> None:
     mine = Figure(figsize=(7.0, 5.0))
     left, right = mine.subfigures(1, 2)
     for part, kind in ((left, "history"), (right, "velocities")):
@@ -264,23 +226,21 @@ def test_a_figure_of_the_user_keeps_its_size(result: ds.Result) -> None:
         whole.draw_without_rendering()
         assert tuple(whole.get_size_inches()) == (4.0, 4.0)
         assert whole.axes
-
-
-def test_axes_of_the_user(result: ds.Result) -> None:
     mine = Figure()
     first, second = mine.subplots(1, 2)
     assert plot.draw(result, columns=["friction", "X"], end=1.0, ax=[first, second]) is mine
     assert [axis.get_ylabel() for axis in mine.axes] == ["$|F|$ [N]", "$X$ [mm]"]
-    assert plot.draw(result, ax=Figure().subplots()).axes[0].get_ylabel() == "$k_x u_x$ [N]"
     for kind, label in (("path", "$F_x$ [N]"), ("damping", r"$\Lambda$")):
         assert plot.draw(result, kind, ax=Figure().subplots()).axes[0].get_xlabel() == label
-    for wrong, how in (
-        ("as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
-        ("not both", {"figure": mine, "ax": first}),
-        ("matplotlib Axes", {"ax": "here"}),
-        ("give figure= for others", {"kind": "spectrogram", "ax": first}),
+    for error, wrong, how in (
+        (ds.ColumnError, "no column 'tehta': did you mean 'theta'", {"columns": ["tehta"]}),
+        (ds.UsageError, "not for 'path'", {"kind": "path", "columns": ["theta"]}),
+        (ds.UsageError, "as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
+        (ds.UsageError, "not both", {"figure": mine, "ax": first}),
+        (ds.UsageError, "matplotlib Axes", {"ax": "here"}),
+        (ds.UsageError, "give figure= for others", {"kind": "spectrogram", "ax": first}),
     ):
-        with pytest.raises(ds.UsageError, match=wrong):
+        with pytest.raises(error, match=wrong):
             plot.draw(result, **how)  # type: ignore[arg-type]
 
 
@@ -288,7 +248,7 @@ def test_axes_of_the_user(result: ds.Result) -> None:
 
 
 def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
-    runs = {f"{speed}": own(t_end=end, drive={"velocity": speed}) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
+    runs = {f"{speed}": own(t_end=end, velocity=speed) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
     figure = plot.overlay(runs, columns="X", over_distance=True)
     (panel,) = figure.axes
     for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
@@ -297,13 +257,13 @@ def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
         speed = abs(float(name))
         np.testing.assert_allclose(place, 1e3 * np.interp(1e-3 * length / speed, run.time, run["X"]), atol=1e-3)
     assert panel.get_xlabel() == "distance of the driven end [mm]"
-    back = own(t_end=1.0, drive={"time": [0.0, 1.0], "velocity": [5e-3, -5e-3]})
+    back = own(t_end=1.0, time=[0.0, 1.0], velocity=[5e-3, -5e-3])
     with pytest.raises(ds.UsageError, match="no distance that grows"):
         plot.overlay({"a": runs["0.002"], "b": back}, over_distance=True)
 
 
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
-    runs = {"3": result, "6": own(t_end=3.0, system={"misalignment_deg": 6.0})}
+    runs = {"3": result, "6": own(t_end=3.0, misalignment_deg=6.0)}
     figure = plot.overlay(runs)
     assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
@@ -315,14 +275,10 @@ def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     assert [axis.get_ylabel() for axis in plot.compare(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
     with pytest.raises(ds.ColumnError, match="3: no column 'nonsense'"):
         plot.overlay(runs, columns="nonsense")
-
-
-def test_what_differs_is_the_physics(result: ds.Result) -> None:
+    # What differs is the physics.
     finer = own(1e-4, 1.0)
-    titles = [axis.get_title() for axis in plot.compare({"a": result, "b": finer}).axes[:2]]
-    assert "interval" not in "".join(titles)
-    same = replace(finer)
-    assert plot.compare({"a": finer, "b": same}).axes[0].get_title() == "a"
+    assert "interval" not in "".join(axis.get_title() for axis in plot.compare({"a": result, "b": finer}).axes[:2])
+    assert plot.compare({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
 
 
 def test_commands_name_what_they_wrote_and_what_is_wrong(
@@ -334,100 +290,14 @@ def test_commands_name_what_they_wrote_and_what_is_wrong(
     assert done.stdout == "comparison.png\n"
     said = "samples 5 ms apart do not show the oscillation of 225 Hz: run with a smaller output.interval"
     assert done.stderr == f"dynstiction: coarse: {said}\n"
-    done = package("plot", "own.h5", "--columns", "friction", "-o", "friction.pdf", status=0)
-    assert (done.stdout, done.stderr) == ("friction.pdf\n", "")
-    refused = {
-        ("own.h5", "--from", "2", "--to", "1"): "from 2 to 1 s: the run has samples from 0 to 10 s",
-        ("own.h5", "-o", "no/x.png"): "no/x.png: cannot be written: the folder no does not exist: create it",
-        ("own.h5", "--overlay"): "--overlay is for several files",
-        ("own.h5", "coarse.h5", "--distance"): "--distance is for --overlay",
-        ("own.h5", "--columns", "tehta"): "no column 'tehta': did you mean 'theta'?",
-        ("own.h5", "--columns", " , "): "name at least one",
-        ("own.h5", "--kind", "creep", "--to", "1"): "not for 'creep'",
-        ("own.h5", "coarse.h5", "--columns", "nonsense"): "own: no column 'nonsense'",
-    }
-    for arguments, message in refused.items():
-        done = package("plot", *arguments, "--overwrite")
-        assert done.returncode in (1, 3) and done.stdout == "", arguments
-        assert message in done.stderr and done.stderr.count("\n") == 1, done.stderr
-
-
-# Words on paper
-
-
-def words_of(figure: Figure) -> list[tuple[str, object]]:
-    """Every word of a figure with the box that it takes; insets lie in their panels, whose words they may not meet either."""
-    figure.draw_without_rendering()
-    found = [("legend", legend.get_window_extent()) for legend in figure.legends]
-    insets = [inset for axis in figure.axes for inset in axis.child_axes]
-    for axis in [*figure.axes, *insets]:
-        if axis.get_legend():
-            found.append(("legend", axis.get_legend().get_window_extent()))
-        (left, right), (low, high) = sorted(axis.get_xlim()), sorted(axis.get_ylim())
-        texts = [axis.xaxis.label, axis.yaxis.label, axis.title, axis._left_title, axis._right_title, *axis.texts]
-        for side, ends in ((axis.xaxis, (left, right)), (axis.yaxis, (low, high))):
-            for tick in [*side.get_major_ticks(), *side.get_minor_ticks()]:
-                if ends[0] <= tick.get_loc() <= ends[1]:
-                    texts += [tick.label1, tick.label2]
-        for text in texts:
-            if text.get_visible() and text.get_text().strip():
-                found.append((text.get_text(), text.get_window_extent()))
-    return found
-
-
-def overprinted(figure: Figure) -> list[tuple[str, str]]:
-    """Pairs of words that overlap by more than a dot, and words that leave the figure."""
-    words = words_of(figure)
-    pairs = []
-    for i, (first, a) in enumerate(words):
-        if a.x0 < -1.0 or a.y0 < -1.0 or a.x1 > figure.bbox.x1 + 1.0 or a.y1 > figure.bbox.y1 + 1.0:
-            pairs.append((first, "the edge"))
-        for second, b in words[i + 1 :]:
-            if min(a.x1, b.x1) - max(a.x0, b.x0) > 1.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1.0:
-                pairs.append((first, second))
-    return pairs
-
-
-@pytest.mark.parametrize("kind", plot.KINDS)
-def test_no_word_is_overprinted(
-    kind: str, result: ds.Result, coarse: ds.Result, held: ds.Result, fig3_result: ds.Result, fig4_result: ds.Result
-) -> None:
-    settling = own(t_end=2.0, system={"misalignment_deg": 25.0})
-    drawn = 0
-    for name, each in (
-        ("own", result),
-        ("coarse", coarse),
-        ("held", held),
-        ("fig3", fig3_result),
-        ("fig4", fig4_result),
-        ("settling", settling),
+    for arguments, message in (
+        (("own.h5", "--from", "2", "--to", "1"), "from 2 to 1 s: the run has samples from 0 to 10 s"),
+        (("own.h5", "--overlay"), "--overlay is for several files"),
+        (("own.h5", "coarse.h5", "--distance"), "--distance is for --overlay"),
+        (("own.h5", "--columns", " , "), "name at least one"),
     ):
-        try:
-            figure = plot.draw(each, kind)
-        except ds.UsageError:
-            continue
-        assert overprinted(figure) == [], name
-        drawn += 1
-    assert drawn > 1
-
-
-def test_no_word_of_several_runs_is_overprinted(result: ds.Result, coarse: ds.Result, fig3_result: ds.Result) -> None:
-    runs = {"heavy": result, "seen seldom": coarse, "light": fig3_result}
-    assert overprinted(plot.overlay(runs)) == []
-    assert overprinted(plot.compare(runs)) == []
-
-
-def test_a_word_on_a_word_would_be_found(result: ds.Result) -> None:
-    figure = plot.draw(result, "damping")
-    axis = figure.axes[0]
-    assert overprinted(figure) == []
-    box = axis.yaxis.label.get_window_extent()
-    place = figure.transFigure.inverted().transform((box.x0, box.y0 + 0.5 * box.height))
-    axis.text(*place, "hidden", transform=figure.transFigure).set_in_layout(False)
-    axis.text(0.9, 0.5, "beyond", transform=figure.transFigure).set_in_layout(False)
-    found = overprinted(figure)
-    assert (r"angle of friction $\theta$ [deg]", "hidden") in found
-    assert ("beyond", "the edge") in found
+        done = package("plot", *arguments, "--overwrite", status=1)
+        assert done.stdout == "" and message in done.stderr and done.stderr.count("\n") == 1, done
 
 
 def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
@@ -439,14 +309,6 @@ def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
     assert ">slip</text>" in (tmp_path / "run.svg").read_text(encoding="utf-8")
 
 
-def test_one_symbol_for_a_quantity() -> None:
-    """The misalignment is written as one letter, the velocity along the drive with a dot, and no unit as nothing."""
-    for file in Path(plot.__file__).parent.glob("*.py"):
-        source = file.read_text(encoding="utf-8")
-        for wrong in (r"\phi", "[–]", '[1]"', "X'/V$", r"|X'|"):
-            assert wrong not in source, (file.name, wrong)
-
-
 # Sweeps
 
 
@@ -454,14 +316,11 @@ def test_one_symbol_for_a_quantity() -> None:
 def angles():
     """Stick-slip below 13.1 degrees, steady sliding beyond."""
     pytest.importorskip("xarray")
-    return ds.sweep(deck("fig3"), {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, scene={"t_end": 6.0}, threads=1, **OWN)
+    return ds.sweep(OWN, {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, t_end=6.0, threads=1)
 
 
 def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
-    critical = ds.critical_misalignment(
-        mass=1.0, stiffness_x=5e3, stiffness_y=2e6, mu_0=0.30, mu_inf=0.25, v_f=0.010, normal_load=20.0, velocity=5e-3
-    )
-    degrees = critical.angle[0]
+    degrees = ds.critical_misalignment(OWN).angle[0]
     for quantity in ("swing", "period"):
         axis = plot.draw(angles, quantity=quantity).axes[0]
         upright = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2]
@@ -469,12 +328,6 @@ def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
         assert any(f"steady sliding stable above {degrees:.3g} deg" == text.get_text() for text in axis.texts)
         low, high = axis.get_xlim()
         assert low < 0.5 and high > 20.0
-
-
-def test_no_word_of_a_sweep_is_overprinted(angles) -> None:
-    for quantity in ("swing", "period", "slip_length", "slip_angle"):
-        assert overprinted(plot.draw(angles, quantity=quantity)) == [], quantity
-    assert overprinted(plot.draw(angles, "lambda")) == []
 
 
 def test_no_period_where_no_cycle_persists(angles) -> None:
@@ -493,7 +346,7 @@ def test_no_period_where_no_cycle_persists(angles) -> None:
 
 def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     grid = {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3, 3e-3]}
-    data = ds.sweep(deck("low_frequency"), grid, scene={"t_end": 6.0}, threads=1)
+    data = ds.sweep(deck("low_frequency"), grid, t_end=6.0, threads=1)
     for name, given in {
         "period": [[1.0, np.nan, np.nan], [np.nan] * 3],
         "swing": [[1.0, 0.0, 1.0], [1.0, np.nan, np.nan]],

@@ -13,13 +13,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from programs import ROOT, Program
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.f90")}
 POSIX_C, POSIX_F90 = ROOT / "src" / "system" / "posix.c", "src/system/posix.f90"
 HDF5_F90 = "src/file/hdf5_library.f90"
-# Of the C library itself: their arguments are int, size_t and texts everywhere.
-PLAIN = {"exit", "flock", "free", "getpid", "gethostname", "kill", "link", "realpath", "rename", "setenv", "unlink"}
 # Imports of posix.c by which no file and no process is reached: no fault of theirs is looked for.
 HARMLESS = {
     "_exit", "abort", "calloc", "dup2", "execvp", "free", "getpid", "getppid", "getrlimit", "glob", "globfree",
@@ -51,7 +49,7 @@ def numbers(text: str) -> list[str]:
     return named + re.findall(r"integer\(c_(?:int|long|intptr_t)\),\s*parameter\s*::.*", text)
 
 
-def test_one_module_declares_what_the_system_has() -> None:
+def test_one_module_declares_what_the_system_has_and_none_its_numbers() -> None:
     elsewhere = {
         file: names
         for file, text in SOURCES.items()
@@ -61,39 +59,21 @@ def test_one_module_declares_what_the_system_has() -> None:
     of_the_library = re.findall(r"bind\(c, name='(\w+)'\)", SOURCES[HDF5_F90])
     assert len(of_the_library) > 30
     assert all(name.startswith(("H5", "dst_h5")) for name in of_the_library)
-
-
-def test_no_number_of_the_system_is_written_down() -> None:
     # HDF5's own constants are its callers' business.
     found = {file: hits for file, text in SOURCES.items() if not file.startswith("src/file/") and (hits := numbers(text))}
     assert not found, "posix.c has the headers' constants"
 
 
-def test_what_is_declared_is_there_and_used() -> None:
-    names = set(bound_names(SOURCES[POSIX_F90])) | set(re.findall(r"\bdst_[a-z]+_?\w*", SOURCES[POSIX_F90])) - {"dst_posix"}
-    defined = set(re.findall(r"^(?!static)\w[\w ]*?[ *](dst_\w+)\(", POSIX_C.read_text(), re.MULTILINE))
-    defined |= set(re.findall(r"\b(dst_\w+) = ", POSIX_C.read_text()))
-    assert names - defined <= PLAIN
-    assert defined <= names
-    fortran = re.findall(r"(?:function|subroutine) (\w+)\(.*bind\(c", SOURCES[POSIX_F90])
-    users = "\n".join(text for file, text in SOURCES.items() if file != POSIX_F90) + SOURCES[POSIX_F90].split("\ncontains\n")[1]
-    assert not [name for name in fortran if not re.search(rf"\b{name}\b", users)]
-
-
-@pytest.mark.parametrize(
-    ("text", "names", "count"),
-    [
+def test_the_checks_find_what_they_look_for() -> None:
+    for text, names, count in (
         ("interface\n integer(c_int) function c_kill(p, s) bind(c, name='kill')\n", ["kill"], 0),
         ("interface\n integer(c_int) function isatty(descriptor) bind(c)\n", ["isatty"], 0),
         ("integer(c_int), bind(c) :: one, two\n", ["one", "two"], 0),
         ("type, bind(c) :: t\n\ncontains\n  subroutine own(x) bind(c)\n", [], 0),
         ("integer(c_int), parameter :: would_block = 11\n", [], 1),
         ("integer, parameter :: sigterm = 15, other = 3\n", [], 1),
-    ],
-)
-def test_the_checks_find_what_they_look_for(text: str, names: list[str], count: int) -> None:
-    assert bound_names(text) == names
-    assert len(numbers(text)) == count
+    ):
+        assert (bound_names(text), len(numbers(text))) == (names, count), text
 
 
 # What posix.c promises without its callers, on a folder of its own.
@@ -168,14 +148,10 @@ def test_it_compiles_and_works(compiler: str, flags: str, tmp_path: Path) -> Non
     subprocess.run([*strict, "-c", str(POSIX_C), "-o", str(tmp_path / "posix.o")], check=True)
     program = tmp_path / "program.c"
     program.write_text(PROGRAM, encoding="utf-8")
-    subprocess.run(
-        [compiler, "-pthread", "-D_GNU_SOURCE", str(program), str(tmp_path / "posix.o"),
-         "-o", str(tmp_path / "program")],
-        check=True,
-    )  # fmt: skip
+    subprocess.run([compiler, "-pthread", "-D_GNU_SOURCE", program, tmp_path / "posix.o", "-o", tmp_path / "program"], check=True)
     folder = tmp_path / "folder"
     folder.mkdir()
-    subprocess.run([str(tmp_path / "program")], cwd=folder, check=True, timeout=120)
+    Program((tmp_path / "program",), folder)(status=0)
 
 
 def test_faults_reach_every_call(tmp_path: Path) -> None:
@@ -213,10 +189,6 @@ def test_python_is_found_without_proc(executable: Path, tmp_path: Path, here: st
     (tmp_path / "trap" / "dynstiction").mkdir()
     (tmp_path / "trap" / "link").symlink_to(tmp_path / "program" / "dynstiction")
     (tmp_path / "path" / "dynstiction").symlink_to(tmp_path / "program" / "dynstiction")
-    variables = {name: value for name, value in os.environ.items() if name != "DYNSTICTION_PYTHON"}
-    done = subprocess.run(
-        ["unshare", "-rm", "sh", "-c", 'mount -t tmpfs none /proc; exec "$0" plot', command],
-        cwd=tmp_path / here, env=variables | {"PATH": f"{tmp_path / 'path'}:{os.environ['PATH']}"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert (done.stdout, done.stderr, done.returncode) == (f"{told}\n", "", 0)
+    hidden = Program(("unshare", "-rm", "sh", "-c", 'mount -t tmpfs none /proc; exec "$0" plot'), tmp_path / here)
+    done = hidden(command, env={"DYNSTICTION_PYTHON": None, "PATH": f"{tmp_path / 'path'}:{os.environ['PATH']}"}, status=0)
+    assert (done.stdout, done.stderr) == (f"{told}\n", "")
