@@ -391,6 +391,7 @@ def _fit(options: argparse.Namespace) -> int:
             options.free,
             each=_pairs("--with", vars(options)["with"], "KEY=VALUE,VALUE", ",", None),
             known=_pairs("--known", options.known, "KEY=VALUE:ERROR", ":", 2),  # type: ignore[arg-type]
+            bounds=_pairs("--bound", options.bound, "KEY=LEAST:LARGEST", ":", 2),  # type: ignore[arg-type]
             chain=_chain(options),
             starts=options.starts,
             rng=options.seed,

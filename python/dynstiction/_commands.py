@@ -249,6 +249,13 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
         default=[],
         help="value of a free parameter that is known from elsewhere, with its standard error; may be repeated",
     )
+    add(
+        "--bound",
+        metavar="KEY=LEAST:LARGEST",
+        action="append",
+        default=[],
+        help="least and largest value of a free parameter; may be repeated",
+    )
     _number(add, "--starts", "N", 2, "number of the slow model's starts that are completed (2)")
     _number(add, "--seed", "N", 0, "seed of the random starts (0): the same seed gives the same bits")
     add(

@@ -31,7 +31,7 @@ from .trace_cycles import TraceCycles, find_cycles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "FittedTrace", "fit", "problem_of", "verdict"]
+__all__ = ["Fit", "FittedParameter", "FittedTrace", "Search", "fit", "problem_of", "verdict"]
 
 _Floats = NDArray[np.float64]
 
@@ -337,6 +337,8 @@ def fit(
     *,
     each: Mapping[str, Sequence[float]] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    ties: Mapping[str, tuple[str, float]] | None = None,
     chain: Chain | None = None,
     starts: int = 2,
     rng: int | np.random.Generator | None = 0,
@@ -361,6 +363,10 @@ def fit(
         Values that differ from trace to trace, ``{"drive.velocity": (1e-3, 5e-3)}``.
     known : mapping of str to (float, float), optional
         Values of free parameters that are known from elsewhere, with their standard errors.
+    bounds : mapping of str to (float, float), optional
+        Least and largest values of free parameters.
+    ties : mapping of str to (str, float), optional
+        Keys that are a multiple of a free parameter, ``{"friction.mu_inf": ("friction.mu_0", 0.75)}``.
     chain : Chain, optional
         The measuring chain; by default it changes nothing.
     starts : int
@@ -402,17 +408,28 @@ def fit(
     whole("starts", starts, least=1)
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene), traces, free, dict(each or {}), dict(known or {}), chain or Chain(), pool.map
+            Scene(scene),
+            traces,
+            free,
+            each=dict(each or {}),
+            known=dict(known or {}),
+            bounds=dict(bounds or {}),
+            ties=dict(ties or {}),
+            chain=chain or Chain(),
+            spread=pool.map,
         )
-        return _Search(given, starts, generator(rng), show).fit(traces)
+        return Search(given, starts, generator(rng), show).fit(traces)
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class Search:
+    """The search of a fit; unless it is thorough, it stays near the scene's values and the slow model's fit."""
+
     problem: Problem
     starts: int
     random: np.random.Generator
     show: Callable[[float], None]
+    thorough: bool = True
 
     def fit(self, traces: Sequence[Trace]) -> Fit:
         problem = self.problem
@@ -467,18 +484,25 @@ class _Search:
             found += self._guided(slow, proposal)
         if found and self._is_smooth(found):
             return found, None
-        queue = [given] if self._levels(given) == COARSE_OF_OWN[-1:] else []
-        for start in queue if proposal is None else [*queue, proposal]:
-            if not (found and self._explains(found)):
+        queue = [given] if proposal is None else [given, proposal]
+        is_near = [self._levels(start) == COARSE_OF_OWN[-1:] for start in queue]
+        for start, near in zip(queue, is_near, strict=True):
+            if (near or (self.thorough and start is proposal)) and not (found and self._explains(found)):
                 self._attempt(start, found, faults)
-        if not (found and self._explains(found)):
+        if self.thorough and not (found and self._explains(found)):
             self._from_random(given, proposal, found, faults)
         self._add_nearest(found, faults)
         if found:
-            return self._along_the_angle(found), None
+            return self._along_the_angle(found) if self.thorough else found, None
+        if (
+            not self.thorough
+            and proposal is not None
+            and not has_failed(self.problem.residuals(proposal, 0.0))
+        ):
+            return [self.problem.at(proposal)], None
         if proposal is None:
             raise self._nothing(problem)
-        return [], _Proposal(proposal, str(faults[-1]))
+        return [], _Proposal(proposal, str(faults[-1]) if faults else "the slow model's has none")
 
     def _attempt(self, start: _Floats, found: list[Solution], faults: list[NoCycleError]) -> None:
         """A fit from one start, or why there is none."""
@@ -719,6 +743,9 @@ def _told(
     values = dict(zip(names, problem.values(best.z[:p]), strict=True))
     if abs(values.get("friction.mu_0", 0.0)) > LARGE_FRICTION:
         notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
+    for name, ends in problem.bounds.items():
+        if values[name] in ends:
+            notes.append(f"{name} is at its bound {values[name]:.6g}: the other values are those with it")
     fewest = min(len(each.wave.rows) for each in problem.recordings)
     if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].wave.repeats:
         notes.append(
@@ -876,8 +903,11 @@ def problem_of(
     scene: Scene,
     traces: Sequence[Trace],
     free: Sequence[str] | str,
+    *,
     each: Mapping[str, Sequence[float]],
     known: Mapping[str, tuple[float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+    ties: Mapping[str, tuple[str, float]],
     chain: Chain,
     spread: Map,
 ) -> Problem:
@@ -898,6 +928,7 @@ def problem_of(
             raise UsageError(f"free: {name} is named twice")
         begin.append(_begin(scene, values, chain, name))
     _check_known(names, len(traces), each, known)
+    _check_limits(names, bounds, ties)
     recordings = []
     for k, trace in enumerate(traces):
         groups: dict[str, dict[str, Any]] = {}
@@ -922,6 +953,8 @@ def problem_of(
         names,
         np.array(begin),
         known,
+        bounds,
+        ties,
         tuple(recordings),
         slow_cycles if slow else full_cycles,
         names,
@@ -949,6 +982,24 @@ def _check_known(
         if name not in names:
             raise UsageError(f"known: {name} is not free: a fixed value stands in the deck")
         number(f"the error of {name}", error, above=0.0)
+
+
+def _check_limits(
+    names: Sequence[str], bounds: Mapping[str, tuple[float, float]], ties: Mapping[str, tuple[str, float]]
+) -> None:
+    """Refuse bounds and ties that do not fit to the free parameters."""
+    for name, (low, high) in bounds.items():
+        if name not in names:
+            raise UsageError(f"bounds: {name} is not free: a fixed value stands in the deck")
+        if not low < high:
+            raise UsageError(f"bounds: {name}: {low:g} is not below {high:g}: give the least value first")
+    for name, (other, factor) in ties.items():
+        _check_key("ties", name)
+        if name in names or other not in names:
+            raise UsageError(
+                f"ties: {name} is a multiple of {other}: the first must not be free, the second must be"
+            )
+        number(f"the factor of {name}", factor)
 
 
 def _check_key(what: str, name: str) -> None:

@@ -126,7 +126,17 @@ def plan_traces(
             there = rig.replace(**{group: {name: float(value)}})
             trace = _simulated(there, duration, interval)
             noisy = trace.with_noise(noise * float(np.ptp(trace.force)), 0)
-            problem = problem_of(there, [noisy], free, {}, {}, chain or Chain(), pool.map)
+            problem = problem_of(
+                there,
+                [noisy],
+                free,
+                each={},
+                known={},
+                bounds={},
+                ties={},
+                chain=chain or Chain(),
+                spread=pool.map,
+            )
             names = problem.names
             tables[f"{value:g}"] = _information(problem)
     errors = {at: _errors(table, names) for at, table in tables.items()}

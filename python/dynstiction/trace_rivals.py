@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import instance, names_in
+from ._arguments import generator, instance, names_in
 from ._fit.models import NoCycleError, full_cycles, steady_velocity
 from ._fit.problem import LeadsNowhereError, Problem
 from ._fit.solve import Solution, has_failed
@@ -25,7 +25,7 @@ from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
-from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, fit, problem_of
+from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, Search, problem_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
 
@@ -41,8 +41,8 @@ ANGLES = tuple(0.05 * 1.5**i for i in range(15))
 """Misalignments for which it is asked whether the trace would show them [deg]."""
 SHARES = (0.99, 0.7, 0.4)
 """Starts for friction with a higher limit at rest: share of the weakening from mu_inf to that limit which mu_0 has."""
-SMALL_ANGLES = (0.1, 0.4, 1.5)
-"""Starts for creep beside an explanation without it [deg]."""
+STARTS = 2
+"""Starts of the slow model that are completed for creep."""
 AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
 ROUGH = (0.05, 0.01)
@@ -290,20 +290,28 @@ def creep_test(
     if (rig.scene.model or "full") != "full":
         raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
     if rig.friction.contact == "smoothed":
-        raise UsageError("creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'")
+        raise UsageError(
+            "creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'"
+        )
     names = names_in("free", free)
     names = tuple(name for name in names if name != ANGLE)
     rig = rig.replace(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
     )
-    options = {"each": dict(each or {}), "known": dict(known or {}), "chain": chain or Chain()}
+    options = {
+        "each": dict(each or {}),
+        "known": dict(known or {}),
+        "bounds": {},
+        "ties": {},
+        "chain": chain or Chain(),
+    }
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         creep = problem_of(rig, traces, (ANGLE, *names), **options, spread=pool.map)
         fits = []
         if not all(record.wave.repeats for record in creep.recordings):
             # The errors of cycles that are not alike are known from their fit.
-            fits += _whole(creep, rig, traces, options, rng)
+            fits += _whole(creep, traces, rng, thorough=True)
             creep = fits[0].problem if fits else creep
         without = dict(options, known={k: v for k, v in options["known"].items() if k != ANGLE})
         period = min(record.wave.period for record in creep.recordings)
@@ -322,11 +330,9 @@ def creep_test(
                 resting.append(_Fitted(name, problem, found))
         show(0.6)
         near = min(resting, key=lambda one: one.cost) if resting else None
-        if not fits and near is not None and near.problem.misfit(near.solution.z)[1] >= USUAL:
-            found = _best(creep, list(_creeping_starts(near)))
-            fits += [_Fitted("creep", creep, found)] if found is not None else []
-        elif not fits:
-            fits += _whole(creep, rig, traces, options, rng)
+        if not fits:
+            explained = near is not None and near.problem.misfit(near.solution.z)[1] >= USUAL
+            fits += _whole(creep, traces, rng, thorough=not explained)
         fits += resting
         if not fits:
             raise UsageError(
@@ -350,29 +356,14 @@ def _without_creep(
     yield "ageing", age, ("friction.ageing", *(["friction.ageing_time"] if traces > 1 else []))
 
 
-def _creeping_starts(near: _Fitted) -> Iterator[dict[str, float]]:
-    """Starts for creep beside a good explanation without it: friction begins to turn where that one releases the object."""
-    yield {}
-    values = near.values
-    top = values.get("friction.mu_static", values.get("friction.mu_0"))
-    if top is not None:
-        values["friction.mu_0"] = top
-    for angle in SMALL_ANGLES:
-        yield {**values, ANGLE: angle}
-
-
 def _whole(
-    problem: Problem,
-    rig: Scene,
-    traces: Sequence[Trace],
-    options: Mapping[str, Any],
-    rng: int | np.random.Generator | None,
+    problem: Problem, traces: Sequence[Trace], rng: int | np.random.Generator | None, *, thorough: bool
 ) -> list[_Fitted]:
     """The explanation by creep, by a whole fit; none where the full model has no stick-slip near."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         try:
-            whole = fit(rig, traces, problem.names, **options, rng=rng, progress=False)
+            whole = Search(problem, STARTS, generator(rng), lambda _: None, thorough).fit(traces)
         except Error:
             return []
     if whole.model != "full":

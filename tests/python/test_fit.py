@@ -262,7 +262,9 @@ def test_the_model_passes_the_filter_of_the_trace(trace: ds.Trace) -> None:
 
 
 def test_speed_and_lengths_are_not_told_apart(trace: ds.Trace) -> None:
-    with pytest.warns(ds.FitWarning, match=r"hardly distinguishes drive\.velocity, system\.stiffness_x, system\.mass, friction\.v_f"):
+    with pytest.warns(
+        ds.FitWarning, match=r"hardly distinguishes drive\.velocity, system\.stiffness_x, system\.mass, friction\.v_f"
+    ):
         found = ds.fit(RIG, trace, ("drive.velocity", "system.stiffness_x", "system.mass", "friction.v_f"))
     assert found.parameters["drive.velocity"].error > 0.05 * found["drive.velocity"]
 
@@ -283,6 +285,25 @@ def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:
     for name, value in zip(free, (1.0, 0.25, 0.4), strict=True):
         assert abs(found[name] - value) < 4.0 * found.parameters[name].error, name
         assert found.parameters[name].error < 0.05 * value, name
+
+
+def test_bounds_and_ties_hold(trace: ds.Trace) -> None:
+    """mu_inf as a share of mu_0, and a mass that stops at its bound, which is said."""
+    free = ("system.misalignment_deg", "friction.mu_0")
+    tied = ds.fit(RIG.replace(friction={"mu_0": 0.25}), trace, free, ties={"friction.mu_inf": ("friction.mu_0", 0.19 / 0.24)})
+    assert tied.explains and tied["friction.mu_0"] == pytest.approx(0.24, abs=4.0 * tied.parameters["friction.mu_0"].error)
+    assert tied.scene.friction.mu_inf == pytest.approx(tied["friction.mu_0"] * 0.19 / 0.24, rel=1e-14)
+    with pytest.warns(ds.FitWarning, match=r"system\.mass is at its bound 0\.3[:]"):
+        bound = ds.fit(RIG.replace(system={"mass": 0.25}), trace, (*free, "system.mass"), bounds={"system.mass": (0.2, 0.3)})
+    assert bound.scene.system.mass == 0.3 and not bound.explains
+    for arguments, message in (
+        ({"bounds": {"system.mass": (0.2, 0.3)}}, "is not free"),
+        ({"bounds": {"friction.mu_0": (0.3, 0.2)}}, "is not below"),
+        ({"ties": {"friction.mu_0": ("friction.mu_0", 1.0)}}, "must not be free"),
+        ({"ties": {"friction.law": ("friction.mu_0", 1.0)}}, "not a real number"),
+    ):
+        with pytest.raises(ds.UsageError, match=message):
+            ds.fit(RIG, trace, free, **arguments)
 
 
 def test_a_fit_is_data(found: ds.Fit) -> None:

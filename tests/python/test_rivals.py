@@ -10,7 +10,9 @@ import pytest
 from programs import INPUTS
 
 DECK = ds.Scene(INPUTS / "fig3.nml").replace(
-    integrator={"rtol": 1e-7}, system={"misalignment_deg": 1.2, "stiffness_x": 900.0, "mass": 0.35}, friction={"mu_0": 0.23, "mu_inf": 0.19}
+    integrator={"rtol": 1e-7},
+    system={"misalignment_deg": 1.2, "stiffness_x": 900.0, "mass": 0.35},
+    friction={"mu_0": 0.23, "mu_inf": 0.19},
 )
 RIG = DECK.replace(system={"misalignment_deg": 1.4, "mass": 0.4}, friction={"mu_0": 0.24})
 FREE = "friction.mu_0,system.mass"
@@ -46,7 +48,8 @@ def test_what_holds_the_object_is_named(name: str, groups: dict[str, dict[str, f
 def test_two_speeds_show_whether_a_limit_ages(name: str, groups: dict[str, dict[str, float]]) -> None:
     speeds = (1e-3, 4e-3)
     traces = [
-        trace_of(RIG.replace(**groups, drive={"velocity": v}), end, k) for k, (v, end) in enumerate(zip(speeds, (14.0, 6.0), strict=True))
+        trace_of(RIG.replace(**groups, drive={"velocity": v}), end, k)
+        for k, (v, end) in enumerate(zip(speeds, (14.0, 6.0), strict=True))
     ]
     found = ds.creep_test(DECK, traces, FREE, each={"drive.velocity": speeds})
     assert found.named == name, found

@@ -179,6 +179,10 @@ class Problem:
         Its value in the scene.
     known : mapping of str to (float, float)
         Values with standard errors that are known from elsewhere.
+    bounds : mapping of str to (float, float)
+        Least and largest values.
+    ties : mapping of str to (str, float)
+        Keys that are multiples of a parameter: its name, and the factor.
     recordings : tuple of Recording
         The traces.
     cycles_of : callable
@@ -196,6 +200,8 @@ class Problem:
     names: tuple[str, ...]
     begin: _Floats
     known: Mapping[str, tuple[float, float]]
+    bounds: Mapping[str, tuple[float, float]]
+    ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
     cycles_of: ModelCycles
     heard: tuple[str, ...]
@@ -255,7 +261,9 @@ class Problem:
         z = self.logarithms(q)
         linear = np.isfinite(self.scales)
         sizes = np.exp(np.where(linear, 0.0, z))
-        return np.asarray(np.where(linear, z * self.scales, np.copysign(sizes, self.begin)))
+        values = np.where(linear, z * self.scales, np.copysign(sizes, self.begin))
+        ends = np.array([self.bounds.get(name, (-math.inf, math.inf)) for name in self.names])
+        return np.asarray(np.clip(values, *ends.T))
 
     def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
         """Scene and chain of a trace with the values at these coordinates."""
@@ -264,6 +272,10 @@ class Problem:
             group, _, key = name.partition(".")
             if name in self.heard:
                 groups.setdefault(group, {})[key] = float(value)
+            for tied, (other, factor) in self.ties.items():
+                if other == name and name in self.heard:
+                    group, _, key = tied.partition(".")
+                    groups.setdefault(group, {})[key] = factor * float(value)
         chain = replace(recording.chain, **groups.pop("chain", {}))
         friction = groups.get("friction", {})
         if STATIC in self.heard:
