@@ -16,7 +16,6 @@ import os
 import shutil
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -424,24 +423,17 @@ def list_cases(operations: list[str], kinds: list[str], every: int) -> tuple[lis
 
 
 def report(results: list[tuple[Case, list[str]]], broken: dict[str, str], put: Callable[[str], object] = print) -> int:
-    """A table of cases and failures; the number of failures."""
-    tried = Counter((case.operation, case.kind) for case, _ in results)
-    failed = Counter((case.operation, case.kind) for case, faults in results if faults)
-    symptoms = Counter((fault, case.operation) for case, faults in results for fault in faults)
-    put(f"{'operation':34} {'fault':22} cases failed")
-    for (operation, kind), count in sorted(tried.items()):
-        put(f"{operation:34} {kind:22} {count:5} {failed[operation, kind]:6}")
+    """Each symptom with some of the cases that have it; the number of failures."""
+    symptoms: dict[tuple[str, str], list[Case]] = {}
+    for case, found in results:
+        for fault in found:
+            symptoms.setdefault((case.operation, fault), []).append(case)
+    for (operation, fault), cases in symptoms.items():
+        where = ", ".join(f"{case.kind} {case.call} ({case.name})" for case in cases[:3])
+        put(f"{len(cases):5} x {fault}  [{operation}: {where}]")
     for text in broken.values():
         put(f"not tried: {text.strip()}")
-    shown: Counter[str] = Counter()
-    for (symptom, operation), count in symptoms.most_common():
-        shown[symptom] += 1
-        if shown[symptom] > 6:
-            continue
-        examples = [case for case, faults in results if symptom in faults and case.operation == operation]
-        where = ", ".join(f"{c.kind} {c.call} ({c.name})" for c in examples[:3])
-        put(f"{count:5} x {symptom}  [{operation}: {where}]")
-    total = sum(failed.values()) + len(broken)
+    total = sum(bool(found) for _, found in results) + len(broken)
     put(f"{len(results)} cases, {total} failures")
     return total
 

@@ -7,14 +7,12 @@
      kill                    SIGKILL to the process
      TERM, HUP, INT, USR1    this signal, then the call goes on
      hold                    the call waits until the file FAULT_GATE exists, with the fault's place in the list (0, 1 ...) after it
-     pause                   the call waits 20 ms
      short                   a write takes half of its bytes
      ENOSPC, EIO, ...        the call fails so, if a call of its kind can
 
    FAULT_LOG gets a line for each call: who, number of the process' and of all calls, name, kind of the call, file; and a line
    'hit ...' for each fault. With FAULT_CLOCK=S each look at the monotonic clock finds it S seconds later, and waiting takes
-   no time: what depends on it depends on the number of looks only. FAULT_FSIZE limits the size of files; FAULT_CLOSE=012 closes
-   descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
+   no time: what depends on it depends on the number of looks only. FAULT_CLOSE=012 closes descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
    from descriptor R; W gets its process id and, when it and all its children have ended, its wait status. That saves loading the
    libraries. */
 #define _GNU_SOURCE
@@ -30,7 +28,6 @@
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
@@ -49,9 +46,8 @@ static const struct { const char *name; int number, calls; } errors[] = {
   {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE | ROOM},
   {"EINTR", EINTR, OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK | WAIT},
   {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE | ROOM}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
-  {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"EFBIG", EFBIG, WRITE | ROOM}, {"ENOLCK", ENOLCK, LOCK},
-  {"EOPNOTSUPP", EOPNOTSUPP, LOCK | ROOM}, {"EPERM", EPERM, LINK}, {"EAGAIN", EAGAIN, FORK}, {"EMFILE", EMFILE, OPEN | FORK},
-  {"ENOMEM", ENOMEM, FORK}};
+  {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"ENOLCK", ENOLCK, LOCK},
+  {"EOPNOTSUPP", EOPNOTSUPP, LOCK | ROOM}, {"EPERM", EPERM, LINK}, {"EMFILE", EMFILE, OPEN | FORK}};
 static const struct { const char *name; int number; } signals[] = {
   {"TERM", SIGTERM}, {"HUP", SIGHUP}, {"INT", SIGINT}, {"USR1", SIGUSR1}};
 
@@ -113,7 +109,6 @@ static int look(const char *call, int calls, const char *path) {
     say("hit %s %ld %ld %s %s %s\n", who ? "child" : "parent", own, all, name, what, path);
     if (!strcmp(what, "kill")) kill(self(), SIGKILL);
     else if (!strcmp(what, "hold")) wait_for_gate(i);
-    else if (!strcmp(what, "pause")) syscall(SYS_nanosleep, &(struct timespec){0, 20000000}, NULL);
     else if (!strcmp(what, "short")) result = HALF;
     else if (faults[i].signal) kill(self(), faults[i].signal);
     else if (faults[i].error) { before = faults[i].error; result = FAIL; }
@@ -307,7 +302,7 @@ int nanosleep(const struct timespec *time, struct timespec *left) {
 
 static void arm(void) {
   const char *text = getenv("FAULT_DIR"), *log = getenv("FAULT_LOG"), *step = getenv("FAULT_CLOCK"), *list = getenv("FAULT");
-  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE");
+  const char *closed = getenv("FAULT_CLOSE");
   if (!text) return;
   snprintf(folder, sizeof folder, "%s", text);
   first = self();
@@ -335,7 +330,6 @@ static void arm(void) {
     log_file = (int)syscall(SYS_fcntl, file, F_DUPFD_CLOEXEC, 900L);
     syscall(SYS_close, file);
   }
-  if (size) setrlimit(RLIMIT_FSIZE, &(struct rlimit){(rlim_t)atol(size), (rlim_t)atol(size)});
   for (; closed && *closed; closed++) syscall(SYS_close, *closed - '0');
   armed = 1;
 }

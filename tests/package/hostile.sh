@@ -148,46 +148,27 @@ check 'a second run installs and compiles nothing' again
 # Damage of .venv that a look at it must find: something is moved away and back, or changed.
 site=$(echo "$here"/.venv/lib/python*/site-packages)
 is_whole_now() { asks 'find_python; is_whole "$venv" "$checkout/tools/requirements.txt" || { echo "$faults"; exit 1; }'; }
-notices_absence_of() { # notices_absence_of FILE
-  mv "$1" "$scratch/away"
-  local status=0
-  ! is_whole_now || status=1
-  mv "$scratch/away" "$1"
-  return $status
-}
-check 'a whole environment is one' is_whole_now
-for part in bin/python pyvenv.cfg bin/meson bin/ninja; do check "without $part it is not whole" notices_absence_of "$here/.venv/$part"; done
-for part in numpy h5py/__init__.py xarray pandas/__init__.py pip "$(cd "$site" && echo numpy-*.dist-info)" "$(cd "$site" && echo meson-*.dist-info)/RECORD"; do
-  check "without $part it is not whole" notices_absence_of "$site/$part"
-done
-notices_a_short_file() {
-  cp -p "$1" "$scratch/away"
-  truncate -s 10 "$1"
-  local status=0
-  ! is_whole_now || status=1
-  cat "$scratch/away" > "$1"
-  return $status
-}
-accepts_a_longer_file() {
-  cp -p "$1" "$scratch/away"
-  echo '# certificates of a network' >> "$1"
-  local status=0
+# whole_with FILE COMMAND...: is it whole while COMMAND has changed the file, which comes back afterwards?
+whole_with() {
+  local file=$1 status=0
+  mv "$file" "$scratch/away"
+  cp -pr "$scratch/away" "$file"
+  "${@:2}" "$file"
   is_whole_now || status=1
-  cat "$scratch/away" > "$1"
+  rm -rf "$file"
+  mv "$scratch/away" "$file"
   return $status
 }
-notices_another_interpreter() {
-  local file=$here/.venv/bin/f2py status=0
-  cp -p "$file" "$scratch/away"
-  # Of the same length.
-  sed -i '1,2s/checkout/dheckout/g' "$file"
-  ! is_whole_now || status=1
-  cat "$scratch/away" > "$file"
-  return $status
-}
-check 'with a short file it is not whole' notices_a_short_file "$site/matplotlib/__init__.py"
-check 'with a longer file it is whole' accepts_a_longer_file "$site/matplotlib/__init__.py"
-check 'with a command of another environment it is not whole' notices_another_interpreter
+longer() { echo '# certificates of a network' >> "$1"; }
+check 'a whole environment is one' is_whole_now
+for part in bin/python pyvenv.cfg bin/meson bin/ninja; do check "without $part it is not whole" fails whole_with "$here/.venv/$part" rm -rf; done
+for part in numpy h5py/__init__.py xarray pandas/__init__.py pip "$(cd "$site" && echo numpy-*.dist-info)" "$(cd "$site" && echo meson-*.dist-info)/RECORD"; do
+  check "without $part it is not whole" fails whole_with "$site/$part" rm -rf
+done
+check 'with a short file it is not whole' fails whole_with "$site/matplotlib/__init__.py" truncate -s 10
+check 'with a longer file it is whole' whole_with "$site/matplotlib/__init__.py" longer
+# Of the same length.
+check 'with a command of another environment it is not whole' fails whole_with "$here/.venv/bin/f2py" sed -i '1,2s/checkout/dheckout/g'
 check 'and afterwards it is whole' is_whole_now
 
 # started COMMAND...: its process group leads itself; its number is in $process.
