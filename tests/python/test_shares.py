@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import random
 import resource
 import shutil
 import signal
@@ -20,7 +18,6 @@ from sweeps import GRID, SCENE, Sweep, cases_in, same, values
 SMALL = SCENE.replace("t_end = 10.0", "t_end = 1.0") + GRID.replace("count = 12, 5", "count = 4, 3")
 ENDLESS = ("--set", "scene.t_end=2000000")
 LONGER = ("--set", "scene.t_end=300")
-OFTEN = ("--set", "output.checkpoint_interval=0.02")
 
 
 @pytest.fixture
@@ -98,32 +95,6 @@ def test_the_wall_limit(sweep, tmp_path):
     sweep.run("a.h5", "--set", "output.wall_limit=100", "--set", "scene.title=other", "--share", "1/2", status=0)
     sweep.run("a.h5", "--share", "2/2", status=0)
     sweep.run("a.h5", command="merge", status=0)
-
-
-def test_kills_lose_little_and_no_bit(tmp_path, kills=8, seed=7):
-    """A kill loses what is younger than a third of the time so far; under the name there is always a whole file, or nothing."""
-    sweep = Sweep(tmp_path)
-    sweep.run("b.h5", *LONGER, status=0)
-    shares = [("--share", f"{i}/2") for i in (1, 2)]
-    files = [tmp_path / f"a.{i}-of-2.h5" for i in (1, 2)]
-    chance = random.Random(seed)
-    for _ in range(kills):
-        processes = [sweep.start("a.h5", *LONGER, *OFTEN, *share, env={"OMP_NUM_THREADS": "1"}) for share in shares]
-        time.sleep(chance.uniform(0.05, 0.5))
-        victim = chance.choice(processes)
-        before = [set(cases_in(file)) for file in files]
-        victim.send_signal(signal.SIGKILL)
-        victim.wait()
-        for process in processes:
-            if process is not victim:
-                process.send_signal(signal.SIGTERM)
-                assert process.wait(60) in (0, 75)
-            end_group(process)
-        assert all(set(cases_in(file)) >= cases for file, cases in zip(files, before, strict=True))
-    run_shares(sweep, 2, *LONGER, status=0)
-    sweep.run("a.h5", *LONGER, command="merge", status=0)
-    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
-    assert not list(tmp_path.glob("*.part"))
 
 
 def test_interims_copy_what_there_is(tmp_path):
@@ -343,18 +314,3 @@ def test_several_processes_without_shares_are_refused(sweep):
     sweep.deck.write_text(SCENE)
     assert "has no &sweep" in sweep.run("a.h5", "--share", "1/2", status=1).stderr
     assert "has no &sweep" in sweep.run("a.h5", command="merge", status=1).stderr
-
-
-def test_a_folder_that_vanishes(tmp_path):
-    (tmp_path / "gone").mkdir()
-    process = Sweep(tmp_path).start("gone/a.h5", "--set", "scene.t_end=3000")
-    try:
-        wait_until((tmp_path / "gone" / "a.h5.part").exists)
-        time.sleep(0.5)
-        shutil.rmtree(tmp_path / "gone")
-        os.kill(process.pid, signal.SIGTERM)
-        # Without a finished case there was nothing to write.
-        assert process.wait(120) in (3, 75)
-        assert process.returncode == 75 or "removed, renamed or replaced during the run" in process.stderr.read()
-    finally:
-        end_group(process)

@@ -88,13 +88,6 @@ def test_faults_have_their_place(sweep, tmp_path, text, place, words):
         ds.sweep(sweep.deck)
 
 
-def test_a_missing_file_and_a_folder(sweep, tmp_path):
-    done = sweep.run("a.h5")
-    assert done.returncode == 3 and f"{tmp_path}/cases.csv: no such file" in done.stderr
-    (tmp_path / "cases.csv").mkdir()
-    assert "is a folder" in sweep.run("a.h5").stderr
-
-
 def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     moved = tmp_path / "elsewhere" / "points.csv"
@@ -129,9 +122,6 @@ def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
     write(**{"system.misalignment_deg": np.float32(ANGLES), "drive.velocity": [1, 1, 1]})
     assert with_hdf5(sweep).returncode == 0
     assert list(values(tmp_path / "a.h5")["system.misalignment_deg"]) == ANGLES
-
-
-def test_hdf5_as_xarray_writes_it(sweep, expected, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
     columns = {"system.misalignment_deg": ("case", ANGLES), "drive.velocity": ("case", VELOCITIES)}
@@ -156,9 +146,3 @@ def test_faults_of_hdf5_points(sweep, write, tmp_path, datasets, words):
     done = with_hdf5(sweep)
     assert done.returncode == 3
     assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: ") and words in done.stderr
-
-
-def test_python_wants_no_hdf5_list(sweep, write):
-    write(**{"drive.velocity": VELOCITIES})
-    with pytest.raises(ds.FileError, match="points=True"):
-        ds.sweep(sweep.deck, sweep={"points": "cases.h5"})
