@@ -18,8 +18,8 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from program import Call, Ended, Program, content, fault_of_unfinished, is_complete, is_sealed, snapshot
@@ -384,41 +384,29 @@ def room_for_files() -> str | None:
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
-@cache
-def laboratory() -> Laboratory:
-    """One for each process."""
-    room = tempfile.mkdtemp(prefix="faults-", dir=room_for_files())
-    return Laboratory(Program(executable().resolve()).__enter__(), Path(room))
-
-
-def close_laboratory() -> None:
-    laboratory().program.__exit__()
-    shutil.rmtree(laboratory().room, ignore_errors=True)
+@contextmanager
+def laboratory() -> Iterator[Laboratory]:
+    with tempfile.TemporaryDirectory(prefix="faults-", dir=room_for_files()) as room, Program(executable().resolve()) as program:
+        yield Laboratory(program, Path(room))
 
 
 def try_cases(cases: list[Case]) -> list[tuple[Case, list[str]]]:
     """For a process of its own."""
-    try:
-        return [(case, laboratory().try_case(case)) for case in cases]
-    finally:
-        close_laboratory()
-        laboratory.cache_clear()
+    with laboratory() as lab:
+        return [(case, lab.try_case(case)) for case in cases]
 
 
 def list_cases(operations: list[str], kinds: list[str], every: int) -> tuple[list[Case], dict[str, str]]:
     """Every so manieth case, and the operations that fail without any fault."""
     cases, broken = [], {}
-    try:
+    with laboratory() as lab:
         for name in operations:
             try:
-                found = list(laboratory().cases(name, kinds))
+                found = list(lab.cases(name, kinds))
             except RuntimeError as error:
                 broken[name] = str(error)
-                continue
-            cases += found[len(cases) % every :: every]
-    finally:
-        close_laboratory()
-        laboratory.cache_clear()
+            else:
+                cases += found[len(cases) % every :: every]
     return cases, broken
 
 

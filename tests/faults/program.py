@@ -82,7 +82,7 @@ class Running:
         status = self.server.status(seconds)
         hung = status is None
         if status is None:
-            self.server.kill_all()
+            self.server.kill()
             status = self.server.status(seconds)
             assert status is not None, "processes cannot be killed"
         ended = Ended(os.waitstatus_to_exitcode(status), self.output.read_text(errors="replace"), hung=hung)
@@ -130,23 +130,17 @@ class Server:
         """Wait status, or None if the run does not end in time."""
         if not select.select([self.replies], [], [], seconds)[0]:
             return None
+        self.process = 0
         return struct.unpack("i", os.read(self.replies, 4))[0]
 
-    def kill_all(self) -> None:
-        """Kill all that the server started."""
-        parents = {}
-        for entry in Path("/proc").glob("[0-9]*/stat"):
-            with contextlib.suppress(OSError):
-                parents[int(entry.parent.name)] = int(entry.read_text().rpartition(")")[2].split()[1])
-        descendants = {self.popen.pid}
-        while more := {p for p, parent in parents.items() if parent in descendants} - descendants:
-            descendants |= more
-        for process in descendants - {self.popen.pid}:
+    def kill(self) -> None:
+        """Kill the run and its children, which are a session."""
+        if self.process:
             with contextlib.suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
+                os.killpg(self.process, signal.SIGKILL)
 
     def close(self) -> None:
-        self.kill_all()
+        self.kill()
         os.close(self.to)
         os.close(self.replies)
         self.popen.wait(30)

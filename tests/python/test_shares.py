@@ -214,6 +214,8 @@ def test_a_merge_of_some_shares(sweep, tmp_path):
     assert "there is no file of a share" in sweep.run("a.h5", command="merge", status=3).stderr
     for i in (1, 3):
         sweep.run("a.h5", "--share", f"{i}/3", status=0)
+    shown = sweep.program("show", tmp_path / "a.h5", status=0).stdout
+    assert shown.count("4 of 4 cases done, 0 failed") == 2 and "no file of a share I/3 with I = 2\n" in shown
     assert "4 of 12 cases have not been run" in sweep.run("a.h5", command="merge", status=75).stderr
     found = values(tmp_path / "a.h5")
     assert np.flatnonzero(found["result_code"] == -1).tolist() == [1, 4, 7, 10]
@@ -278,29 +280,20 @@ STEP = {"SLURM_STEP_NUM_TASKS": "3", "SLURM_PROCID": "1", "SLURM_NTASKS": "3"}
         ({"PMI_SIZE": "4", "PMI_RANK": "0"}, "1-of-4"),
         ({"PMI_SIZE": "4", "PMIX_RANK": "2"}, "3-of-4"),
         ({"SGE_TASK_ID": "2", "SGE_TASK_FIRST": "1", "SGE_TASK_LAST": "6", "SGE_TASK_STEPSIZE": "1"}, "2-of-6"),
+        ({}, None),
+        ({"SLURM_NTASKS": "3", "SLURM_PROCID": "0"}, None),
+        ({**ARRAY, "SLURM_ARRAY_TASK_COUNT": "3"}, None),
+        ({"PBS_ARRAY_INDEX": "3"}, None),
+        ({"PMI_SIZE": "4"}, None),
+        ({"PMI_SIZE": "4", "PMI_RANK": "4"}, None),
+        ({"SGE_TASK_ID": "undefined"}, None),
+        ({**ARRAY, "SLURM_ARRAY_TASK_COUNT": "4", "PMI_SIZE": "999999", "PMI_RANK": "0"}, None),
     ],
 )
 def test_auto(sweep, tmp_path, environment, share):
-    sweep.run("a.h5", "--share", "auto", env=environment, status=0)
-    assert names(tmp_path) == [f"a.{share}.h5"]
-
-
-@pytest.mark.parametrize(
-    "environment",
-    [
-        {},
-        {"SLURM_NTASKS": "3", "SLURM_PROCID": "0"},
-        {**ARRAY, "SLURM_ARRAY_TASK_COUNT": "3"},
-        {"PBS_ARRAY_INDEX": "3"},
-        {"PMI_SIZE": "4"},
-        {"PMI_SIZE": "4", "PMI_RANK": "4"},
-        {"SGE_TASK_ID": "undefined"},
-        {**ARRAY, "SLURM_ARRAY_TASK_COUNT": "4", "PMI_SIZE": "999999", "PMI_RANK": "0"},
-    ],
-)
-def test_auto_without_numbers(sweep, tmp_path, environment):
-    assert "--share auto: " in sweep.run("a.h5", "--share", "auto", env=environment, status=1).stderr
-    assert names(tmp_path) == []
+    """The share that the environment names, or a refusal where it names none."""
+    done = sweep.run("a.h5", "--share", "auto", env=environment, status=0 if share else 1)
+    assert names(tmp_path) == ([f"a.{share}.h5"] if share else []) and ("--share auto: " in done.stderr) == (not share)
 
 
 @pytest.mark.parametrize("value", ["0/3", "4/3", "1", "1/", "/3", "-1/3", "a/b", "1/0", "1/3/5", "1.5/3", "1/9999999", ""])

@@ -37,24 +37,11 @@ def test_coordinates_order_and_how_it_is_shown():
         assert "Dimensions:" in repr(other)
 
 
-def test_points_go_along_case():
-    data = ds.sweep(SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True)
-    assert data["final_u_x"].dims == ("case",) and data["velocity"].dims == ("case",)
-
-
-def test_threads_change_nothing():
-    one, three = (ds.sweep(SHORT + GRID, threads=threads).drop_vars("wall_time") for threads in (1, 3))
-    assert three.identical(one)
-
-
 def test_failed_cases_are_reported():
     with pytest.warns(ds.IncompleteWarning, match="of 60 cases failed"):
         data = ds.sweep(SHORT + GRID, integrator={"max_steps": 25})
-    failed = data["result_code"].values == 42
-    assert 0 < np.count_nonzero(failed) < 60
-    assert all("max_steps" in text for text in data["result_text"].values[failed])
-    assert all(text == "" for text in data["result_text"].values[~failed])
-    assert repr(data).startswith(f"<sweep: 60 cases, {np.count_nonzero(failed)} not done: see result_text>")
+    failed = np.count_nonzero(data["result_code"] == 42)
+    assert repr(data).startswith(f"<sweep: 60 cases, {failed} not done: see result_text>") and 0 < failed < 60
 
 
 @pytest.mark.parametrize(
