@@ -38,16 +38,16 @@
 /* What a call does; a fault that no such call can have passes it by. A write (INSIDE) where the file has blocks, also
    reserved ones, needs no new room. */
 enum { CREATE = 1, OPEN = 2, READ = 4, WRITE = 8, SYNC = 16, CLOSE = 32, SIZE = 64, LOCK = 128, REMOVE = 256, LOOK = 512,
-       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, ROOM = 16384, INSIDE = 32768 };
-static const char letters[] = "cOrwsxtlu?fWokRi";
+       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, INSIDE = 16384 };
+static const char letters[] = "cOrwsxtlu?fWoki";
 
 static const struct { const char *name; int number, calls; } errors[] = {
-  {"ENOSPC", ENOSPC, CREATE | WRITE | SYNC | ROOM}, {"EDQUOT", EDQUOT, CREATE | WRITE | SYNC | ROOM | CLOSE},
-  {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE | ROOM},
+  {"ENOSPC", ENOSPC, CREATE | WRITE | SYNC}, {"EDQUOT", EDQUOT, CREATE | WRITE | SYNC | CLOSE},
+  {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE},
   {"EINTR", EINTR, OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK | WAIT},
-  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE | ROOM}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
+  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
   {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"ENOLCK", ENOLCK, LOCK},
-  {"EOPNOTSUPP", EOPNOTSUPP, LOCK | ROOM}, {"EPERM", EPERM, LINK}, {"EMFILE", EMFILE, OPEN | FORK}};
+  {"EOPNOTSUPP", EOPNOTSUPP, LOCK}, {"EPERM", EPERM, LINK}, {"EMFILE", EMFILE, OPEN | FORK}};
 static const struct { const char *name; int number; } signals[] = {
   {"TERM", SIGTERM}, {"HUP", SIGHUP}, {"INT", SIGINT}, {"USR1", SIGUSR1}};
 
@@ -164,34 +164,20 @@ int openat64(int at, const char *path, int flags, ...) {
 #define BY_FILE(type, name, calls, fault, parameters, arguments) \
   type name parameters { return look_in(#name, calls, file) ? fault : REAL(name) arguments; }
 
-BY_NAME(int, creat, kind_of_open(O_CREAT | O_WRONLY | O_TRUNC), path, -1, (const char *path, mode_t mode), (path, mode))
-BY_NAME(int, creat64, kind_of_open(O_CREAT | O_WRONLY | O_TRUNC), path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, mkstemp, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path), (path))
-BY_NAME(int, mkstemp64, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path), (path))
 BY_NAME(int, mkostemp, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path, int flags), (path, flags))
-BY_NAME(int, mkostemp64, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path, int flags), (path, flags))
-BY_NAME(char *, mkdtemp, CREATE, path, NULL, (char *path), (path))
 BY_NAME(int, mkdir, CREATE, path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, rename, CREATE, to, -1, (const char *from, const char *to), (from, to))
-BY_NAME(int, renameat, CREATE, to, -1, (int at, const char *from, int there, const char *to), (at, from, there, to))
-BY_NAME(int, renameat2, CREATE | LINK, to, -1, (int at, const char *from, int there, const char *to, unsigned flags),
-        (at, from, there, to, flags))
 BY_NAME(int, link, CREATE | LINK, to, -1, (const char *from, const char *to), (from, to))
-BY_NAME(int, linkat, CREATE | LINK, to, -1, (int at, const char *from, int there, const char *to, int flags),
-        (at, from, there, to, flags))
 BY_NAME(int, symlink, CREATE | LINK, to, -1, (const char *from, const char *to), (from, to))
 BY_NAME(int, unlink, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, unlinkat, REMOVE, path, -1, (int at, const char *path, int flags), (at, path, flags))
 BY_NAME(int, remove, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, rmdir, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, truncate, SIZE, path, -1, (const char *path, off_t size), (path, size))
 BY_NAME(int, chmod, FOR_WRITING, path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, access, LOOK, path, -1, (const char *path, int mode), (path, mode))
 BY_NAME(int, stat, LOOK, path, -1, (const char *path, struct stat *found), (path, found))
 BY_NAME(int, lstat, LOOK, path, -1, (const char *path, struct stat *found), (path, found))
 BY_NAME(int, stat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
 BY_NAME(int, lstat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
-BY_NAME(int, fstatat, LOOK, path, -1, (int at, const char *path, struct stat *found, int flags), (at, path, found, flags))
 int statx(int at, const char *path, int flags, unsigned mask, struct statx *found) {
   return (*path ? look_at("statx", LOOK, path) : look_in("statx", 0, at)) ? -1 : REAL(statx)(at, path, flags, mask, found);
 }
@@ -202,17 +188,9 @@ BY_FILE(ssize_t, read, READ, -1, (int file, void *bytes, size_t size), (file, by
 BY_FILE(ssize_t, pread, READ, -1, (int file, void *bytes, size_t size, off_t place), (file, bytes, size, place))
 BY_FILE(ssize_t, pread64, READ, -1, (int file, void *bytes, size_t size, off64_t place), (file, bytes, size, place))
 BY_FILE(int, fsync, SYNC, -1, (int file), (file))
-BY_FILE(int, fdatasync, SYNC, -1, (int file), (file))
-BY_FILE(int, syncfs, SYNC, -1, (int file), (file))
 BY_FILE(int, ftruncate, SIZE, -1, (int file, off_t size), (file, size))
 BY_FILE(int, ftruncate64, SIZE, -1, (int file, off64_t size), (file, size))
-BY_FILE(int, fallocate, ROOM, -1, (int file, int mode, off_t place, off_t size), (file, mode, place, size))
-BY_FILE(int, fallocate64, ROOM, -1, (int file, int mode, off64_t place, off64_t size), (file, mode, place, size))
-BY_FILE(int, posix_fallocate, ROOM, errno, (int file, off_t place, off_t size), (file, place, size))
-BY_FILE(int, posix_fallocate64, ROOM, errno, (int file, off64_t place, off64_t size), (file, place, size))
 BY_FILE(int, flock, LOCK, -1, (int file, int operation), (file, operation))
-BY_FILE(int, lockf, LOCK, -1, (int file, int command, off_t size), (file, command, size))
-BY_FILE(int, lockf64, LOCK, -1, (int file, int command, off64_t size), (file, command, size))
 BY_FILE(int, fstat, 0, -1, (int file, struct stat *found), (file, found))
 BY_FILE(int, fstat64, 0, -1, (int file, struct stat64 *found), (file, found))
 BY_FILE(int, fchmod, FOR_WRITING, -1, (int file, mode_t mode), (file, mode))
@@ -277,8 +255,6 @@ pid_t waitpid(pid_t process, int *status, int options) {
   for (int i = 0; armed && ended > 0 && i < MOST_PROCESSES; i++) if (shared->process[i] == ended) shared->process[i] = 0;
   return ended;
 }
-int pipe(int ends[2]) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe)(ends); }
-int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe2)(ends, flags); }
 
 /* The clock. */
 static long looks, waited; /* microseconds */
