@@ -155,7 +155,7 @@ def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, caps
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
-def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
+def browse(page: str, folder: Path) -> tuple[str, list[str]]:
     """The page's elements, and what it wrote on the console: errors, and loads that failed."""
     assert BROWSER is not None
     (folder / "page.html").write_text(page, encoding="utf-8")
@@ -163,27 +163,19 @@ def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
         (BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={folder / 'profile'}")
     )
     network = ("--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--virtual-time-budget=8000")
-    done = browser(*network, *options, f"file://{folder / 'page.html'}", status=0)
+    done = browser(*network, "--dump-dom", f"file://{folder / 'page.html'}", status=0)
     return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE:" in line]
 
 
 @pytest.mark.full
 @pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
-def test_the_page_has_no_fault_and_is_drawn(page: str, tmp_path: Path) -> None:
+def test_the_page_has_no_fault(page: str, tmp_path: Path) -> None:
     """A fault, or a load, which is one against the page's own policy, would be seen."""
-    elements, console = browse(page, tmp_path, "--dump-dom")
+    elements, console = browse(page, tmp_path)
     assert console == [] and elements.count("<figure>") == 7
     for fault in (
         "<script>undefined_function()</script>",
         '<img src="https://example.org/x.png">',
         '<link rel="stylesheet" href="https://example.org/x.css">',
     ):
-        assert browse(page.replace("</body>", f"{fault}</body>"), tmp_path, "--dump-dom")[1]
-    browse(page, tmp_path, f"--screenshot={tmp_path / 'page.png'}", "--window-size=1200,2400")
-    pixels = image.imread(tmp_path / "page.png")[..., :3]
-    assert pixels.shape[:2] == (2400, 1200)
-    ink = np.any(pixels < 0.9, axis=2)
-    # A figure's height each: what falls between two figures depends on the fonts.
-    bands = ink.reshape(8, 300, 1200).mean(axis=(1, 2))
-    assert np.all(bands > 0.002), "a band of the page is empty"
-    assert ink.mean() < 0.5
+        assert browse(page.replace("</body>", f"{fault}</body>"), tmp_path)[1]
