@@ -33,7 +33,7 @@ def found(whole) -> dict[str, np.ndarray]:
     return values(whole.folder / "a.h5")
 
 
-def test_cycles_are_padded_and_counted(found):
+def test_cycles_are_padded_counted_and_what_the_means_are_over(found):
     counts = found["cycles/count"]
     assert counts.min() == 0 and counts.max() == MOST and len(set(counts.tolist())) > 5
     for name in QUANTITIES:
@@ -41,23 +41,14 @@ def test_cycles_are_padded_and_counted(found):
         assert table.shape == (60, MOST)
         np.testing.assert_array_equal(np.isfinite(table), np.arange(MOST) < counts[:, np.newaxis])
     np.testing.assert_allclose(found["cycles/period"], found["cycles/stick_duration"] + found["cycles/slip_duration"], rtol=1e-12)
-
-
-def test_they_are_what_the_means_are_over(found):
     # Where there are more of them than are kept, the means are over more.
-    whole = (found["cycles/count"] > 1) & (found["cycles/count"] < MOST)
+    whole = (counts > 1) & (counts < MOST)
     assert whole.sum() > 20
     for name in QUANTITIES:
-        kept = found[f"cycles/{name}"][whole]
+        kept, scatter = found[f"cycles/{name}"][whole], found[f"summary/{name}_scatter"][whole]
         np.testing.assert_allclose(np.nanmean(kept, axis=1), found[f"summary/{name}"][whole], rtol=1e-13)
-        np.testing.assert_allclose(
-            np.nanstd(kept, axis=1, ddof=1),
-            found[f"summary/{name}_scatter"][whole],
-            rtol=1e-6,
-            atol=1e-12 * np.nanmax(np.abs(kept)),
-        )
-    none = found["cycles/count"] == 0
-    assert np.isnan(found["summary/period"][none]).all() and np.isfinite(found["summary/period"][~none]).all()
+        np.testing.assert_allclose(np.nanstd(kept, axis=1, ddof=1), scatter, rtol=1e-6, atol=1e-12 * np.nanmax(np.abs(kept)))
+    assert np.isnan(found["summary/period"][counts == 0]).all() and np.isfinite(found["summary/period"][counts > 0]).all()
 
 
 @pytest.mark.parametrize("model", ["low_frequency", "full"])
