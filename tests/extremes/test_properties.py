@@ -18,7 +18,6 @@ hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
 given, settings, st = hypothesis.given, hypothesis.settings, hypothesis.strategies
 
 FULL = "DYNSTICTION_FULL" in os.environ
-SMOOTH_STEP = [kind for kind in KINDS if kind.model != "auto" and kind.method in {"radau5", "radau9", "radau13"}]
 
 # The examples are the same in every run: what is found once is found again. The many come with --full.
 examples = settings(
@@ -97,9 +96,3 @@ def test_an_open_balance_is_seen(rtol: float) -> None:
 @given(parameters(), st.sampled_from(KINDS), profiles())
 def test_any_scene_ends_well(groups: Groups, kind: Kind, profile: Profile) -> None:
     assert finish(scene_of(groups, kind, profile)).faults == []
-
-
-@pytest.mark.parametrize("kind", SMOOTH_STEP, ids=lambda kind: kind.name)
-def test_the_search_starts_at_fig3(kind: Kind) -> None:
-    """What the counterexamples shrink to is itself sound."""
-    assert finish(scene_of(FIG3, kind)).code == 0

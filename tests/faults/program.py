@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 
-SEAL = re.compile(rb"dynstiction CRC-32 ([0-9A-F]{8})\n")
+from damage import CHECKSUM_LENGTH, sealed
 
 
 def compiled_shim(folder: Path) -> Path:
@@ -64,15 +63,10 @@ class Running:
         self.process = server.process
         self.gates: list[Path] = []
 
-    def holds(self) -> list[str]:
-        """The calls that were held so far, as lines of the log."""
-        text = self.log.read_text() if self.log.exists() else ""
-        return [line for line in text.splitlines() if line.startswith("hit ") and " hold " in line]
-
-    def wait_for_hold(self, count: int = 1, seconds: float = 10.0) -> None:
-        """Wait until the program is held, for the `count`-th time."""
+    def wait_for_hold(self, seconds: float = 10.0) -> None:
+        """Wait until the program is held."""
         end = time.monotonic() + seconds
-        while len(self.holds()) < count:
+        while not (self.log.exists() and re.search("^hit .* hold ", self.log.read_text(), re.MULTILINE)):
             if self.server.has_ended() or time.monotonic() > end:
                 text = self.output.read_text() if self.output.exists() else ""
                 raise AssertionError(f"it was not held: {text}")
@@ -83,24 +77,12 @@ class Running:
         self.gates.append(self.log.with_suffix(f".gate{fault}"))
         self.gates[-1].touch()
 
-    def signal(self, number: int) -> None:
-        """Send a signal, unless the run has ended."""
-        if not self.server.has_ended():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self.process, number)
-
-    def kill_group(self) -> None:
-        """Kill the run's process group."""
-        if not self.server.has_ended():
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.process, signal.SIGKILL)
-
     def wait(self, seconds: float = 30.0) -> Ended:
         """Wait until the run and all its children have ended; kill them when they do not."""
         status = self.server.status(seconds)
         hung = status is None
         if status is None:
-            self.server.kill_all()
+            self.server.kill()
             status = self.server.status(seconds)
             assert status is not None, "processes cannot be killed"
         ended = Ended(os.waitstatus_to_exitcode(status), self.output.read_text(errors="replace"), hung=hung)
@@ -148,23 +130,17 @@ class Server:
         """Wait status, or None if the run does not end in time."""
         if not select.select([self.replies], [], [], seconds)[0]:
             return None
+        self.process = 0
         return struct.unpack("i", os.read(self.replies, 4))[0]
 
-    def kill_all(self) -> None:
-        """Kill all that the server started."""
-        parents = {}
-        for entry in Path("/proc").glob("[0-9]*/stat"):
-            with contextlib.suppress(OSError):
-                parents[int(entry.parent.name)] = int(entry.read_text().rpartition(")")[2].split()[1])
-        descendants = {self.popen.pid}
-        while more := {p for p, parent in parents.items() if parent in descendants} - descendants:
-            descendants |= more
-        for process in descendants - {self.popen.pid}:
+    def kill(self) -> None:
+        """Kill the run and its children, which are a session."""
+        if self.process:
             with contextlib.suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
+                os.killpg(self.process, signal.SIGKILL)
 
     def close(self) -> None:
-        self.kill_all()
+        self.kill()
         os.close(self.to)
         os.close(self.replies)
         self.popen.wait(30)
@@ -206,12 +182,9 @@ class Program:
         server.start(folder, output, environment, [str(self.executable), *map(str, arguments)])
         return Running(self, server, lines, output)
 
-    def run(
-        self, folder: Path, *arguments: object, seconds: float = 30.0, fault: str = "", clock: float = 0.0, log: bool = False,
-        **settings: object,
-    ) -> Ended:  # fmt: skip
-        """Run the program to its end."""
-        return self.start(folder, *arguments, fault=fault, clock=clock, log=log, **settings).wait(seconds)
+    def run(self, folder: Path, *arguments: object, seconds: float = 30.0, **how: object) -> Ended:
+        """Run the program to its end; `how` as for `start`."""
+        return self.start(folder, *arguments, **how).wait(seconds)
 
     def end_all(self) -> None:
         """End what still runs."""
@@ -254,8 +227,7 @@ def is_complete(file: Path) -> bool:
 def is_sealed(file: Path) -> bool:
     """Whether the file ends with the checksum of what is before it."""
     data = file.read_bytes()
-    seal = SEAL.fullmatch(data[-28:])
-    return seal is not None and int(seal[1], 16) == zlib.crc32(data[:-28])
+    return data == sealed(data[:-CHECKSUM_LENGTH])
 
 
 def fault_of_unfinished(file: Path, expected: dict[str, tuple]) -> str:

@@ -7,14 +7,12 @@
      kill                    SIGKILL to the process
      TERM, HUP, INT, USR1    this signal, then the call goes on
      hold                    the call waits until the file FAULT_GATE exists, with the fault's place in the list (0, 1 ...) after it
-     pause                   the call waits 20 ms
      short                   a write takes half of its bytes
      ENOSPC, EIO, ...        the call fails so, if a call of its kind can
 
    FAULT_LOG gets a line for each call: who, number of the process' and of all calls, name, kind of the call, file; and a line
    'hit ...' for each fault. With FAULT_CLOCK=S each look at the monotonic clock finds it S seconds later, and waiting takes
-   no time: what depends on it depends on the number of looks only. FAULT_FSIZE limits the size of files; FAULT_CLOSE=012 closes
-   descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
+   no time: what depends on it depends on the number of looks only. FAULT_CLOSE=012 closes descriptors. With FAULT_SERVER=R,W the program stays where main begins, and a copy runs for each request
    from descriptor R; W gets its process id and, when it and all its children have ended, its wait status. That saves loading the
    libraries. */
 #define _GNU_SOURCE
@@ -30,7 +28,6 @@
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
@@ -41,17 +38,16 @@
 /* What a call does; a fault that no such call can have passes it by. A write (INSIDE) where the file has blocks, also
    reserved ones, needs no new room. */
 enum { CREATE = 1, OPEN = 2, READ = 4, WRITE = 8, SYNC = 16, CLOSE = 32, SIZE = 64, LOCK = 128, REMOVE = 256, LOOK = 512,
-       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, ROOM = 16384, INSIDE = 32768 };
-static const char letters[] = "cOrwsxtlu?fWokRi";
+       FORK = 1024, WAIT = 2048, FOR_WRITING = 4096, LINK = 8192, INSIDE = 16384 };
+static const char letters[] = "cOrwsxtlu?fWoki";
 
 static const struct { const char *name; int number, calls; } errors[] = {
-  {"ENOSPC", ENOSPC, CREATE | WRITE | SYNC | ROOM}, {"EDQUOT", EDQUOT, CREATE | WRITE | SYNC | ROOM | CLOSE},
-  {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE | ROOM},
+  {"ENOSPC", ENOSPC, CREATE | WRITE | SYNC}, {"EDQUOT", EDQUOT, CREATE | WRITE | SYNC | CLOSE},
+  {"EIO", EIO, CREATE | OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | REMOVE},
   {"EINTR", EINTR, OPEN | READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK | WAIT},
-  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE | ROOM}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
-  {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"EFBIG", EFBIG, WRITE | ROOM}, {"ENOLCK", ENOLCK, LOCK},
-  {"EOPNOTSUPP", EOPNOTSUPP, LOCK | ROOM}, {"EPERM", EPERM, LINK}, {"EAGAIN", EAGAIN, FORK}, {"EMFILE", EMFILE, OPEN | FORK},
-  {"ENOMEM", ENOMEM, FORK}};
+  {"EROFS", EROFS, CREATE | FOR_WRITING | WRITE | INSIDE | SIZE | REMOVE}, {"EACCES", EACCES, CREATE | OPEN | REMOVE | LOOK},
+  {"EBADF", EBADF, READ | WRITE | INSIDE | SYNC | CLOSE | SIZE | LOCK}, {"ENOLCK", ENOLCK, LOCK},
+  {"EOPNOTSUPP", EOPNOTSUPP, LOCK}, {"EPERM", EPERM, LINK}, {"EMFILE", EMFILE, OPEN | FORK}};
 static const struct { const char *name; int number; } signals[] = {
   {"TERM", SIGTERM}, {"HUP", SIGHUP}, {"INT", SIGINT}, {"USR1", SIGUSR1}};
 
@@ -113,7 +109,6 @@ static int look(const char *call, int calls, const char *path) {
     say("hit %s %ld %ld %s %s %s\n", who ? "child" : "parent", own, all, name, what, path);
     if (!strcmp(what, "kill")) kill(self(), SIGKILL);
     else if (!strcmp(what, "hold")) wait_for_gate(i);
-    else if (!strcmp(what, "pause")) syscall(SYS_nanosleep, &(struct timespec){0, 20000000}, NULL);
     else if (!strcmp(what, "short")) result = HALF;
     else if (faults[i].signal) kill(self(), faults[i].signal);
     else if (faults[i].error) { before = faults[i].error; result = FAIL; }
@@ -169,34 +164,20 @@ int openat64(int at, const char *path, int flags, ...) {
 #define BY_FILE(type, name, calls, fault, parameters, arguments) \
   type name parameters { return look_in(#name, calls, file) ? fault : REAL(name) arguments; }
 
-BY_NAME(int, creat, kind_of_open(O_CREAT | O_WRONLY | O_TRUNC), path, -1, (const char *path, mode_t mode), (path, mode))
-BY_NAME(int, creat64, kind_of_open(O_CREAT | O_WRONLY | O_TRUNC), path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, mkstemp, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path), (path))
-BY_NAME(int, mkstemp64, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path), (path))
 BY_NAME(int, mkostemp, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path, int flags), (path, flags))
-BY_NAME(int, mkostemp64, kind_of_open(O_CREAT | O_RDWR), path, -1, (char *path, int flags), (path, flags))
-BY_NAME(char *, mkdtemp, CREATE, path, NULL, (char *path), (path))
 BY_NAME(int, mkdir, CREATE, path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, rename, CREATE, to, -1, (const char *from, const char *to), (from, to))
-BY_NAME(int, renameat, CREATE, to, -1, (int at, const char *from, int there, const char *to), (at, from, there, to))
-BY_NAME(int, renameat2, CREATE | LINK, to, -1, (int at, const char *from, int there, const char *to, unsigned flags),
-        (at, from, there, to, flags))
 BY_NAME(int, link, CREATE | LINK, to, -1, (const char *from, const char *to), (from, to))
-BY_NAME(int, linkat, CREATE | LINK, to, -1, (int at, const char *from, int there, const char *to, int flags),
-        (at, from, there, to, flags))
 BY_NAME(int, symlink, CREATE | LINK, to, -1, (const char *from, const char *to), (from, to))
 BY_NAME(int, unlink, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, unlinkat, REMOVE, path, -1, (int at, const char *path, int flags), (at, path, flags))
 BY_NAME(int, remove, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, rmdir, REMOVE, path, -1, (const char *path), (path))
-BY_NAME(int, truncate, SIZE, path, -1, (const char *path, off_t size), (path, size))
 BY_NAME(int, chmod, FOR_WRITING, path, -1, (const char *path, mode_t mode), (path, mode))
 BY_NAME(int, access, LOOK, path, -1, (const char *path, int mode), (path, mode))
 BY_NAME(int, stat, LOOK, path, -1, (const char *path, struct stat *found), (path, found))
 BY_NAME(int, lstat, LOOK, path, -1, (const char *path, struct stat *found), (path, found))
 BY_NAME(int, stat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
 BY_NAME(int, lstat64, LOOK, path, -1, (const char *path, struct stat64 *found), (path, found))
-BY_NAME(int, fstatat, LOOK, path, -1, (int at, const char *path, struct stat *found, int flags), (at, path, found, flags))
 int statx(int at, const char *path, int flags, unsigned mask, struct statx *found) {
   return (*path ? look_at("statx", LOOK, path) : look_in("statx", 0, at)) ? -1 : REAL(statx)(at, path, flags, mask, found);
 }
@@ -207,17 +188,9 @@ BY_FILE(ssize_t, read, READ, -1, (int file, void *bytes, size_t size), (file, by
 BY_FILE(ssize_t, pread, READ, -1, (int file, void *bytes, size_t size, off_t place), (file, bytes, size, place))
 BY_FILE(ssize_t, pread64, READ, -1, (int file, void *bytes, size_t size, off64_t place), (file, bytes, size, place))
 BY_FILE(int, fsync, SYNC, -1, (int file), (file))
-BY_FILE(int, fdatasync, SYNC, -1, (int file), (file))
-BY_FILE(int, syncfs, SYNC, -1, (int file), (file))
 BY_FILE(int, ftruncate, SIZE, -1, (int file, off_t size), (file, size))
 BY_FILE(int, ftruncate64, SIZE, -1, (int file, off64_t size), (file, size))
-BY_FILE(int, fallocate, ROOM, -1, (int file, int mode, off_t place, off_t size), (file, mode, place, size))
-BY_FILE(int, fallocate64, ROOM, -1, (int file, int mode, off64_t place, off64_t size), (file, mode, place, size))
-BY_FILE(int, posix_fallocate, ROOM, errno, (int file, off_t place, off_t size), (file, place, size))
-BY_FILE(int, posix_fallocate64, ROOM, errno, (int file, off64_t place, off64_t size), (file, place, size))
 BY_FILE(int, flock, LOCK, -1, (int file, int operation), (file, operation))
-BY_FILE(int, lockf, LOCK, -1, (int file, int command, off_t size), (file, command, size))
-BY_FILE(int, lockf64, LOCK, -1, (int file, int command, off64_t size), (file, command, size))
 BY_FILE(int, fstat, 0, -1, (int file, struct stat *found), (file, found))
 BY_FILE(int, fstat64, 0, -1, (int file, struct stat64 *found), (file, found))
 BY_FILE(int, fchmod, FOR_WRITING, -1, (int file, mode_t mode), (file, mode))
@@ -282,8 +255,6 @@ pid_t waitpid(pid_t process, int *status, int options) {
   for (int i = 0; armed && ended > 0 && i < MOST_PROCESSES; i++) if (shared->process[i] == ended) shared->process[i] = 0;
   return ended;
 }
-int pipe(int ends[2]) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe)(ends); }
-int pipe2(int ends[2], int flags) { return armed && look("pipe", FORK, "-") ? -1 : REAL(pipe2)(ends, flags); }
 
 /* The clock. */
 static long looks, waited; /* microseconds */
@@ -307,7 +278,7 @@ int nanosleep(const struct timespec *time, struct timespec *left) {
 
 static void arm(void) {
   const char *text = getenv("FAULT_DIR"), *log = getenv("FAULT_LOG"), *step = getenv("FAULT_CLOCK"), *list = getenv("FAULT");
-  const char *size = getenv("FAULT_FSIZE"), *closed = getenv("FAULT_CLOSE");
+  const char *closed = getenv("FAULT_CLOSE");
   if (!text) return;
   snprintf(folder, sizeof folder, "%s", text);
   first = self();
@@ -335,7 +306,6 @@ static void arm(void) {
     log_file = (int)syscall(SYS_fcntl, file, F_DUPFD_CLOEXEC, 900L);
     syscall(SYS_close, file);
   }
-  if (size) setrlimit(RLIMIT_FSIZE, &(struct rlimit){(rlim_t)atol(size), (rlim_t)atol(size)});
   for (; closed && *closed; closed++) syscall(SYS_close, *closed - '0');
   armed = 1;
 }

@@ -4,15 +4,13 @@
 
 A mutant is killed when a test fails, crashes or does not end; it survives when all pass. What survives must be listed in
 equivalent.csv, with the reason why no test can or need tell it from the original. Results are in build/mutation/results.csv;
---survivors leaves out those that were killed before, --mutants takes those with the given numbers. The last line is
-"N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see tests/README.md.
+--mutants takes those with the given numbers. The last line is "N passed, M failed": passed is killed or listed. Needs meson, ninja and pytest on PATH, as in .venv; see tests/README.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import json
 import os
 import re
 import resource
@@ -32,7 +30,6 @@ TREE = FOLDER / "tree"
 BUILD = FOLDER / "build"
 PREFIX = FOLDER / "prefix"
 RESULTS = FOLDER / "results.csv"
-REJECTED = FOLDER / "rejected.json"
 EQUIVALENT = HERE / "equivalent.csv"
 
 # Physics, numerics, motion, results. Deck, files and sweeps have their own proofs (fuzzing, damaged files, kills).
@@ -88,15 +85,14 @@ def sources() -> list[Source]:
     return [read_source(path.name, path.read_text()) for path in paths]
 
 
-def choose(all_sources: list[Source], count: int, seed: int, modules: list[str]) -> dict[int, Mutant]:
-    """The mutants that rank highest; the choice in one file does not depend on another."""
+def choose(all_sources: list[Source], count: int, seed: int, modules: list[str], refused: set[Key]) -> dict[int, Mutant]:
+    """The mutants that rank highest, but for those that the compiler refuses; the choice in one file does not depend on another."""
     everything = [mutant for source in all_sources for found in source.mutants.values() for mutant in found]
     for mutant in everything:
         mutant.number = 0
     ranked = sorted(
         (mutant for mutant in everything if not modules or Path(mutant.file).stem in modules),
         key=lambda mutant: mutant.rank(seed, WEIGHTS.get(mutant.file, 1.0)), reverse=True)  # fmt: skip
-    refused = rejected()
     chosen: dict[int, Mutant] = {}
     per_statement: dict[tuple[str, int], int] = {}
     for mutant in ranked:
@@ -108,15 +104,6 @@ def choose(all_sources: list[Source], count: int, seed: int, modules: list[str])
             mutant.number = len(chosen) + 1
             chosen[mutant.number] = mutant
     return chosen
-
-
-def rejected() -> set[Key]:
-    """Mutants that the compiler has refused, in this and earlier builds."""
-    return {(*key,) for key in json.loads(REJECTED.read_text())} if REJECTED.exists() else set()
-
-
-def reject(mutants: list[Mutant]) -> None:
-    REJECTED.write_text(json.dumps(sorted(rejected() | {mutant.key for mutant in mutants}), indent=1))
 
 
 def put(path: Path, text: str) -> None:
@@ -156,8 +143,9 @@ def write_sources(all_sources: list[Source], chosen: dict[int, Mutant]) -> dict[
 
 def build(all_sources: list[Source], count: int, seed: int, modules: list[str], jobs: int) -> dict[int, Mutant]:
     """Build with the chosen mutants; those that the compiler refuses are replaced by others."""
+    rejected: set[Key] = set()
     while True:
-        chosen = choose(all_sources, count, seed, modules)
+        chosen = choose(all_sources, count, seed, modules, rejected)
         copy_tree()
         places = write_sources(all_sources, chosen)
         if not (BUILD / "build.ninja").exists():
@@ -177,7 +165,7 @@ def build(all_sources: list[Source], count: int, seed: int, modules: list[str], 
         print(f"The compiler refuses {len(refused)} mutants; they are replaced", flush=True)
         for number in sorted(refused):
             print(f"    {chosen[number].original} -> {chosen[number].mutated}", flush=True)
-        reject([chosen[number] for number in refused])
+        rejected |= {chosen[number].key for number in refused}
     subprocess.run(["meson", "install", "-C", BUILD, "--quiet", "--no-rebuild"], check=True, stdout=subprocess.DEVNULL)
     return chosen
 
@@ -254,17 +242,13 @@ def verdict_of(mutant: Mutant, checks: list[Check]) -> tuple[str, str]:
     return "survived", "" if is_reached else "not reached"
 
 
-def is_killed(mutant: Mutant, checks: list[Check], results: Table) -> bool:
-    start = time.monotonic()
-    verdict, by = verdict_of(mutant, checks)
-    note(mutant, verdict, by, time.monotonic() - start, results)
-    return verdict == "killed"
-
-
 def note(mutant: Mutant, verdict: str, by: str, seconds: float, results: Table) -> None:
     row = (mutant.number, mutant.file, mutant.line, mutant.procedure, mutant.original, mutant.mutated, mutant.occurrence)
     results[mutant.key] = dict(zip(FIELDS, map(str, (*row, verdict, by, round(seconds, 1))), strict=True))
-    write_results(results)
+    with RESULTS.open("w", newline="") as file:
+        table = csv.DictWriter(file, FIELDS)
+        table.writeheader()
+        table.writerows(results.values())
 
 
 def read_table(path: Path) -> Table:
@@ -277,41 +261,22 @@ def read_table(path: Path) -> Table:
         }
 
 
-def write_results(rows: Table) -> None:
-    with RESULTS.open("w", newline="") as file:
-        table = csv.DictWriter(file, FIELDS)
-        table.writeheader()
-        table.writerows(rows.values())
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rounds", choices=list(ROUNDS), default="medium", help="the last round of tests")
     parser.add_argument("--modules", nargs="+", default=[])
-    parser.add_argument("--survivors", action="store_true", help="only those that have not been killed before")
     parser.add_argument("--mutants", type=int, nargs="+", help="only these numbers")
     parser.add_argument("--jobs", type=int, default=1, help="processes of the compiler")
-    parser.add_argument("--build-only", action="store_true")
     options = parser.parse_args()
 
     FOLDER.mkdir(parents=True, exist_ok=True)
     all_sources = sources()
-    known = {mutant.key for source in all_sources for found in source.mutants.values() for mutant in found}
-    for key in sorted(read_table(EQUIVALENT).keys() - known):
-        print(f"Listed as equivalent, but no longer there: {key}")
     chosen = build(all_sources, options.count, options.seed, options.modules, options.jobs)
-    print(f"{len(chosen)} of {len(known)} mutants in {len({mutant.file for mutant in chosen.values()})} files", flush=True)
-    if options.build_only:
-        return 0
+    print(f"{len(chosen)} mutants in {len({mutant.file for mutant in chosen.values()})} files", flush=True)
     results = read_table(RESULTS)
-    tried = [
-        mutant
-        for mutant in chosen.values()
-        if (not options.mutants or mutant.number in options.mutants)
-        and not (options.survivors and results.get(mutant.key, {}).get("verdict") == "killed")
-    ]
+    tried = [mutant for mutant in chosen.values() if not options.mutants or mutant.number in options.mutants]
     equivalent = read_table(EQUIVALENT)
     for mutant in tried:
         if mutant.key in equivalent:
@@ -323,7 +288,12 @@ def main() -> int:
             break
         print(f"{name} round, {len(alive)} mutants", flush=True)
         checks = checks_of(name)
-        alive = [mutant for mutant in alive if not is_killed(mutant, checks, results)]
+        for mutant in alive[:]:
+            start = time.monotonic()
+            verdict, by = verdict_of(mutant, checks)
+            note(mutant, verdict, by, time.monotonic() - start, results)
+            if verdict == "killed":
+                alive.remove(mutant)
     for mutant in alive:
         print(f"{mutant.number}: {mutant.file}:{mutant.line} {mutant.procedure}")
         print(f"    {mutant.original}\n    {mutant.mutated or '(deleted)'}")

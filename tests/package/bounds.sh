@@ -80,13 +80,8 @@ test_bounds() { # test_bounds lowest|newest PYTHON
 given=${PYTHON:-}
 unset PYTHON
 prepare package
-(cd "$checkout" && python -m build --sdist --no-isolation --outdir "$scratch/dist" > "$scratch/build.log" 2>&1) || {
-  cat "$scratch/build.log" >&2
-  die 'no source archive: see above'
-}
 source=$scratch/elsewhere
-mkdir "$source"
-tar xzf "$scratch"/dist/*.tar.gz -C "$source" --strip-components=1
+unpacked_archive "$source"
 
 mapfile -t all < <(pythons)
 for kind in ${1:-lowest newest}; do

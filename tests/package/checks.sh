@@ -4,6 +4,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/../../tools/setup.sh"
 
 passed=0
 failed=0
+skipped=0
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 
@@ -19,6 +20,11 @@ check() {
     say "FAIL  $what: $*"
     sed 's/^/      /' "$scratch/check.log" >&2
   fi
+}
+
+skip() {
+  say "skipped  $*"
+  skipped=$((skipped + 1))
 }
 
 fails() { ! "$@"; }
@@ -39,7 +45,17 @@ at_most() { python3 -c "import sys; sys.exit($2 > $1)"; }
 # The files below a folder, by name.
 files_below() { (cd "$1" && find . | sort); }
 
+# unpacked_archive FOLDER: the source archive, made in .venv into $scratch/dist and unpacked there.
+unpacked_archive() {
+  (cd "$checkout" && python -m build --sdist --no-isolation --outdir "$scratch/dist" > "$scratch/build.log" 2>&1) || {
+    cat "$scratch/build.log" >&2
+    die 'no source archive: see above'
+  }
+  mkdir "$1"
+  tar xzf "$scratch"/dist/*.tar.gz -C "$1" --strip-components=1
+}
+
 summary() {
-  printf '%s: %d passed, %d failed\n' "$1" "$passed" "$failed"
+  printf '%s: %d passed, %d failed, %d skipped\n' "$1" "$passed" "$failed" "$skipped"
   ((failed == 0))
 }

@@ -18,7 +18,6 @@ if [[ ${1:-} == --full ]]; then
   shift
 fi
 named=" $* "
-skipped=0
 prepare
 reference=$scratch/reference.h5
 "${DYNSTICTION_EXE:-$venv/bin/dynstiction}" run "$checkout/inputs/fig3.nml" --set integrator.method=radau9 -o "$reference" --quiet
@@ -55,11 +54,6 @@ END
 }
 
 is_wanted() { [[ $named == '  ' || $named == *" $1 "* ]]; }
-
-skip() {
-  say "skipped $*"
-  skipped=$((skipped + 1))
-}
 
 # with NAME COMPILER [OPTION of Meson]...: a build, its unit tests (without --full some of them), Fig. 3.
 with() {
@@ -200,5 +194,4 @@ if [[ $is_full == yes ]]; then
   for library in openblas lapack,blis flexiblas; do with_lapack "$library"; done
   with checks gfortran -Doptimization=1 '-Dfortran_args=-fcheck=all -ffpe-trap=invalid -finit-real=snan'
 fi
-say "$skipped skipped"
 summary 'Compilers and processors'

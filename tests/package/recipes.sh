@@ -12,8 +12,6 @@ source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 help_if_wanted "$@"
 whole=no
 [[ ${1:-} != --all ]] || whole=yes
-skipped=0
-skip() { skipped=$((skipped + 1)); say "skipped  $*"; }
 
 prepare package
 packaging=$checkout/packaging
@@ -166,5 +164,4 @@ if [[ $whole == yes ]]; then
   fi
 fi
 
-printf '%d passed, %d failed, %d skipped\n' "$passed" "$failed" "$skipped"
-((failed == 0))
+summary 'Recipes'

@@ -7,12 +7,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 help_if_wanted "$@"
 
 prepare package
-(cd "$checkout" && python -m build --sdist --no-isolation --outdir "$scratch/dist" > "$scratch/build.log" 2>&1) || {
-  cat "$scratch/build.log" >&2
-  die 'no source archive: see above'
-}
-mkdir "$scratch/elsewhere"
-tar xzf "$scratch"/dist/*.tar.gz -C "$scratch/elsewhere" --strip-components=1
+unpacked_archive "$scratch/elsewhere"
 python -m venv --system-site-packages "$scratch/clean"
 # The tools and libraries of .venv, behind the clean environment's own packages.
 printf '%s\n' "$venv"/lib/python*/site-packages > "$(echo "$scratch"/clean/lib/python*/site-packages)/tools.pth"

@@ -62,55 +62,40 @@ def test_the_page_holds_what_the_file_holds(page: str, fig3_result: ds.Result) -
     assert "0.915064" in texts, "a period of the table of cycles"
 
 
-def test_the_page_loads_nothing(page: str) -> None:
+def test_the_page_loads_nothing_and_its_figures_are_those_of_plot(page: str) -> None:
     links = Reader(page).links
-    assert links, "no figure"
     assert all(link.startswith("data:image/png;base64,") for link in links)
     assert not re.search(r"https?:|//[a-z]|@import|url\(", re.sub(r"base64,[^\"]*", "", page))
     assert "Content-Security-Policy" in page
-
-
-def test_the_figures_are_those_of_plot(page: str) -> None:
     kinds = re.findall(r'<img alt="(\w+): \w', page)
     assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path", "cycle_map"]
-    for link in Reader(page).links:
+    for link in links:
         pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
         assert pixels.shape[1] > 700
         assert np.ptp(pixels) > 0.5
 
 
-def test_what_the_user_has_set_comes_first(page: str, fig3: ds.Scene) -> None:
-    headings = re.findall(r"<h2>(.*?)</h2>", page)
-    assert headings[:2] == ["What was set", "Summary"]
-    section = page[page.index("What was set") : page.index("<h2>Summary")]
-    keys = re.findall(r"<tr><td[^>]*>([a-z]+\.\w+)</td>", section)
+def test_what_was_set_is_listed(page: str, fig3: ds.Scene) -> None:
+    """The keys of the deck, and what was set beside it; of a long profile the first values."""
+
+    def section(page: str) -> str:
+        return page[page.index("What was set") : page.index("<h2>Summary")]
+
+    keys = re.findall(r"<tr><td[^>]*>([a-z]+\.\w+)</td>", section(page))
     assert keys == [f"{group}.{key}" for group, values in fig3.groups().items() for key in values]
-    assert "checkpoint_interval" not in section
-    assert re.search(r"stiffness_y</td><td[^>]*>1e\+07</td><td[^>]*>N/m</td>", section)
-
-
-def test_a_profile_that_was_set_is_a_list_with_its_unit(fig3: ds.Scene) -> None:
-    corners = [0.01 * i for i in range(40)]
-    held = ds.run(fig3, scene={"t_end": 0.5}, drive={"time": corners, "velocity": [1e-3, 0.0] * 20})
-    page = report(held, "held.h5")
-    listed = re.search(r"drive.velocity</td><td[^>]*>([^<]*)</td><td[^>]*>m/s</td><td[^>]*>drive velocity", page)[1]
-    assert listed == "0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, 0.001, 0, … (40 values)"
-
-
-def test_what_was_set_beside_the_deck_is_listed(fig3: ds.Scene) -> None:
-    changed = ds.run(fig3, scene={"t_end": 0.05}, system={"mass": 0.5}, integrator={"max_steps": 12345})
-    page = report(changed, "changed.h5")
-    section = page[page.index("What was set") : page.index("<h2>Summary")]
-    for key, value in (("scene.t_end", "0.05"), ("system.mass", "0.5"), ("integrator.max_steps", "12345")):
-        assert re.search(rf"{key}</td><td[^>]*>{value}</td>", section), key
-    assert "checkpoint_interval" not in section
-
-
-def test_no_value_is_broken_into_lines(page: str) -> None:
-    """A cell in which lines may break inside a word would show 0.169/71401."""
-    (rule,) = re.findall(r"^td:first-child.*nth-child\(2\).*$", page, flags=re.MULTILINE)
-    assert "white-space: nowrap" in rule
-    assert not re.search(r"^td \{.*overflow-wrap", page, flags=re.MULTILINE)
+    assert re.search(r"stiffness_y</td><td[^>]*>1e\+07</td><td[^>]*>N/m</td>", section(page))
+    drive = {"time": [0.01 * i for i in range(40)], "velocity": [1e-3, 0.0] * 20}
+    changed = ds.run(fig3, scene={"t_end": 0.05}, system={"mass": 0.5}, integrator={"max_steps": 12345}, drive=drive)
+    also = section(report(changed, "changed.h5"))
+    values = r"0\.001, 0, 0\.001, 0, 0\.001, 0, 0\.001, 0, 0\.001, 0, 0\.001, 0, … \(40 values\)"
+    for key, value in (
+        ("scene.t_end", "0.05"),
+        ("system.mass", "0.5"),
+        ("integrator.max_steps", "12345"),
+        ("drive.velocity", values),
+    ):
+        assert re.search(rf"{key}</td><td[^>]*>{value}</td>", also), key
+    assert "checkpoint_interval" not in section(page) + also
 
 
 def test_cycles_are_means_with_their_scatter(page: str, fig3_result: ds.Result) -> None:
@@ -140,14 +125,8 @@ def test_mean_and_scatter_have_the_same_digits(mean: float, scatter: float | Non
 def test_the_page_says_what_is_missing_and_how_to_cite(fig3: ds.Scene, page: str) -> None:
     coarse = report(ds.run(fig3, scene={"t_end": 3.0}, output={"interval": 1e-3}), "coarse.h5")
     assert "<b>spectrogram</b>: samples 0.001 s apart cannot show" in coarse
-    assert "samples 1 ms apart do not show the oscillation of 1.01 kHz" in coarse
-    assert "do not show" not in page
-    for each in (
-        "063001 (2020)",
-        "Dynamic stiction without static friction: The role of friction vector rotation",
-        "arXiv:2008.01854",
-    ):
-        assert each in page
+    assert "do not show the oscillation" in coarse and "do not show" not in page
+    assert "arXiv:2008.01854" in page
     assert re.search(r"Computed with dynstiction [\d.]+.*model full, method radau13, relative tolerance 1e-08", page)
 
 
@@ -168,19 +147,15 @@ def test_the_command_writes_beside_the_file(tmp_path: Path, fig3: ds.Scene, caps
     assert capsys.readouterr().out == f"{tmp_path / 'run.html'}\n"
     assert (tmp_path / "run.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert main(["report", str(tmp_path / "run.h5")]) == 3
-    assert "exists" in capsys.readouterr().err
     assert main(["report", str(tmp_path / "run.h5"), "--overwrite"]) == 0
-    capsys.readouterr()
-    assert main(["report", str(tmp_path / "run.h5"), "-o", str(tmp_path / "no" / "x.html")]) == 3
-    assert f"the folder {tmp_path / 'no'} does not exist: create it" in capsys.readouterr().err
-    assert main(["report", str(tmp_path / "none.h5")]) == 3
 
 
 # In a browser
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
-def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
+
+def browse(page: str, folder: Path) -> tuple[str, list[str]]:
     """The page's elements, and what it wrote on the console: errors, and loads that failed."""
     assert BROWSER is not None
     (folder / "page.html").write_text(page, encoding="utf-8")
@@ -188,41 +163,19 @@ def browse(page: str, folder: Path, *options: str) -> tuple[str, list[str]]:
         (BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={folder / 'profile'}")
     )
     network = ("--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--virtual-time-budget=8000")
-    done = browser(*network, *options, f"file://{folder / 'page.html'}", status=0)
+    done = browser(*network, "--dump-dom", f"file://{folder / 'page.html'}", status=0)
     return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE:" in line]
 
 
 @pytest.mark.full
 @pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
 def test_the_page_has_no_fault(page: str, tmp_path: Path) -> None:
-    elements, console = browse(page, tmp_path, "--dump-dom")
+    """A fault, or a load, which is one against the page's own policy, would be seen."""
+    elements, console = browse(page, tmp_path)
     assert console == [] and elements.count("<figure>") == 7
-
-
-@pytest.mark.full
-@pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
-@pytest.mark.parametrize(
-    "fault",
-    [
+    for fault in (
         "<script>undefined_function()</script>",
         '<img src="https://example.org/x.png">',
         '<link rel="stylesheet" href="https://example.org/x.css">',
-    ],
-)
-def test_a_fault_of_the_page_would_be_seen(page: str, tmp_path: Path, fault: str) -> None:
-    """A load would be one against the page's own policy, which the browser reports."""
-    _, console = browse(page.replace("</body>", f"{fault}</body>"), tmp_path, "--dump-dom")
-    assert console
-
-
-@pytest.mark.full
-@pytest.mark.skipif(BROWSER is None, reason="no chromium: apt-get install chromium")
-def test_the_page_is_drawn(page: str, tmp_path: Path) -> None:
-    browse(page, tmp_path, f"--screenshot={tmp_path / 'page.png'}", "--window-size=1200,2400")
-    pixels = image.imread(tmp_path / "page.png")[..., :3]
-    assert pixels.shape[:2] == (2400, 1200)
-    ink = np.any(pixels < 0.9, axis=2)
-    # A figure's height each: what falls between two figures depends on the fonts.
-    bands = ink.reshape(8, 300, 1200).mean(axis=(1, 2))
-    assert np.all(bands > 0.002), "a band of the page is empty"
-    assert ink.mean() < 0.5
+    ):
+        assert browse(page.replace("</body>", f"{fault}</body>"), tmp_path)[1]

@@ -68,17 +68,13 @@ def test_a_long_run_keeps_to_a_million_samples() -> None:
         ds.run(long, scene={"settle": 1e-3}, integrator={"rtol": 1e-6})
 
 
-@pytest.mark.parametrize(
-    ("step", "words"), [(1e-3, "0.99 samples in a period"), (3e-4, "3.3 samples in a period"), (0.01, "one sample in 10 periods")]
-)
-def test_coarse_samples_are_said_once(step: float, words: str, program: Program, tmp_path: Path) -> None:
-    deck = INPUTS / "fig3.nml"
+def test_coarse_samples_are_said_once(program: Program, tmp_path: Path) -> None:
+    deck, step = INPUTS / "fig3.nml", 3e-4
     short = ("--set", "scene.t_end=0.1", "--set", f"output.interval={step}")
     for command in (("check", deck), ("run", deck, "-o", tmp_path / "x.h5")):
         said = program(*command, *short, status=0).stderr
         assert said.count("note:") == 1 and said.count("\n") == 1
-        assert "do not show the fast oscillation of 1007 Hz" in said and words in said
-        assert "output.interval = 'auto'" in said
+        assert "3.3 samples in a period" in said and "output.interval = 'auto'" in said
     assert program("run", deck, "-o", tmp_path / "y.h5", *short, "--quiet", status=0).stderr == ""
     with pytest.warns(ds.SamplingWarning, match="do not show the fast oscillation") as caught:
         ds.run(FIG3, scene={"t_end": 0.1}, output={"interval": step})
@@ -124,12 +120,3 @@ def test_the_samples_of_a_sweep_with_series_are_those_of_its_deck(program: Progr
         times = file["sweep/series/time"][()]
         assert file["parameters/interval"][()] == 1e-4
     np.testing.assert_allclose(times, 1e-4 * np.arange(1001), atol=1e-15)
-
-
-def test_words_and_numbers_of_interval(program: Program) -> None:
-    deck = INPUTS / "fig3.nml"
-    for value, words in (("atuo", "like 1.0 or 2.5e-3, or 'auto'"), ("-1", "must be >= 0.0 (in s), or 'auto'")):
-        assert words in program("check", deck, "--set", f"output.interval={value}", status=2).stderr
-    with pytest.raises(ds.DeckError, match="or 'auto'"):
-        ds.Output(interval="atuo")  # type: ignore[arg-type]
-    assert ds.Scene(deck, output={"interval": "auto"}).output == ds.Output(file="fig3.h5")

@@ -48,40 +48,11 @@ def test_the_module_of_groups_is_that_of_the_schema(executable: Path, tmp_path: 
     assert made.read_text(encoding="utf-8") == Path(inspect.getfile(ds.System)).read_text(encoding="utf-8")
 
 
-def test_every_key_is_a_field_with_the_schema_s_unit_and_meaning() -> None:
-    for key in schema():
-        (field,) = [f for f in dataclasses.fields(GROUPS[key.group]) if f.name == key.name]
-        assert field.metadata["units"] == (key.units or "1")
-        assert field.metadata["long_name"] == key.meaning
-    assert len(schema()) == sum(len(dataclasses.fields(group)) for group in GROUPS.values())
-
-
-def test_defaults_are_those_that_the_deck_reader_takes() -> None:
-    """Against resolved decks that give no key but those that must be given."""
-    compared = set()
-    for model in ("full", "auto", "creep_asymptotic"):
-        needed = {"scene": {"model": model, "t_end": 1.0}, "drive": {"velocity": 1e-3}}
-        needed["system"] = {"stiffness_x": 1e3, "misalignment_deg": 1.0}
-        needed["friction"] = {"mu_0": 0.2, "normal_load": 10.0}
-        if model != "creep_asymptotic":
-            needed["system"] |= {"mass": 0.25, "stiffness_y": 1e7}
-            needed["friction"] |= {"mu_inf": 0.15, "v_f": 0.01}
-        for group, keys in f90nml.reads(ds.Scene(**needed).check()).items():
-            defaults = {field.name: field.default for field in dataclasses.fields(GROUPS[group])}
-            for name, value in keys.items():
-                assert name in needed.get(group, {}) or defaults[name] == value, name
-                compared.add(name)
-    assert {"rtol", "method", "interval", "fields", "accuracy", "form", "law", "contact", "time"} <= compared
-
-
 def test_a_scene_of_groups_is_that_of_its_deck(fig3: ds.Scene) -> None:
     scene = ds.Scene(**FIG3)
     assert scene == fig3
     assert hash(scene) == hash(fig3)
     assert scene.check().count("user") < fig3.check().count("user"), "defaults are not written"
-    short = {"t_end": 0.02}
-    a, b = ds.run(scene, scene=short), ds.run(fig3, scene=short)
-    assert all(a[name].tobytes() == b[name].tobytes() for name in a)
 
 
 def test_groups_of_a_deck_are_typed_values(fig3: ds.Scene) -> None:
@@ -103,13 +74,9 @@ def test_groups_of_a_deck_are_typed_values(fig3: ds.Scene) -> None:
     ("group", "values", "key"),
     [
         (ds.System, {"mass": -1.0}, "mass"),
-        (ds.System, {"mass": math.nan}, "mass"),
         (ds.System, {"mass": 10**400}, "mass"),
-        (ds.System, {"mass": "heavy"}, "mass"),
         (ds.System, {"mass": True}, "mass"),
         (ds.System, {"mass": [1.0, 2.0]}, "mass"),
-        (ds.System, {"misalignment_deg": 361.0}, "misalignment_deg"),
-        (ds.Setup, {"model": "ful"}, "model"),
         (ds.Setup, {"title": "a" * 300}, "title"),
         (ds.Integrator, {"max_steps": 1.5}, "max_steps"),
         (ds.Output, {"fields": ["u_x", "u_z"]}, "fields"),
@@ -117,21 +84,15 @@ def test_groups_of_a_deck_are_typed_values(fig3: ds.Scene) -> None:
     ],
 )
 def test_a_wrong_field_is_refused_at_once_in_the_deck_reader_s_words(
-    program: Program, tmp_path: Path, fig3_text: str, group: type[DeckGroup], values: dict[str, Any], key: str
+    program: Program, group: type[DeckGroup], values: dict[str, Any], key: str
 ) -> None:
     with pytest.raises(ds.DeckError) as refused:
         group(**values)
     (line,) = str(refused.value).splitlines()
     place, _, words = line.partition(": ")
     assert place == f"{group.group}.{key}"
-    text = ds.Scene(**{group.group: values}).text
-    value = text.partition(" = ")[2].removesuffix("\n/\n")
-    deck = re.sub(rf"\b{key} = [^\n]*?(?=, mu|\n)", "", fig3_text)
-    if f"&{group.group}\n" not in deck:
-        deck += f"&{group.group}\n/\n"
-    deck = deck.replace(f"&{group.group}\n", f"&{group.group}\n{key} = {value}\n", 1)
-    (tmp_path / "deck.nml").write_text(deck)
-    assert words in program("check", "deck.nml", status=2).stderr
+    value = ds.Scene(**{group.group: values}).text.partition(" = ")[2].removesuffix("\n/\n")
+    assert words in program("check", fig3_deck.DECK, settings=[f"{place}={value}"], status=2).stderr
 
 
 def test_what_a_scene_lacks_is_found_when_it_is_checked() -> None:
@@ -146,15 +107,13 @@ def test_what_a_scene_lacks_is_found_when_it_is_checked() -> None:
 
 
 def test_faults_name_keys_not_lines_of_a_text_that_nobody_wrote(fig3: ds.Scene) -> None:
+    velocity = [1e-3] * 29 + [math.inf]
     with pytest.raises(ds.DeckError) as refused:
-        fig3.replace(system={"mass": -1.0}, scene={"title": "x" * 300 + "): "}, drive={"velocity": "fast"}).check()
+        fig3.replace(
+            system={"mass": -1.0}, scene={"title": "x" * 300 + "): "}, drive={"time": list(range(30)), "velocity": velocity}
+        ).check()
     places = [line.partition(": ")[0] for line in str(refused.value).splitlines()]
     assert sorted(places) == ["drive.velocity", "scene.title", "system.mass"]
-    for at in (0, 29):
-        velocity = [1e-3] * 30
-        velocity[at] = math.inf
-        with pytest.raises(ds.DeckError, match=r"^drive\.velocity: 'inf'"):
-            ds.Scene(**{**FIG3, "drive": {"time": list(range(30)), "velocity": velocity}}).check()
 
 
 @hypothesis.given(st.lists(st.sampled_from(["x", "): ", "...", "=", ":7: ", "\x07", "\x7f", "ä", "'", "--set 1 ("]), max_size=40))
@@ -182,36 +141,22 @@ def test_the_name_of_a_deck_may_be_anything(tmp_path: Path) -> None:
         assert re.fullmatch(re.escape(shown) + r":\d+: mass = '-.*", str(refused.value).splitlines()[0])
 
 
-def test_more_faults_than_are_listed() -> None:
-    text = FIG3_TEXT + "".join(f"&group_{i} /\n" for i in range(150))
-    with pytest.raises(ds.DeckError) as refused:
-        ds.Scene(text).check()
-    lines = str(refused.value).splitlines()
-    assert len(lines) == 101
-    assert lines[-1] == "deck: only the first faults are listed: fix these and check again"
-
-
-def test_the_deck_of_a_scene_is_read_once(monkeypatch: pytest.MonkeyPatch, fig3: ds.Scene) -> None:
-    scene, reads = fig3.replace(system={"mass": 0.5}), []
-    read = _native.DeckValues.given
-    monkeypatch.setattr(_native.DeckValues, "given", lambda self: reads.append(1) or read(self))
-    assert (scene.system.mass, scene.friction.law, scene.system.stiffness_x) == (0.5, "weakening", 1e3)
-    assert scene == scene.replace()
-    values = scene.groups()
+def test_the_values_of_a_scene_are_its_own(fig3: ds.Scene) -> None:
+    values = fig3.groups()
     values["system"]["mass"] = 7.0
     values.clear()
-    assert scene.groups()["system"]["mass"] == scene.system.mass == 0.5
-    assert hash(scene) == hash(pickle.loads(pickle.dumps(scene)))
-    assert len(reads) == 3, "of each of three scenes"
+    assert fig3.groups()["system"]["mass"] == fig3.system.mass == 0.25
 
 
 def test_wrong_groups_are_refused(fig3: ds.Scene) -> None:
     with pytest.raises(ds.UsageError, match="a System is the group 'system'"):
         fig3.replace(friction=ds.System(mass=1.0))
-    with pytest.raises(TypeError, match="mas"):
-        ds.System(mas=1.0)  # type: ignore[call-arg]
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        ds.System(mass=1.0).mass = 2.0  # type: ignore[misc]
+    for call in (ds.Scene, ds.run, ds.Simulation):
+        with pytest.raises(ds.UsageError, match=r"a mapping is not a deck: write Scene\(\*\*groups\)"):
+            call(fig3.groups())
+    for thing, name in ((ds.System(mass=1.0), "mass"), (fig3, "text")):
+        with pytest.raises(AttributeError):
+            setattr(thing, name, "other")
 
 
 @pytest.mark.parametrize(
@@ -251,29 +196,22 @@ def test_every_key_can_be_a_keyword(fig3: ds.Scene) -> None:
 
 
 def test_scenes_of_dictionaries(fig3: ds.Scene) -> None:
-    assert ds.Scene(**fig3.groups()) == fig3
     flat = {f"{group}.{key}": value for group, keys in fig3.groups().items() for key, value in keys.items()}
-    assert ds.Scene(**flat) == fig3
-    assert ds.Scene(**json.loads(json.dumps(fig3.groups()))) == fig3
-    for call in (ds.Scene, ds.run, ds.Simulation):
-        with pytest.raises(ds.UsageError, match=r"a mapping is not a deck: write Scene\(\*\*groups\)"):
-            call(fig3.groups())
+    assert ds.Scene(**flat) == ds.Scene(**json.loads(json.dumps(fig3.groups()))) == fig3
 
 
 # Changing, copying
 
 
 def test_a_dataclass_replaces_a_group_and_a_mapping_changes_keys(fig3: ds.Scene) -> None:
-    assert fig3.replace(system={"mass": 1}).system == dataclasses.replace(fig3.system, mass=1.0)
     heavier = dataclasses.replace(fig3.system, mass=1.0)
-    assert fig3.replace(system=heavier) == fig3.replace(system={"mass": 1.0})
-    constant = ds.Friction(law="constant", mu_0=0.2, normal_load=10.0)
-    assert fig3.replace(friction=constant).friction.mu_inf is None
-    assert fig3.replace(friction=constant).check()
-    assert fig3.replace(output=ds.Output()).output.interval == "auto"
+    assert fig3.replace(system=heavier) == fig3.replace(system={"mass": 1})
+    assert fig3.replace(system={"mass": 1}).system == heavier
+    constant = fig3.replace(friction=ds.Friction(law="constant", mu_0=0.2, normal_load=10.0))
+    assert constant.friction.mu_inf is None and constant.check()
 
 
-def test_scenes_are_copied_pickled_and_replaced(fig3: ds.Scene) -> None:
+def test_scenes_are_copied_pickled_and_compared_by_value(fig3: ds.Scene, fig3_text: str) -> None:
     scene = ds.Scene(**FIG3).replace(system={"mass": 1.0})
     for other in (copy.copy(scene), copy.deepcopy(scene), pickle.loads(pickle.dumps(scene))):
         assert other == scene
@@ -287,13 +225,9 @@ def test_scenes_are_copied_pickled_and_replaced(fig3: ds.Scene) -> None:
         broken.groups()
     assert pickle.loads(pickle.dumps(fig3.system)) == fig3.system
     assert ds.Scene(fig3) == ds.Scene(fig3.text) == fig3
-
-
-def test_equality_is_of_values(fig3: ds.Scene, fig3_text: str) -> None:
     assert ds.Scene(fig3_text.replace("0.25", "2.5e-1").replace("/\n", "/ ! end\n")) == fig3
-    assert ds.Scene(fig3_text.replace("0.25", "0.26")) != fig3
-    assert ds.Scene(fig3_text + "&system\n/\n") != fig3
-    assert fig3 != fig3_text
+    for other in (ds.Scene(fig3_text.replace("0.25", "0.26")), ds.Scene(fig3_text + "&system\n/\n"), fig3_text):
+        assert other != fig3
 
 
 # Round trips
@@ -358,7 +292,7 @@ def flat(value: Any) -> Any:
 
 
 @hypothesis.given(decks())
-def test_every_value_survives_deck_python_deck(deck: dict[str, dict[str, Any]]) -> None:
+def test_every_value_survives_deck_python_deck_and_f90nml(deck: dict[str, dict[str, Any]]) -> None:
     wanted = {group: {key: flat(value) for key, value in keys.items()} for group, keys in deck.items()}
     scene = ds.Scene(**deck)
     assert scene.groups() == wanted
@@ -369,33 +303,22 @@ def test_every_value_survives_deck_python_deck(deck: dict[str, dict[str, Any]]) 
     assert ds.Scene(**groups) == scene
     for name, group in groups.items():
         assert all(getattr(group, key) == value for key, value in wanted[name].items())
-
-
-@hypothesis.given(decks())
-def test_f90nml_finds_the_same_values(deck: dict[str, dict[str, Any]]) -> None:
     # f90nml takes an apostrophe doubled in quotes for the end of the text.
-    text = ds.Scene(**deck).text.replace("''", "")
-    found = f90nml.reads(text).todict()
-    for group, keys in deck.items():
+    found = f90nml.reads(scene.text.replace("''", "")).todict()
+    for name, keys in wanted.items():
         for key, value in keys.items():
-            if not any("'" in str(v) for v in (value if isinstance(value, list) else [value])):
-                assert flat(found[group][key]) == flat(value)
+            quoted = any("'" in str(part) for part in (value if isinstance(value, tuple) else [value]))
+            assert quoted or flat(found[name][key]) == value
 
 
 # Shown
 
 
 def test_a_scene_shows_its_keys_and_its_faults(fig3: ds.Scene) -> None:
-    text = repr(fig3.replace(system={"mass": 0.5}))
-    assert text.startswith("<Scene 'deck', system.mass=0.5\n")
-    assert "mass = 0.5 kg" in text
+    assert "mass = 0.5 kg" in repr(fig3.replace(system={"mass": 0.5}))
     page = fig3._repr_html_()
-    assert "<td" in page
-    assert "stiffness along the soft principal axis" in page
-    assert "Nakano &amp; Popov" in page
+    assert "stiffness along the soft principal axis" in page and "Nakano &amp; Popov" in page
     wrong = fig3.replace(scene={"title": "<b>"}, system={"mass": -1.0})
-    assert "refused: system.mass" in repr(wrong)
-    assert "out of range" in wrong._repr_html_()
+    assert "refused: system.mass" in repr(wrong) and "out of range" in wrong._repr_html_()
     assert "<b>'" not in ds.Scene(scene={"title": "<b>"})._repr_html_()
     assert "500 values" in repr(fig3.replace(drive={"time": range(500), "velocity": [0.0] * 500}))
-    assert repr(ds.System(mass=1)) == "System(mass=1.0)"

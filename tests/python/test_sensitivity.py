@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 import time
+from subprocess import PIPE
 
 import dynstiction as ds
 import numpy as np
 import pytest
-from programs import INPUTS, Program
+from programs import INPUTS, SCRIPT, Program
 
 FIG3 = ds.Scene(INPUTS / "fig3.nml")
 SCENES = {
     "Fig. 3": {},
     "dampers and a static limit, backwards": {
-        "system": {"damping_x": 0.3, "damping_y": 20.0, "misalignment_deg": -3.0},
-        "friction": {"mu_static": 0.21},
-        "drive": {"velocity": -2e-3},
+        "damping_x": 0.3, "damping_y": 20.0, "misalignment_deg": -3.0, "mu_static": 0.21, "velocity": -2e-3
     },
-    "few sticks": {"system": {"stiffness_y": 1e6, "misalignment_deg": 6.0}, "drive": {"velocity": 1e-2}},
-    "four slow cycles": {"system": {"stiffness_y": 4e5, "misalignment_deg": 5.0}, "drive": {"velocity": 5e-3}},
-    "Stribeck": {"friction": {"law": "stribeck", "exponent": 1.5}},
-}
+    "few sticks": {"stiffness_y": 1e6, "misalignment_deg": 6.0, "velocity": 1e-2},
+    "four slow cycles": {"stiffness_y": 4e5, "misalignment_deg": 5.0, "velocity": 5e-3},
+    "Stribeck": {"law": "stribeck", "exponent": 1.5},
+}  # fmt: skip
 MASS, LENGTH, TIME = np.eye(3)
 FORCE = MASS + LENGTH - 2.0 * TIME
 UNITS = {
@@ -69,9 +66,8 @@ def test_physics_does_not_hang_on_units(name: str) -> None:
 def test_derivatives_are_those_of_the_cycle(name: str, key: str) -> None:
     scene = FIG3.replace(**SCENES[name])
     found = ds.sensitivity(scene, key)
-    group, short = key.split(".")
     value = found.parameters[key]
-    near = [settled(scene.replace(**{group: {short: value * (1.0 + change)}})) for change in (-1e-6, 1e-6)]
+    near = [settled(scene.replace(**{key: value * (1.0 + change)})) for change in (-1e-6, 1e-6)]
     measures = np.array([*found.cycle.values()])
     np.testing.assert_allclose(measures, settled(scene), rtol=1e-9)
     difference = (near[1] - near[0]) / 2e-6 / measures
@@ -83,17 +79,9 @@ def test_parameters() -> None:
     every = ds.sensitivity(FIG3)
     two = ds.sensitivity(FIG3, ["mass", "friction.v_f"])
     assert [*two.parameters.items()] == [("system.mass", 0.25), ("friction.v_f", 0.01)]
-    assert set(every.parameters) == {
-        "system.mass",
-        "system.stiffness_x",
-        "system.stiffness_y",
-        "system.misalignment_deg",
-        "friction.mu_0",
-        "friction.mu_inf",
-        "friction.v_f",
-        "friction.normal_load",
-        "drive.velocity",
-    }
+    given = FIG3.groups()
+    keys = {f"{group}.{key}" for group in ("system", "friction", "drive") for key in given[group]}
+    assert set(every.parameters) == keys - {"friction.law", "friction.contact"}
     places = [[*every.parameters].index(key) for key in two.parameters]
     np.testing.assert_array_equal(two.derivatives, every.derivatives[:, places])
     assert len(str(every).splitlines()) == 1 + len(every.parameters)
@@ -103,9 +91,7 @@ def test_parameters() -> None:
     ("groups", "key", "kind"),
     [
         ({"system": {"stiffness_y": 1e6}}, "mass", ds.UsageError),
-        ({}, "damping_y", ds.UsageError),
         ({}, "scene.t_end", ds.UsageError),
-        ({}, "method", ds.UsageError),
         ({}, "mas", ds.DeckError),
         ({"friction": {"contact": "smoothed", "v_smooth": 1e-6}}, "mass", ds.DeckError),
         ({"drive": {"velocity": 0.5}}, "mass", ds.UsageError),
@@ -141,28 +127,19 @@ def test_figure() -> None:
 
 
 RUNS = {
-    "Fig. 3": {"scene": {"t_end": 0.2}},
+    "Fig. 3": {"t_end": 0.2},
     "slip from a start, by a table, reversed": {
-        "scene": {"t_end": 0.4},
-        "friction": {
-            "law": "table",
-            "mu_0": None,
-            "mu_inf": None,
-            "v_f": None,
-            "table_speed": (0.0, 0.01, 0.1),
-            "table_mu": (0.2, 0.17, 0.15),
-        },
-        "drive": {"time": (0.0, 0.1, 0.3), "velocity": (0.01, 0.01, -0.02)},
-        "initial": {"velocity_ratio": 0.5, "elongation_x": 5e-4, "elongation_y": -1e-7},
+        "t_end": 0.4, "law": "table", "mu_0": None, "mu_inf": None, "v_f": None,
+        "table_speed": (0.0, 0.01, 0.1), "table_mu": (0.2, 0.17, 0.15),
+        "time": (0.0, 0.1, 0.3), "velocity": (0.01, 0.01, -0.02),
+        "velocity_ratio": 0.5, "elongation_x": 5e-4, "elongation_y": -1e-7,
     },
     "dampers, a ramp and a jump": {
-        "scene": {"t_end": 0.35},
-        "system": {"damping_x": 0.3, "damping_y": 20.0},
-        "friction": {"mu_static": 0.21},
-        "drive": {"time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3)},
+        "t_end": 0.35, "damping_x": 0.3, "damping_y": 20.0, "mu_static": 0.21,
+        "time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3),
     },
-    "smoothed": {"scene": {"t_end": 0.3}, "friction": {"contact": "smoothed", "v_smooth": 1e-5}, "drive": {"velocity": 1e-2}},
-}
+    "smoothed": {"t_end": 0.3, "contact": "smoothed", "v_smooth": 1e-5, "velocity": 1e-2},
+}  # fmt: skip
 COLUMNS = ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force")
 KEYS_OF_RUNS = ("mass", "stiffness_y", "misalignment_deg", "normal_load")
 
@@ -183,12 +160,11 @@ def test_derivatives_are_those_of_the_run(name: str) -> None:
     np.testing.assert_array_equal(found.time, run.time)
     np.testing.assert_array_equal(found.events, run.events)
     for place, (key, value) in enumerate(found.parameters.items()):
-        group, short = key.split(".")
         changes = {column: found.derivatives[column][:, place] * value for column in COLUMNS}
         size = {column: np.abs(run[column]).max() for column in COLUMNS}
         magnified = max(np.abs(changes[c]).max() / size[c] for c in ("u_x", "u_y", "w_x", "w_y"))
         step = min(1e-4, 1e-3 / magnified)
-        near = [ds.run(scene.replace(**{group: {short: value * (1.0 + i * step)}})) for i in (-2, -1, 1, 2)]
+        near = [ds.run(scene.replace(**{key: value * (1.0 + i * step)})) for i in (-2, -1, 1, 2)]
         assert all(len(one.events) == len(run.events) for one in near)
         weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * step)
         shift = found.event_derivatives[:, place] * value
@@ -246,15 +222,14 @@ def test_derivatives_can_be_interrupted() -> None:
     """A long run ends at Ctrl-C."""
     code = (
         "import dynstiction as ds, sys; print('on', flush=True)\n"
-        "try: ds.derivatives(ds.Scene(sys.argv[1]).replace(scene={'t_end': 1e5}, integrator={'max_steps': 0}), times=[1e5])\n"
+        "try: ds.derivatives(ds.Scene(sys.argv[1]).replace(t_end=1e5, max_steps=0), times=[1e5])\n"
         "except KeyboardInterrupt: print('interrupted')"
     )
-    with subprocess.Popen([sys.executable, "-c", code, str(INPUTS / "fig3.nml")], stdout=subprocess.PIPE, text=True) as work:
-        assert work.stdout is not None
-        assert work.stdout.readline() == "on\n"
-        time.sleep(1.0)
-        work.send_signal(signal.SIGINT)
-        assert work.communicate(timeout=30.0)[0] == "interrupted\n"
+    work = SCRIPT.start(code, INPUTS / "fig3.nml", stdout=PIPE)
+    assert work.stdout.readline() == "on\n"
+    time.sleep(1.0)
+    work.send_signal(signal.SIGINT)
+    assert work.communicate(timeout=30.0)[0] == "interrupted\n"
 
 
 def test_conditioning() -> None:
@@ -273,9 +248,7 @@ def test_conditioning() -> None:
         ({"scene": {"model": "low_frequency"}}, {}, ds.DeckError),
         ({}, {"times": [0.1, 0.1]}, ds.UsageError),
         ({}, {"times": [1.0, 20.0]}, ds.DeckError),
-        ({}, {"times": [[0.1]]}, ds.UsageError),
         ({"output": {"interval": 0.0}}, {}, ds.DeckError),
-        ({}, {"keys": "rtol"}, ds.UsageError),
         ({}, {"keys": []}, ds.UsageError),
         ({"scene": {"model": "auto"}}, {}, ds.DeckError),
         ({"output": {"fields": "nothing"}}, {}, ds.DeckError),

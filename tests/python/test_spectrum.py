@@ -19,31 +19,25 @@ def tone(frequency: float, amplitude: float = 1.0, offset: float = 0.0) -> np.nd
     return offset + amplitude * np.sin(2 * np.pi * frequency * TIME)
 
 
-@pytest.mark.parametrize("frequency", [100.0, 123.4, 1000.0, 4321.0])
-def test_ridge_of_a_tone(frequency: float) -> None:
-    found = ds.ridge(ds.spectrogram(TIME, tone(frequency, offset=5.0)))
-    np.testing.assert_allclose(found, frequency, rtol=0.0, atol=0.05)
-
-
-def test_ridge_of_a_chirp_follows_it() -> None:
+def test_ridge_of_a_tone_and_of_a_chirp() -> None:
+    for frequency in (100.0, 123.4, 1000.0, 4321.0):
+        found = ds.ridge(ds.spectrogram(TIME, tone(frequency, offset=5.0)))
+        np.testing.assert_allclose(found, frequency, rtol=0.0, atol=0.05)
     rate = 300.0
-    chirp = np.sin(2 * np.pi * (500.0 * TIME + 0.5 * rate * TIME**2))
-    spectrum = ds.spectrogram(TIME, chirp)
+    spectrum = ds.spectrogram(TIME, np.sin(2 * np.pi * (500.0 * TIME + 0.5 * rate * TIME**2)))
     np.testing.assert_allclose(ds.ridge(spectrum), 500.0 + rate * spectrum.time, rtol=2e-3)
 
 
-def test_power_is_that_of_the_signal() -> None:
+@pytest.mark.parametrize(
+    ("signal", "power", "rtol"),
+    [(tone(1000.0, 3.0, offset=7.0), 4.5, 1e-3), (np.where(np.arange(TIME.size) % 2, -1.0, 1.0), 1.0, 1e-9)],
+    ids=["a tone on an offset", "the Nyquist frequency, without a mirror image"],
+)
+def test_power_is_that_of_the_signal(signal: np.ndarray, power: float, rtol: float) -> None:
     """Parseval: the density integrates to the mean square, whatever offset the signal has."""
-    spectrum = ds.spectrogram(TIME, tone(1000.0, 3.0, offset=7.0))
+    spectrum = ds.spectrogram(TIME, signal)
     step = spectrum.frequency[1] - spectrum.frequency[0]
-    np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, 4.5, rtol=1e-3)
-
-
-def test_power_at_the_nyquist_frequency_counts_once() -> None:
-    """It has no mirror image of the other sign."""
-    spectrum = ds.spectrogram(TIME, np.where(np.arange(TIME.size) % 2, -1.0, 1.0))
-    step = spectrum.frequency[1] - spectrum.frequency[0]
-    np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(spectrum.density.sum(axis=0) * step, power, rtol=rtol)
 
 
 def test_windows_lie_within_the_signal() -> None:
@@ -70,25 +64,20 @@ def test_a_short_last_interval_is_left_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "values", "remedy"),
+    ("time", "values", "window", "remedy"),
     [
-        (TIME**2, TIME, r"output\.interval > 0"),
-        (TIME[:900], TIME[:900], "longer run"),
-        (TIME[::200], TIME[::200], r"output\.interval = 0\.001"),
-        (TIME[:1], TIME[:1], "more than one"),
-        (TIME, TIME[1:], r"\(n,\)"),
-        (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
+        (TIME**2, TIME, (), r"output\.interval > 0"),
+        (TIME[:900], TIME[:900], (), "longer run"),
+        (TIME[::200], TIME[::200], (), r"output\.interval = 0\.001"),
+        (TIME[:1], TIME[:1], (), "more than one"),
+        (TIME, TIME[1:], (), r"\(n,\)"),
+        (TIME, np.where(TIME > 1.0, np.nan, TIME), (), "not finite"),
+        *((TIME, TIME, (window,), "window") for window in (0.0, -1.0, np.nan, np.inf)),
     ],
 )
-def test_what_has_no_spectrogram_is_refused(time: np.ndarray, values: np.ndarray, remedy: str) -> None:
+def test_what_has_no_spectrogram_is_refused(time: np.ndarray, values: np.ndarray, window: tuple[float, ...], remedy: str) -> None:
     with pytest.raises(ds.UsageError, match=remedy):
-        ds.spectrogram(time, values)
-
-
-@pytest.mark.parametrize("window", [0.0, -1.0, np.nan, np.inf])
-def test_windows_without_meaning_are_refused(window: float) -> None:
-    with pytest.raises(ds.UsageError, match="window"):
-        ds.spectrogram(TIME, TIME, window)
+        ds.spectrogram(time, values, *window)
 
 
 def test_frequency_of_the_axes() -> None:

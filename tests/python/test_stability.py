@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -29,14 +28,6 @@ def value(table: str, label: str) -> float:
     found = re.search(rf"^{re.escape(label)} +(-?[0-9.]+(?:e-?[0-9]+)?)\b", table, re.MULTILINE)
     assert found, f"no {label!r} in\n{table}"
     return float(found[1])
-
-
-@pytest.mark.parametrize("velocity", ["1e-4", "1e-3", "2e-2", "0.1"])
-def test_numbers_stand_apart_from_words(stability, program, velocity):
-    """With slow and fast drives other lines are there."""
-    for table in (stability(f"drive.velocity={velocity}"), program("cycles", "fig3.nml", settings=[f"drive.velocity={velocity}"])):
-        assert table.returncode == 0
-        assert not re.search(r"[a-z]{3,}-?[0-9]+\.|[0-9]\.[0-9]+[a-z]{2,}", table.stdout.replace("fig3.nml", "")), table.stdout
 
 
 @pytest.mark.deck
@@ -71,26 +62,19 @@ def test_table_gives_the_verdict(angle, verdict, stability):
 
 
 @pytest.mark.deck
-def test_table_of_ten_degrees(stability):
-    assert value(stability("system.misalignment_deg=10").stdout, "Lambda") == pytest.approx(364.2, abs=0.05)
-
-
-@pytest.mark.deck
-def test_table_without_critical_angle(stability):
-    constant = stability("friction.law=constant", "friction.mu_inf=", "friction.v_f=").stdout
-    assert re.search(r"^critical angle +none between 0 and 90 deg$", constant, re.MULTILINE)
-    assert re.search(r"^stable for +0 deg < \|phi\| < 90 deg$", constant, re.MULTILINE)
-    soft = stability("system.stiffness_y=3.9e5").stdout
-    assert re.search(r"^stable for +no angle$", soft, re.MULTILINE)
-
-
-@pytest.mark.deck
-def test_table_where_eq_10_has_no_value(stability):
-    result = stability("system.misalignment_deg=0")
-    assert result.returncode == 0
-    assert re.search(r"^Lambda, zeta, theta\* +no value: V sin\(phi\) = 0", result.stdout, re.MULTILINE)
-    light = stability("friction.normal_load=1e-3").stdout
-    assert re.search(r"^theta\* +no value: Lambda = 0\.36\d+: .*Lambda >= 1", light, re.MULTILINE)
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        (("friction.law=constant", "friction.mu_inf=", "friction.v_f="), r"critical angle +none between 0 and 90 deg"),
+        (("friction.law=constant", "friction.mu_inf=", "friction.v_f="), r"stable for +0 deg < \|phi\| < 90 deg"),
+        (("system.stiffness_y=3.9e5",), r"stable for +no angle"),
+        (("system.misalignment_deg=0",), r"Lambda, zeta, theta\* +no value: V sin\(phi\) = 0.*"),
+        (("friction.normal_load=1e-3",), r"theta\* +no value: Lambda = 0\.36\d+: .*Lambda >= 1.*"),
+    ],
+)
+def test_what_has_no_value_is_said(settings, line, stability):
+    table = stability(*settings)
+    assert table.returncode == 0 and re.search(f"^{line}$", table.stdout, re.MULTILINE)
 
 
 @pytest.mark.deck
@@ -103,28 +87,10 @@ def test_each_held_velocity_has_a_table(stability):
 
 @pytest.mark.deck
 def test_refusals(stability):
-    rest = stability("drive.velocity=0")
-    assert (rest.returncode, rest.stdout) == (2, "")
-    assert "fig3.nml: drive.velocity: the drive holds no velocity but 0" in rest.stderr
-    ramp = stability("drive.time=0,1,2", "drive.velocity=0,1e-3,0")
-    assert ramp.returncode == 2
-    missing = stability(deck="missing.nml")
-    assert missing.returncode == 2
-    assert "missing.nml: no such file" in missing.stderr
-    fault = stability("system.mass=-1")
-    assert fault.returncode == 2
-    assert "mass" in fault.stderr
-
-
-@pytest.mark.deck
-def test_usage(program, tmp_path):
-    for arguments, remedy in (
-        ([], "stability DECK"),
-        (["fig3.nml", "--overwrite"], "takes no --overwrite"),
-        (["fig3.nml", "-o", "x"], "takes no -o"),
-    ):
-        assert remedy in program("stability", *arguments, status=1).stderr
-    assert not list(tmp_path.iterdir())
+    for settings in (["drive.velocity=0"], ["drive.time=0,1,2", "drive.velocity=0,1e-3,0"]):
+        rest = stability(*settings)
+        assert (rest.returncode, rest.stdout) == (2, "")
+        assert "the drive holds no velocity but 0" in rest.stderr
 
 
 @pytest.mark.deck
@@ -224,30 +190,10 @@ def test_critical_angles_of_fig3(ds):
     at_critical = ds.steady_sliding_eigenvalues(**{**FIG3, "misalignment_deg": found.angle})
     np.testing.assert_allclose(at_critical[:, 0].real, 0, atol=1e-9)
     np.testing.assert_allclose(at_critical[:, 0].imag, found.frequency, rtol=1e-12)
-
-
-def test_critical_angles_over_velocities(ds):
-    velocity = 1e-3 * np.array([0.1, 0.3, 1, 3, 10, 30, 50, 100])
-    found = ds.critical_misalignment(**{**FIG3, "velocity": velocity})
-    expected = [2.889, 4.899, 8.656, 13.698, 18.289, 12.479, 6.042, 0.705]
-    assert found.angle.shape == (8, 2)
-    np.testing.assert_allclose(found.angle[:, 0], expected, atol=5e-4, rtol=0)
-
-
-def test_windows_over_stiffness(ds):
-    """Against sign changes of eigenvalues computed with 40 digits (mpmath), bisected."""
-    ratio = np.array([391.8, 392, 400, 500, 1e3, 1e4])
-    found = ds.critical_misalignment(**{**FIG3, "stiffness_y": 1e3 * ratio})
-    expected = [
-        [12.419841572245611, 19.216159069102179],
-        [9.5223349074520279, 33.000471027848673],
-        [8.7555808253331495, 53.080636878362375],
-        [8.6560331384295429, 76.263436095299451],
-    ]
-    np.testing.assert_allclose(found.window[2:], expected, rtol=1e-13)
-    assert np.all(np.isnan(found.window[0]))
-    assert np.all(np.isnan(found.angle[0]))
-    assert found.window[1, 0] < found.window[1, 1]
+    constant = ds.critical_misalignment(**CONSTANT)
+    assert np.all(np.isnan(constant.angle)) and np.all(np.isnan(constant.frequency))
+    np.testing.assert_array_equal(constant.window, [0, 90])
+    assert constant.limit == 0
 
 
 def test_shapes_broadcast(ds):
@@ -266,34 +212,8 @@ def test_shapes_broadcast(ds):
     assert ds.damping_ratio(1.0, **FIG3).shape == ()
 
 
-def test_threads_and_contiguity(ds):
-    parameters = {**FIG3, "velocity": np.geomspace(1e-4, 1e-1, 5000)}
-
-    def both():
-        return ds.steady_sliding_eigenvalues(**parameters), *ds.critical_misalignment(**parameters)
-
-    expected = both()
-    assert all(array.flags.c_contiguous for array in expected)
-    with ThreadPoolExecutor(4) as pool:
-        for found in pool.map(lambda _: both(), range(8)):
-            for array, reference in zip(found, expected, strict=True):
-                np.testing.assert_array_equal(array, reference)
-
-
-def test_constant_friction_has_no_critical_angle(ds):
-    found = ds.critical_misalignment(**CONSTANT)
-    assert np.all(np.isnan(found.angle))
-    assert np.all(np.isnan(found.frequency))
-    np.testing.assert_array_equal(found.window, [0, 90])
-    assert found.limit == 0
-
-
 def test_damping_ratio(ds):
     assert ds.damping_ratio(np.pi / 2, **CONSTANT) == pytest.approx(3623.9, abs=0.05)
-    ten = {**CONSTANT, "misalignment_deg": 10}
-    assert ds.damping_ratio(np.pi / 2, **ten) == pytest.approx(364.2, abs=0.05)
-    assert ds.damping_ratio(DEGREE, **CONSTANT) == pytest.approx(0.01926, abs=5e-6)
-    assert ds.damping_ratio(3.733 * DEGREE, **CONSTANT) == pytest.approx(1, abs=5e-4)
     theta = np.radians([1, 3, 4.316, 5.10, 20, 90, 170])
     plain = ds.damping_ratio(theta, **CONSTANT)
     np.testing.assert_allclose(plain, plain[5] * np.sin(theta) ** 3, rtol=1e-14)
@@ -305,33 +225,14 @@ def test_damping_ratio(ds):
     np.testing.assert_allclose(weakening, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("target", "angle", "digits"), [(1, 5.10, 5e-3), (0, 4.316, 5e-4)])
-def test_damping_ratio_with_weakening_crosses(target, angle, digits, ds):
-    theta = np.linspace(3, 10, 700001)
-    zeta = ds.damping_ratio(np.radians(theta), **FIG3)
-    crossing = np.flatnonzero(np.diff(np.sign(zeta - target)))
-    assert crossing.size == 1
-    assert theta[crossing[0]] == pytest.approx(angle, abs=digits)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"velocity": 0.0}, "finite and not 0"),
-        ({"velocity": np.nan}, "V = NaN"),
-        ({"velocity": np.inf}, "V = Infinity"),
         ({"mass": 0.0}, r"mass = 0 kg: it must be finite and > 0"),
-        ({"stiffness_x": -1.0}, "stiffness_x"),
-        ({"stiffness_y": np.inf}, "stiffness_y = Infinity"),
-        ({"misalignment_deg": np.nan}, "misalignment"),
-        ({"mu_0": -0.1}, "mu_0"),
-        ({"mu_inf": -0.1}, "mu_inf"),
-        ({"mu_inf": np.nan}, "mu_inf"),
         ({"normal_load": -1.0}, "normal_load"),
-        ({"v_f": 0.0}, "v_f"),
         ({"v_f": -1.0}, "v_f"),
         ({"v_f": None}, "belong together"),
-        ({"mass": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "broadcast"),
         ({"velocity": [1.0, 0.0]}, "element 1 of 2"),
     ],
 )
@@ -344,12 +245,10 @@ def test_out_of_range(change, message, ds):
 
 
 def test_damping_ratio_out_of_range(ds):
-    for change in ({"misalignment_deg": 0.0}, {"velocity": 0.0}, {"velocity": np.nan}):
+    for change in ({"misalignment_deg": 0.0}, {"velocity": 0.0}):
         for law in (FIG3, CONSTANT):
             with pytest.raises(ds.UsageError, match=r"V sin\(phi\)"):
                 ds.damping_ratio(0.1, **{**law, **change})
-    with pytest.raises(ds.UsageError, match="theta"):
-        ds.damping_ratio(np.nan, **FIG3)
 
 
 @pytest.mark.parametrize("angle", [5.0, 8.0, 10.0, 30.0, 77.0])
@@ -359,14 +258,8 @@ def test_growth_rate_of_the_full_model(angle, ds, fig3):
     force, _ = friction(**parameters)
     along = np.array([np.cos(angle * DEGREE), np.sin(angle * DEGREE)])
     steady = force * along / [1e3, 1e7]
-    result = ds.run(
-        fig3,
-        scene={"t_end": 0.04},
-        system={"misalignment_deg": angle},
-        initial={"velocity_ratio": 1.0, "elongation_x": steady[0] * (1 + 1e-6), "elongation_y": steady[1]},
-        integrator={"rtol": 1e-12, "method": "radau13"},
-        output={"interval": 1e-4},
-    )
+    start = {"velocity_ratio": 1.0, "elongation_x": steady[0] * (1 + 1e-6), "elongation_y": steady[1]}
+    result = ds.run(fig3, t_end=0.04, misalignment_deg=angle, rtol=1e-12, method="radau13", interval=1e-4, **start)
     elongation = (result[name] - at for name, at in zip(("u_x", "u_y"), steady, strict=True))
     velocity = (1e-3 * share - result[name] for name, share in zip(("w_x", "w_y"), along, strict=True))
     perturbation = np.stack([*elongation, *velocity])

@@ -4,19 +4,18 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from drives import distance
-from fig3 import changed, slider
+from fig3 import Groups, changed, slider
 
 METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
 
-GRAZING = {
-    "system": {
-        "mass": 0.003714626115048481,
-        "stiffness_x": 228.00925659361542,
-        "stiffness_y": 5675820473.863028,
-        "misalignment_deg": 23.786050600998433,
-    },
-    "friction": {"law": "constant", "mu_0": 0.3095310335744721, "normal_load": 5.2524214699351806},
-}
+
+def rig(mass: float, stiffness_x: float, stiffness_y: float, misalignment_deg: float, **friction: object) -> Groups:
+    system = {"mass": mass, "stiffness_x": stiffness_x, "stiffness_y": stiffness_y, "misalignment_deg": misalignment_deg}
+    return {"system": system, "friction": friction}
+
+
+GRAZING = rig(0.003714626115048481, 228.00925659361542, 5675820473.863028, 23.786050600998433,
+              law="constant", mu_0=0.3095310335744721, normal_load=5.2524214699351806)  # fmt: skip
 """v_min is some 1e-7 n of its largest value in the n-th oscillation: the object never stops again."""
 
 FIG3 = slider()
@@ -41,22 +40,9 @@ def test_grazing_is_no_stick(method):
         assert list(result.events["kind"]) == [1, 2], rtol
 
 
-TURNING = {
-    "system": {
-        "mass": 0.10745644273827007,
-        "stiffness_x": 323.3910021669124,
-        "stiffness_y": 8780.331563208336,
-        "misalignment_deg": 0.0,
-    },
-    "friction": {
-        "law": "weakening",
-        "normal_load": 1.2306151123245448,
-        "mu_0": 0.3287389544475471,
-        "mu_inf": 0.025485580508520105,
-        "v_f": 0.009912637626459492,
-        "mu_static": 0.39811314478877635,
-    },
-}
+TURNING = rig(0.10745644273827007, 323.3910021669124, 8780.331563208336, 0.0,
+              law="weakening", normal_load=1.2306151123245448, mu_0=0.3287389544475471, mu_inf=0.025485580508520105,
+              v_f=0.009912637626459492, mu_static=0.39811314478877635)  # fmt: skip
 """Slips swing back until the load is between mu_0 W and mu_static W."""
 
 
@@ -168,24 +154,13 @@ def test_redundant_knots_change_no_bit():
 def test_a_sample_before_a_turn_has_the_direction_of_then():
     """high_frequency turns at rest; the samples of the step before it had the direction of the turn."""
     scene = {
+        **rig(5.382100394788668, 3013.2086563840994, 645059506.4899609, 11.546946635805254, law="weakening", mu_0=0.5723945693254295,
+              mu_inf=0.0, v_f=0.0058009209613340855, normal_load=1.584501674454454),
         "scene": {"model": "high_frequency", "t_end": 0.211861},
-        "system": {
-            "mass": 5.382100394788668,
-            "stiffness_x": 3013.2086563840994,
-            "stiffness_y": 645059506.4899609,
-            "misalignment_deg": 11.546946635805254,
-        },
-        "friction": {
-            "law": "weakening",
-            "mu_0": 0.5723945693254295,
-            "mu_inf": 0.0,
-            "v_f": 0.0058009209613340855,
-            "normal_load": 1.584501674454454,
-        },
         "drive": {"velocity": -0.05578183275032312},
         "initial": {"velocity_ratio": 0.0, "elongation_x": 8.332460781818993e-05},
         "output": {"interval": 0.00211861},
-    }
+    }  # fmt: skip
     runs = [
         ds.run(ds.Scene(**scene, integrator={"method": method, "rtol": rtol}))
         for method, rtol in (("radau13", 1e-12), ("radau13", 1e-5), ("radau9", 1e-5))
@@ -210,11 +185,7 @@ def test_a_sample_before_a_turn_has_the_direction_of_then():
 def test_a_start_in_motion_stops_after_its_kinetic_energy_is_spent(friction, velocity_ratio, method):
     """Springs hardly pull until then: the distance is that of the friction alone, whether it falls or rises with the speed."""
     mass, load, drive, rtol = 7e-4, 12.0, 7e-5, 1e-8
-    groups = {
-        "system": {"mass": mass, "stiffness_x": 6.0, "stiffness_y": 10.0, "misalignment_deg": 1.0},
-        "friction": {"normal_load": load, **friction},
-    }
-    result = run(groups, 1e-3, drive, method, rtol, velocity_ratio=velocity_ratio)
+    result = run(rig(mass, 6.0, 10.0, 1.0, normal_load=load, **friction), 1e-3, drive, method, rtol, velocity_ratio=velocity_ratio)
 
     def force(v):
         if friction["law"] == "constant":

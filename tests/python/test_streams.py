@@ -9,14 +9,13 @@ import subprocess
 import dynstiction as ds
 import pytest
 from fig3 import DECK
-from programs import FILE_ERROR, INPUTS, STOPPED, wait_until
+from programs import FILE_ERROR, INPUTS, STOPPED
 
 pytestmark = pytest.mark.deck
 
 PRINTING = {
     "version": ("--version",),
     "help": ("--help",),
-    "help on a command": ("run", "--help"),
     "template": ("template",),
     "check": ("check", DECK),
     "stability": ("stability", DECK),
@@ -24,10 +23,10 @@ PRINTING = {
 }
 PYTHON = {
     "export": ("export", "x.h5", "--overwrite"),
-    "trade": ("trade", str(INPUTS / "low_frequency.nml"), "--budget", "1", "--set", "scene.t_end=1", "--accuracy", "0.1", "--overwrite"),
+    "trade": ("trade", INPUTS / "low_frequency.nml", "--budget", "1", "--set", "scene.t_end=1", "--accuracy", "0.1",
+              "--overwrite"),
     "help": ("--help",),
-    "help on a command": ("plot", "--help"),
-}
+}  # fmt: skip
 # Each cycle by steps: longer than any test waits.
 ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1", "--set", "integrator.cycle_map=off")
 
@@ -79,24 +78,6 @@ def test_a_reader_of_the_progress_that_leaves_stops_no_run(program):
     os.close(pipe)
     # The first line of progress comes after 10 s.
     assert process.wait(60) == STOPPED
-
-
-@pytest.mark.parametrize("descriptors", [(0,), (1,), (2,), (0, 1, 2)])
-def test_no_file_gets_a_descriptor_that_was_closed(program, tmp_path, descriptors):
-    def close_all() -> None:
-        for descriptor in descriptors:
-            os.close(descriptor)
-
-    process = program.start(*ENDLESS, "--quiet", stdin=0, stdout=1, stderr=2, preexec_fn=close_all)
-    try:
-        wait_until((tmp_path / "x.h5.part").exists, "x.h5.part")
-        opened = {number: os.readlink(f"/proc/{process.pid}/fd/{number}") for number in descriptors}
-        assert set(opened.values()) == {"/dev/null"}
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == STOPPED
-    finally:
-        process.kill()
-        process.wait()
 
 
 @pytest.mark.parametrize("variable", ["GFORTRAN_STDERR_UNIT=7", "GFORTRAN_STDOUT_UNIT=9", "GFORTRAN_CONVERT_UNIT=big_endian"])

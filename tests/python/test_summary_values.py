@@ -17,14 +17,8 @@ def test_an_object_that_never_moves(method: str, angle: float) -> None:
     e = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
     force = np.array([SOFT, STIFF]) * e * V
     t_end = 0.9 * LIMIT / np.hypot(*force)
-    result = ds.run(
-        INPUTS / "fig3.nml",
-        scene={"t_end": t_end},
-        system={"misalignment_deg": angle},
-        initial={"velocity_ratio": 0.0},
-        integrator={"method": method},
-        output={"interval": t_end / 8},
-    )
+    start = {"velocity_ratio": 0.0, "misalignment_deg": angle}
+    result = ds.run(INPUTS / "fig3.nml", t_end=t_end, method=method, interval=t_end / 8, **start)
     summary = result.summary
     assert summary["sticks"] == 1
     assert summary["sticking_time"] == pytest.approx(t_end, rel=1e-14)
@@ -46,15 +40,8 @@ def test_an_oscillation_without_friction(method: str) -> None:
     """Along a line from rest: u = V sin(omega t)/omega, X' = V (1 - cos(omega t)); ten periods."""
     omega = np.sqrt(SOFT / MASS)
     cycle = 2 * np.pi / omega
-    result = ds.run(
-        INPUTS / "fig3.nml",
-        scene={"t_end": 10 * cycle},
-        system={"misalignment_deg": 0.0},
-        friction={"normal_load": 0.0},
-        initial={"velocity_ratio": 0.0},
-        integrator={"method": method, "rtol": 1e-9},
-        output={"interval": cycle / 10},
-    )
+    start = {"velocity_ratio": 0.0, "misalignment_deg": 0.0, "normal_load": 0.0}
+    result = ds.run(INPUTS / "fig3.nml", t_end=10 * cycle, method=method, rtol=1e-9, interval=cycle / 10, **start)
     amplitude = SOFT * V / omega
     expected = {
         "period": cycle,

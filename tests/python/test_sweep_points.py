@@ -32,45 +32,32 @@ def test_a_list_has_a_case_a_row(sweep, expected, tmp_path):
     with h5py.File(tmp_path / "expected.h5") as file:
         assert file["sweep"].attrs["grid"] == "list"
         assert file["sweep"].attrs["parameters"] == "system.misalignment_deg drive.velocity"
+    data = ds.sweep(sweep.deck)
+    assert data["final_u_x"].dims == ("case",)
+    assert list(data["velocity"].values) == VELOCITIES
+    assert np.array_equal(data["final_u_x"].values, expected["summary/final_u_x"])
     single = ds.run(sweep.deck.read_text().replace(LIST, ""), drive={"velocity": 4e-3}, system={"misalignment_deg": 4.0})
     assert expected["summary/final_u_x"][2] == single["u_x"][-1]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "\n".join([NAMES, *ROWS]),
-        "\r\n".join([NAMES, *ROWS, ""]),
-        "\r".join([NAMES, *ROWS, ""]),
-        "\ufeff" + "\n".join([NAMES, *ROWS, ""]),
-        "\n\n".join(["", NAMES, *ROWS, "  ", ""]),
-        "\n".join([NAMES, *ROWS]).replace(",", ";"),
-        "\n".join([NAMES, *ROWS]).replace(",", "\t"),
-        "\n".join([NAMES, *ROWS]).replace(",", "   "),
-        "\n".join([NAMES, *ROWS]).replace(",", " , "),
-        "\n".join('"' + line.replace(",", '","') + '"' for line in [NAMES, *ROWS]),
-        "\n".join([NAMES.upper(), *ROWS]),
-        "\n".join([NAMES, *ROWS]).replace(",", "," + 3000 * " "),
-    ],
-    ids=[
-        "no newline",
-        "CRLF",
-        "CR",
-        "BOM",
-        "blank lines",
-        "semicolons",
-        "tabs",
-        "blanks",
-        "spaced",
-        "quoted",
-        "capitals",
-        "long lines",
-    ],
-)
-def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
-    (tmp_path / "cases.csv").write_bytes(text.encode())
-    sweep.run("a.h5", status=0)
-    assert same(values(tmp_path / "a.h5"), expected)
+PLAIN = "\n".join([NAMES, *ROWS])
+WAYS = {
+    "no newline": PLAIN,
+    "CRLF": "\r\n".join([NAMES, *ROWS, ""]),
+    "CR": "\r".join([NAMES, *ROWS, ""]),
+    "BOM": "\ufeff" + PLAIN,
+    "blank lines": "\n\n".join(["", NAMES, *ROWS, "  ", ""]),
+    **{ascii(separator): PLAIN.replace(",", separator) for separator in (";", "\t", "   ", " , ", "," + 3000 * " ")},
+    "quoted": "\n".join('"' + line.replace(",", '","') + '"' for line in [NAMES, *ROWS]),
+    "capitals": "\n".join([NAMES.upper(), *ROWS]),
+}
+
+
+def test_ways_to_write_the_same(sweep, expected, tmp_path):
+    for name, text in WAYS.items():
+        (tmp_path / "cases.csv").write_bytes(text.encode())
+        sweep.run("a.h5", "--overwrite", status=0)
+        assert same(values(tmp_path / "a.h5"), expected), name
 
 
 @pytest.mark.parametrize(
@@ -83,18 +70,12 @@ def test_ways_to_write_the_same(sweep, expected, tmp_path, text):
         ("drive.velocity\n1e-3\nnan\n", ":3:", "'nan' is not a real number"),
         ("system.misalignment_deg\n\n1e3\n", ":3:", "out of range for misalignment_deg"),
         (NAMES + "\n1,1e-3\n2\n", ":3:", "1 value(s), but the first line has 2"),
-        (NAMES + "\n1,,1e-3\n", ":2:", "3 value(s), but the first line has 2"),
-        (NAMES + "\n1,\n", ":2:", "'' is not a real number"),
         (NAMES + ",\n1,1e-3,\n", ":1:", "an empty field: give each column a name"),
         ("drive.velocity,Drive.Velocity\n1,1\n", ":1:", "named twice"),
-        ("drive.speed\n1\n", ":1:", "there is no key 'drive.speed'"),
-        ("output.interval\n1\n", ":1:", "cannot be varied"),
-        ("drive.velocity\n1,5\n", ":2:", "'1,5' is not a real number"),
         ("drive.velocity\n\0\n", ":2:", "'?' is not a real number"),
         ("integrator.max_steps\n1.5\n", ":2:", "takes integers"),
         # A line that would need gigabytes if each field had room for the longest.
         (",".join(["1" * 200_000, *["1"] * 200_000]) + "\n1\n", ":1:", "200001 columns: give at most 1000"),
-        ("x" * 300_000 + "\n" + "\n" * 300_000, "", "holds no points"),
     ],
 )
 def test_faults_have_their_place(sweep, tmp_path, text, place, words):
@@ -107,13 +88,6 @@ def test_faults_have_their_place(sweep, tmp_path, text, place, words):
         ds.sweep(sweep.deck)
 
 
-def test_a_missing_file_and_a_folder(sweep, tmp_path):
-    done = sweep.run("a.h5")
-    assert done.returncode == 3 and f"{tmp_path}/cases.csv: no such file" in done.stderr
-    (tmp_path / "cases.csv").mkdir()
-    assert "is a folder" in sweep.run("a.h5").stderr
-
-
 def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     moved = tmp_path / "elsewhere" / "points.csv"
@@ -121,13 +95,6 @@ def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp
     for name in ("elsewhere/points.csv", moved):
         sweep.run("a.h5", "--overwrite", "--set", f"sweep.points={name}", cwd="/", status=0)
         assert same(values(tmp_path / "a.h5"), expected)
-
-
-def test_python_reads_the_list_too(sweep, expected):
-    data = ds.sweep(sweep.deck)
-    assert data["final_u_x"].dims == ("case",)
-    assert list(data["velocity"].values) == VELOCITIES
-    assert np.array_equal(data["final_u_x"].values, expected["summary/final_u_x"])
 
 
 @pytest.fixture
@@ -155,9 +122,6 @@ def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
     write(**{"system.misalignment_deg": np.float32(ANGLES), "drive.velocity": [1, 1, 1]})
     assert with_hdf5(sweep).returncode == 0
     assert list(values(tmp_path / "a.h5")["system.misalignment_deg"]) == ANGLES
-
-
-def test_hdf5_as_xarray_writes_it(sweep, expected, tmp_path):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
     columns = {"system.misalignment_deg": ("case", ANGLES), "drive.velocity": ("case", VELOCITIES)}
@@ -170,15 +134,11 @@ def test_hdf5_as_xarray_writes_it(sweep, expected, tmp_path):
     ("datasets", "words"),
     [
         ({}, "holds no points"),
-        ({"case": [1.0]}, "holds no points"),
         ({"system.misalignment_deg": ANGLES, "drive.velocity": [1e-3]}, "give datasets of one length"),
         ({"system.misalignment_deg": [ANGLES]}, "is no list: give plain one-dimensional"),
-        ({"system.misalignment_deg": 1.0}, "is no list: give plain one-dimensional"),
         ({"system.misalignment_deg": ["1"]}, "holds no numbers: give plain one-dimensional"),
         ({"system.misalignment_deg": [1.0, 1e3]}, "value 2: 1000.0 is out of range"),
         ({"drive.velocity": [np.nan]}, "value 1: a value of velocity is not finite"),
-        ({"drive.speed": [1.0]}, "there is no key 'drive.speed'"),
-        ({"drive.velocity": [1e-3], "Drive.velocity": [1e-3]}, "named twice"),
     ],
 )
 def test_faults_of_hdf5_points(sweep, write, tmp_path, datasets, words):
@@ -186,17 +146,3 @@ def test_faults_of_hdf5_points(sweep, write, tmp_path, datasets, words):
     done = with_hdf5(sweep)
     assert done.returncode == 3
     assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: ") and words in done.stderr
-
-
-def test_a_damaged_hdf5_file(sweep, write, tmp_path):
-    write(**{"drive.velocity": VELOCITIES})
-    data = (tmp_path / "cases.h5").read_bytes()
-    (tmp_path / "cases.h5").write_bytes(data[:600])
-    done = with_hdf5(sweep)
-    assert done.returncode == 3 and "cannot be read" in done.stderr
-
-
-def test_python_wants_no_hdf5_list(sweep, write):
-    write(**{"drive.velocity": VELOCITIES})
-    with pytest.raises(ds.FileError, match="points=True"):
-        ds.sweep(sweep.deck, sweep={"points": "cases.h5"})

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pickle
 import signal
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from subprocess import PIPE
 
 import dynstiction as ds
@@ -20,95 +20,44 @@ ANGLES = {"system.misalignment_deg": [1.0, 2.0, 3.0]}
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
 
 
-def test_coordinates_units_and_order():
+def test_coordinates_order_and_how_it_is_shown():
     data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
     assert dict(data.sizes) == {"misalignment_deg": 3, "velocity": 2}
-    assert data["velocity"].attrs["units"] == "m/s"
-    assert data["final_u_x"].attrs["units"] == "m" and data["wall_time"].attrs["units"] == "s"
     single = ds.run(SHORT, system={"misalignment_deg": 3.0}, drive={"velocity": 2e-3})
-    chosen = data["final_u_x"].sel(misalignment_deg=3.0, velocity=2e-3)
-    assert chosen.item() == single["u_x"][-1]
-
-
-def test_a_small_sweep_prints_its_numbers():
-    data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
+    assert data["final_u_x"].sel(misalignment_deg=3.0, velocity=2e-3).item() == single["u_x"][-1]
     title, head, *rows = repr(data).splitlines()
-    assert title == "<sweep: 6 cases>"
-    assert head.split("  ")[0] == "misalignment_deg [deg]" and "velocity [m/s]" in head and "swing [N]" in head
+    assert title == "<sweep: 6 cases>" and "velocity [m/s]" in head
     assert [row.split()[:2] for row in rows[:6]] == [[angle, velocity] for angle in "123" for velocity in ("0.001", "0.002")]
     place = head.index("swing [N]") + len("swing [N]")
     printed = [float(row[:place].split()[-1]) for row in rows[:6]]
     np.testing.assert_allclose(printed, data["swing"].values.reshape(-1), rtol=1e-4)
-    also = " ".join(rows[6:])
-    assert also.startswith("also: ") and "wall_time" in also and "NaN" not in repr(data)
-    assert repr(data.isel(misalignment_deg=0, velocity=[1])).splitlines()[0] == "<sweep: 1 case>"
-    transposed = data.transpose("velocity", "misalignment_deg")
-    assert repr(transposed).splitlines()[3].split()[:3] == rows[2].split()[:3]
     assert repr(pickle.loads(pickle.dumps(data))) == repr(data)
     # What is no small sweep is shown by xarray.
-    for other in (
-        data[["period"]],
-        data.mean(),
-        ds.sweep(SHORT, {"misalignment_deg": np.linspace(1.0, 9.0, 61)}),
-        data.drop_vars(list(data.coords)),
-    ):
+    for other in (data[["period"]], data.mean(), data.drop_vars(list(data.coords))):
         assert "Dimensions:" in repr(other)
-    with pytest.warns(ds.IncompleteWarning):
-        failed = ds.sweep(SHORT + GRID, max_steps=25)
-    assert (
-        repr(failed).startswith("<sweep: 60 cases, 24 not done: see result_text>") and "result_code" in repr(failed).splitlines()[1]
-    )
-
-
-def test_a_sweep_in_a_file_prints_the_same(tmp_path, program):
-    (tmp_path / "deck.nml").write_text(SHORT + GRID)
-    program("run", "deck.nml", "-o", "map.h5", "--quiet", status=0)
-    assert repr(ds.open(tmp_path / "map.h5")).splitlines()[:62] == repr(ds.sweep(SHORT + GRID)).splitlines()[:62]
-
-
-def test_points_go_along_case():
-    data = ds.sweep(SHORT, {"system.misalignment_deg": [1.0, 2.0], "drive.velocity": [1e-3, 2e-3]}, points=True)
-    assert data["final_u_x"].dims == ("case",) and data["velocity"].dims == ("case",)
-
-
-@pytest.mark.parametrize("threads", [1, 3])
-def test_threads_change_nothing(threads):
-    names = ["final_u_x", "period", "steps"]
-    one = ds.sweep(SHORT + GRID, threads=1)[names]
-    assert ds.sweep(SHORT + GRID, threads=threads)[names].identical(one)
 
 
 def test_failed_cases_are_reported():
     with pytest.warns(ds.IncompleteWarning, match="of 60 cases failed"):
         data = ds.sweep(SHORT + GRID, integrator={"max_steps": 25})
-    failed = data["result_code"].values == 42
-    assert 0 < np.count_nonzero(failed) < 60
-    assert all("max_steps" in text for text in data["result_text"].values[failed])
-    assert all(text == "" for text in data["result_text"].values[~failed])
+    failed = np.count_nonzero(data["result_code"] == 42)
+    assert repr(data).startswith(f"<sweep: 60 cases, {failed} not done: see result_text>") and 0 < failed < 60
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "words"),
     [
         ({}, ds.UsageError, "nothing is varied"),
-        ({"parameters": {}}, ds.UsageError, "nothing is varied"),
         ({"parameters": {"system.mas": [1.0]}}, ds.DeckError, r"'system\.mas' is not a key .*'system\.mass'"),
-        ({"parameters": {"output.interval": [1.0]}}, ds.DeckError, "cannot be varied"),
         ({"parameters": {"drive.velocity": []}}, ds.DeckError, "from 1 to"),
         ({"parameters": {"drive.velocity": [[1.0]]}}, ds.UsageError, "2 dimensions"),
-        ({"parameters": {"drive.velocity": ["fast"]}}, ds.UsageError, "real number"),
         ({"parameters": {"drive.velocity": [1j]}}, ds.UsageError, "real number"),
-        ({"parameters": {"drive.velocity": None}}, ds.UsageError, "real number"),
         ({"parameters": {"drive.velocity": [1e-3, float("nan")]}}, ds.DeckError, "value 2: .*not finite"),
-        ({"parameters": {"drive.velocity": [float("inf")]}}, ds.DeckError, "not finite"),
         ({"parameters": {"system.misalignment_deg": [1e3]}}, ds.DeckError, "out of range"),
         ({"parameters": {"drive.velocity": [1.0], "Drive.Velocity": [1.0]}}, ds.DeckError, "varied twice"),
         ({"parameters": {"drive.velocity\nsystem.mass": [1.0]}}, ds.UsageError, "is not a key"),
-        ({"parameters": {3: [1.0]}}, ds.UsageError, "is not a key"),
         ({"parameters": {**ANGLES, "drive.velocity": [1.0]}, "points": True}, ds.UsageError, "one length"),
-        ({"parameters": {}, "points": True}, ds.UsageError, "one length"),
         ({"parameters": ANGLES, "threads": 0}, ds.UsageError, "threads = 0"),
-        ({"parameters": ANGLES, "threads": -2}, ds.UsageError, "threads = -2"),
         ({"parameters": ANGLES, "scene": {"model": "auto"}, "system": {"stiffness_y": 1e7}}, ds.DeckError, "auto"),
         ({"parameters": {"drive.velocity": np.ones(40000), "system.mass": np.ones(40000)}}, ds.DeckError, "from 1 to"),
     ],
@@ -120,24 +69,13 @@ def test_refused(arguments, error, words):
 
 def test_other_threads_go_on():
     """The interpreter's lock is free while the core works."""
-    counts = []
-    stop = threading.Event()
-
-    def count():
-        while not stop.wait(0.001):
-            counts.append(time.monotonic())
-
-    counter = threading.Thread(target=count)
-    counter.start()
-    try:
-        begun = time.monotonic()
-        ds.sweep(SCENE, {"scene.t_end": [10000.0]}, threads=1)
-        ended = time.monotonic()
-    finally:
-        stop.set()
-        counter.join()
-    meanwhile = sum(begun < moment < ended for moment in counts)
-    assert meanwhile > 20
+    meanwhile = 0
+    with ThreadPoolExecutor(1) as pool:
+        working = pool.submit(ds.sweep, SCENE, {"scene.t_end": [10000.0]}, threads=1)
+        while not working.done():
+            time.sleep(0.001)
+            meanwhile += working.running()
+    assert working.result()["result_code"].item() == 0 and meanwhile > 20
 
 
 INTERRUPTED = """

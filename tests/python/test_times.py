@@ -13,11 +13,10 @@ MODELS = {
     "rk4": {"method": "rk4", "step": 1e-6, "rtol": None, "contact": "smoothed", "v_smooth": 1e-5},
     "dopri5": {"method": "dopri5"},
     "low_frequency": {"model": "low_frequency", "stiffness_y": None, "cycle_map": None, "contact": None, "method": "radau9"},
-    "creep": {"model": "creep"},
 }
 
 
-@pytest.mark.parametrize("name", [name for name in MODELS if name != "creep"])
+@pytest.mark.parametrize("name", MODELS)
 def test_samples_are_those_of_a_grid(name: str, fig3: ds.Scene) -> None:
     scene = fig3.replace(**({"t_end": 0.3, "interval": 1e-4} | MODELS[name]))
     grid = ds.run(scene.replace(interval=1e-4))
@@ -41,17 +40,12 @@ def test_times_between_samples(fig3: ds.Scene) -> None:
                 assert result[column][i] == value, (column, time)
 
 
-@pytest.mark.parametrize("times", [[0.0], [0.3], [0.0, 0.3], [0.1], np.array([0.1, 0.2]), (0, 0.05, 0.3)])
+@pytest.mark.parametrize("times", [[0.0], [0.3], np.array([0.1, 0.2]), (0, 0.05, 0.3)])
 def test_nothing_but_the_given_times(times: object, fig3: ds.Scene) -> None:
-    assert ds.run(fig3, t_end=0.3, times=times).time.tolist() == list(map(float, times))  # type: ignore[call-overload]
-
-
-def test_a_run_step_by_step_has_the_times_that_lie_behind(fig3: ds.Scene) -> None:
-    times = np.linspace(0.0, 0.3, 7)
     with ds.Simulation(fig3, t_end=0.3, times=times) as simulation:
         simulation.step_to(0.12)
-        assert simulation.result.time.tolist() == times[:3].tolist()
-        assert simulation.finish().time.tolist() == times.tolist()
+        assert simulation.result.time.tolist() == [float(time) for time in times if time <= 0.12]  # type: ignore[attr-defined]
+        assert simulation.finish().time.tolist() == list(map(float, times))  # type: ignore[call-overload]
 
 
 def test_what_settles_has_no_samples_after_its_end(fig3: ds.Scene) -> None:
@@ -66,12 +60,9 @@ def test_what_settles_has_no_samples_after_its_end(fig3: ds.Scene) -> None:
     ("times", "words"),
     [
         ([0.2, 0.1], "do not ascend: numpy.unique"),
-        ([0.1, 0.1], "do not ascend"),
         ([0.1, 0.4], r"times end at 0.4 s, and the run at 0.3 s: give t_end=0.4"),
         ([-0.1, 0.1], r"times = -0.1.*must be finite and in \[0"),
-        ([np.nan], "times = nan"),
         ([], "give a list of times"),
-        (0.1, "give a list of times"),
         ([[0.1]], "give a list of times"),
         ("x", "real number"),
     ],
