@@ -30,6 +30,7 @@ TRUE = {
     "system.stiffness_x": 900.0,
 }
 DECK = ds.Scene(INPUTS / "fig3.nml").replace(integrator=QUICK)
+SLOW = RIG.replace(scene={"model": "low_frequency"}, system={"stiffness_y": None}, friction={"contact": None})
 
 
 def trace_of(scene: ds.Scene, noise: float = 0.01, seed: int = 0, end: float = 24.0, sense: float = 1.0) -> ds.Trace:
@@ -190,8 +191,7 @@ def test_a_wrong_value_that_is_held_is_noticed(trace: ds.Trace) -> None:
 
 
 def test_the_slow_model_is_fitted_alone_where_the_scene_says_so() -> None:
-    slow = RIG.replace(scene={"model": "low_frequency"}, system={"stiffness_y": None}, friction={"contact": None})
-    found = ds.fit(slow, trace_of(slow), ("system.misalignment_deg", "friction.mu_0"))
+    found = ds.fit(SLOW, trace_of(SLOW), ("system.misalignment_deg", "friction.mu_0"))
     assert found.model == "low_frequency"
     assert found["friction.mu_0"] == pytest.approx(0.24, rel=1e-3)
 
@@ -294,7 +294,7 @@ def test_bounds_and_ties_hold(trace: ds.Trace) -> None:
     assert tied.explains and tied["friction.mu_0"] == pytest.approx(0.24, abs=4.0 * tied.parameters["friction.mu_0"].error)
     assert tied.scene.friction.mu_inf == pytest.approx(tied["friction.mu_0"] * 0.19 / 0.24, rel=1e-14)
     with pytest.warns(ds.FitWarning, match=r"system\.mass is at its bound 0\.3[:]"):
-        bound = ds.fit(RIG.replace(system={"mass": 0.25}), trace, (*free, "system.mass"), bounds={"system.mass": (0.2, 0.3)})
+        bound = ds.fit(SLOW.replace(system={"mass": 0.25}), trace, (*free, "system.mass"), bounds={"system.mass": (0.2, 0.3)})
     assert bound.scene.system.mass == 0.3 and not bound.explains
     for arguments, message in (
         ({"bounds": {"system.mass": (0.2, 0.3)}}, "is not free"),

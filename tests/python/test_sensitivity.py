@@ -138,6 +138,11 @@ RUNS = {
         "t_end": 0.35, "damping_x": 0.3, "damping_y": 20.0, "mu_static": 0.21,
         "time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3),
     },
+    "ageing": {"t_end": 0.4, "stiffness_y": 1e6, "misalignment_deg": 5.0, "ageing": 2e-3, "ageing_time": 1e-3},
+    "ageing, dampers, a ramp and a jump": {
+        "t_end": 0.35, "damping_x": 0.3, "damping_y": 20.0, "stiffness_y": 1e5, "mu_static": 0.21, "ageing": 0.01, "ageing_time": 2e-3,
+        "time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3),
+    },
     "smoothed": {"t_end": 0.3, "contact": "smoothed", "v_smooth": 1e-5, "velocity": 1e-2},
 }  # fmt: skip
 COLUMNS = ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force")
@@ -155,7 +160,7 @@ def run_of(name: str) -> ds.Scene:
 def test_derivatives_are_those_of_the_run(name: str) -> None:
     """Samples and events by differences of fourth order: of runs that are near where they magnify changes."""
     scene = run_of(name)
-    found = ds.derivatives(scene, KEYS_OF_RUNS)
+    found = ds.derivatives(scene, KEYS_OF_RUNS + (("ageing", "ageing_time") if scene.friction.ageing else ()))
     run = ds.run(scene)
     np.testing.assert_array_equal(found.time, run.time)
     np.testing.assert_array_equal(found.events, run.events)
