@@ -1,4 +1,4 @@
-!> Text, schema, scanner, deck and command line; tests/python/test_decks.py has decks as users write them.
+!> Text, schema, scanner, deck and command line.
 program test_deck
   use checks, only: check, finish
   use dst_kinds, only: wp, int64
@@ -8,8 +8,8 @@ program test_deck
   use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_word_of, &
                         automatic, condition_count, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
-  use dst_deck, only: deck_t, parse_deck, resolved, template
-  use dst_command_line, only: argument_t, command_t, parse_arguments, setting_list
+  use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
+  use dst_command_line, only: argument_t, command_t, parse_arguments, setting_list, help_text
   implicit none
 
   character, parameter :: n = achar(10)
@@ -197,6 +197,8 @@ contains
   end subroutine accept
 
   subroutine test_good_decks()
+    character(*), parameter :: others = 'stiffness_x=1e3 stiffness_y=1e7 misalignment_deg=1 /'
+    character(*), parameter :: tail = n//scene_group//friction_group//drive_group
     type(deck_t) :: deck
 
     call accept(whole, deck)
@@ -204,6 +206,26 @@ contains
     call check('default', same_bits(deck%real_of('integrator', 'rtol'), 1.0e-8_wp))
     call check_text('default choice', deck%text_of('integrator', 'method'), 'radau13')
     call check('interval of files', same_bits(deck%real_of('output', 'checkpoint_interval'), 600.0_wp))
+    call check_mass(drive_group//friction_group//system_group//scene_group)
+    call check_mass('&system mass=0.25 '//others(:len(others) - 1)//'&end'//tail)
+    call check_mass('&system mass=0.25 '//others(:len(others) - 1)//'&END'//tail)
+    call check_mass('&SYSTEM MASS=0.25 '//others//tail)
+    call check_mass('&system mass=0.25,stiffness_x=1e3,stiffness_y=1e7,misalignment_deg=1/'//tail)
+    call check_mass('&system'//achar(9)//'mass'//achar(9)//'='//achar(9)//'0.25'//achar(9)//others//tail)
+    call check_mass('&system'//achar(13)//n//'mass = 0.25'//achar(13)//n//others//achar(13)//tail)
+    call check_mass('&system mass ='//n//'! comment'//n//' 0.25'//n//others//tail)
+    call check_mass('&system mass'//n//' = 0.25 '//others//tail)
+    call check_mass("! 'quote"//n//"&system ! it's / & ="//n//' mass = 0.25! "'//n//others//' ! end'//tail)
+    call check_mass('&system mass = 0.25, '//others(:len(others) - 1)//', /'//tail)
+    call check_mass('&system mass = 1*0.25 '//others//tail)
+    call check_mass('&system mass = 2.5D-1 '//others//tail)
+    call check_mass('&system mass = .25 '//others//tail)
+    call check_mass('! µ, Ω, 摩擦'//n//'&system mass = 0.25 '//others//tail)
+    call check_mass(char(239)//char(187)//char(191)//'&system mass = 0.25 '//others//tail)
+    call check_mass(tail//'&system mass = 0.25 '//others)
+    call check_mass('!'//repeat('x', 100000)//n//'&system mass = 0.25 '//others//tail)
+    call check_mass(whole(:index(whole, 'normal') - 1)//'v_smooth = 0.0 '//whole(index(whole, 'normal'):)// &
+                    '&integrator step = 0.0 v_cut = 0.0 /')
     call check_title("'it''s'", "it's")
     call check_title('"say ''no'' ""now"""', "say 'no' ""now""")
     call check_title("' a/b & c = d, ! e'", ' a/b & c = d, ! e')
@@ -216,6 +238,14 @@ contains
     call check('integer', deck%integer_of('integrator', 'max_steps') == 12345678901_int64)
   end subroutine test_good_decks
 
+  subroutine check_mass(text)
+    character(*), intent(in) :: text
+    type(deck_t) :: deck
+
+    call accept(text, deck)
+    call check('mass', same_bits(deck%real_of('system', 'mass'), 0.25_wp))
+  end subroutine check_mass
+
   subroutine check_title(written, expected)
     character(*), intent(in) :: written, expected
     type(deck_t) :: deck
@@ -224,15 +254,16 @@ contains
     call check_text('title', deck%text_of('scene', 'title'), expected)
   end subroutine check_title
 
-  !> A deck with exactly one fault, with `expected` in the text of the error.
-  subroutine refuse(text, expected)
+  !> A deck with one fault, or more if `several`, with `expected` in the text of the error.
+  subroutine refuse(text, expected, several)
     character(*), intent(in) :: text, expected
+    logical, intent(in), optional :: several
     type(deck_t) :: deck
     type(error_t), allocatable :: error
 
     call parse_deck(text, 'bad.nml', none, deck, error)
     call check_refusal(error, deck_error, expected)
-    if (allocated(error)) call check('more than one fault'//n//error%text, index(error%text, n) == 0)
+    if (allocated(error) .and. .not. present(several)) call check('one fault: '//error%text, index(error%text, n) == 0)
   end subroutine refuse
 
   subroutine check_refusal(error, code, expected)
@@ -244,23 +275,99 @@ contains
     if (allocated(error)) call check("'"//expected//"' in "//error%text, error%code == code .and. index(error%text, expected) > 0)
   end subroutine check_refusal
 
-  !> What tests/python/test_decks.py does not refuse already, with its place and its remedy.
   subroutine test_bad_decks()
     character(*), parameter :: s = '&scene t_end = 1'//n
 
-    call refuse(s//' zz=1 /'//n//rest, "bad.nml:2: unknown key 'zz' in &scene: its keys are title model form")
-    call refuse(s//' velocty=1 /'//n//rest, "bad.nml:2: unknown key 'velocty' in &scene: the nearest is 'velocity' in &drive")
+    call refuse('', 'bad.nml:1: no group', several=.true.)
+    call refuse('! nothing', 'bad.nml:1: no group', several=.true.)
+    call refuse(rest, 'group &scene is missing: add it with t_end')
+    call refuse(whole//'&sytem'//n//' a = 1'//n//'/', "bad.nml:5: unknown group '&sytem': the nearest is &system")
+    call refuse('&scen t_end = 1 /'//n//rest, "bad.nml:1: unknown group '&scen': the nearest is &scene")
+    call refuse(whole//'&sweep count = 3 /', 'bad.nml:5: &sweep varies nothing')
+    call refuse(whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
+    call refuse(s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
+    call refuse(s//' zz=1 /'//n//rest, "unknown key 'zz' in &scene: its keys are title model form quantities accuracy t_end")
+    call refuse(s//' velocty=1 /'//n//rest, "the nearest is 'velocity' in &drive")
+    call refuse(s//' rtol=1e-6 /'//n//rest, "bad.nml:2: 'rtol' does not belong to &scene: put it in &integrator")
+    call refuse(s//' t_end=2 /'//n//rest, "bad.nml:2: 't_end' given again: it stands in line 1 already")
+    call refuse('&scene'//n//'t_end ='//n//'/'//n//rest, "bad.nml:2: 't_end' has an empty value")
     call refuse("&scene t_end = title='x' /"//n//rest, "bad.nml:1: 't_end' has an empty value")
+    call refuse('&scene t_end = , /'//n//rest, "nothing before a ',' in 't_end'")
+    call refuse('&scene t_end = 1,, /'//n//rest, "nothing before a ',' in 't_end'")
+    call test_bad_values()
+    call test_bad_syntax()
+    call test_bad_choices()
+    call test_all_in_one_go()
+    call test_bad_files()
+  end subroutine test_bad_decks
+
+  subroutine test_bad_values()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
+    call refuse('&scene t_end = ten /'//n//rest, "'ten' is not a real number: 't_end' takes a finite real")
+    call refuse("&scene t_end = '1' /"//n//rest, "'1' is text: 't_end' takes a real number without quotes")
+    call refuse(s//' title = 3 /'//n//rest, "'3' is not text: 'title' takes text in quotes")
+    call refuse(s//' model = full /'//n//rest, "'full' is not text: 'model' takes text in quotes")
+    call refuse('&scene t_end = NaN /'//n//rest, "'NaN' is not a real number")
+    call refuse('&scene t_end = 1e400 /'//n//rest, "'1e400' is beyond the range")
+    call refuse('&scene t_end = 0x1F /'//n//rest, "'0x1F' is not a real number")
+    call refuse('&scene t_end = (1,2) /'//n//rest, "unexpected '(1,2) /'")
+    call refuse('&scene t_end = -1 /'//n//rest, "t_end = '-1' is out of range: it must be > 0.0 (in s)")
+    call refuse(whole//'&integrator max_steps = 1e3 /', "'1e3' is not an integer")
+    call refuse('&scene t_end = 1 2 /'//n//rest, "too many values for 't_end', from '2' on: 2 given, at most 1 allowed")
+    call refuse('&scene t_end = 2*1 /'//n//rest, "too many values for 't_end', from '1' on: 2 given")
+    call refuse('&scene t_end = 0*1 /'//n//rest, "repeat count '0*' is not positive")
+    call refuse('&scene t_end = 2* /'//n//rest, "'2*' repeats an empty value")
+    call refuse(s//"title='"//repeat('x', 257)//"' /"//n//rest, '257 bytes given, at most 256 allowed')
+  end subroutine test_bad_values
+
+  subroutine test_bad_syntax()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
+    call refuse(s//n//'! x'//n//rest, "bad.nml:4: missing '/': end the group &scene")
+    call refuse(whole//'&output interval = 1', "bad.nml:5: missing '/': end the group &output")
+    call refuse(s//"title='x"//n//'/'//n//rest, "bad.nml:2: unclosed quote 'x: close it with '")
+    call refuse('x'//n//whole, "bad.nml:1: 'x' outside a group")
     call refuse(whole//'/', "bad.nml:5: '/' outside a group")
+    call refuse('$scene t_end=1 $end'//n//whole, "bad.nml:1: '$scene")
+    call refuse('&scene t_end(1)=1 /'//n//rest, "'t_end(1)=1 /' sets a part of a key")
     call refuse('&scene t_end = 1 title(2) = "x" /'//n//rest, "'title(2) =")
+    call refuse('&scene t_end%x=1 /'//n//rest, "'t_end%x=1 /' sets a part of a key")
+    call refuse('&scene t_end 1 /'//n//rest, "'t_end' without '='")
+    call refuse('&scene t_end = = 1 /'//n//rest, "unexpected '= 1 /'")
+    call refuse(s//"title='x'y /"//n//rest, "'y /' directly after a closing quote")
+    call refuse(whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
+    call refuse('!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
+    call refuse('! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(224)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(237)//char(160)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(244)//char(144)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse(whole//'! '//char(226)//char(130), 'bad.nml:5: a character is not UTF-8')
+  end subroutine test_bad_syntax
+
+  subroutine test_bad_choices()
+    character(*), parameter :: s = '&scene t_end = 1'//n
+
+    call refuse(s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
+    call refuse(whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
     call refuse(whole//"&output fields='u_x'"//n//' 3 /', "bad.nml:6: '3' is not text")
+    call refuse(whole//"&output fields='u_x','u_x' /", "'u_x' more than once in 'fields'")
     call refuse(whole//"&output fields='u_x','default' /", "'default' among other 'fields'")
-    call test_all_in_one_go()
-  end subroutine test_bad_decks
+    call refuse('&scene /'//n//rest, "bad.nml:1: 't_end' is missing in &scene: add t_end = VALUE in s")
+    call refuse(scene_group//friction_group//drive_group, 'bad.nml:3: group &system is missing: add it with mass')
+  end subroutine test_bad_choices
+
+  subroutine test_bad_files()
+    character(*), parameter :: names(4) = [character(17) :: '/no such/deck.nml', '/', '/dev/zero', '']
+    type(deck_t) :: deck
+    type(error_t), allocatable :: error
+    integer :: i
+
+    do i = 1, size(names)
+      call read_deck(trim(names(i)), none, deck, error)
+      call check_refusal(error, deck_error, trim(names(i))//': ')
+    end do
+  end subroutine test_bad_files
 
   subroutine test_all_in_one_go()
     type(deck_t) :: deck
@@ -285,24 +392,36 @@ contains
 
   !> Keys that a choice makes useless or necessary, through a second choice too.
   subroutine test_conditions()
-    character(*), parameter :: head = scene_group//system_group//drive_group
-    character(*), parameter :: smoothed = head// &
+    character(*), parameter :: constant = scene_group//system_group//drive_group// &
+      "&friction law = 'constant', mu_0 = 0.2, normal_load = 10"
+    character(*), parameter :: smoothed = scene_group//system_group//drive_group// &
       "&friction contact = 'smoothed', mu_0 = 0.2, mu_inf = 0.1, v_f = 0.01, normal_load = 10"
     type(deck_t) :: deck
 
-    call accept(head//"&friction law = 'constant', mu_0 = 0.2, normal_load = 10 /", deck)
+    call accept(constant//' /', deck)
     call check('mu_inf unused', .not. deck%is_used('friction', 'mu_inf'))
+    call refuse(constant//n//'v_f = 0.1 /', &
+                "bad.nml:5: 'v_f' is not used with law constant: remove it, it works only with law weakening")
+    call refuse(whole(:index(whole, 'mu_inf') - 1)//whole(index(whole, 'v_f'):), &
+                "'mu_inf' is missing in &friction (needed with law weakening | stribeck)")
+    call refuse(smoothed//' /', "'v_smooth' is missing in &friction (needed with contact smoothed)")
     call refuse(smoothed//' v_smooth = 0 /', "v_smooth = '0.0' is out of range: it must be > 0.0")
     call accept(smoothed//' v_smooth = 1e-9 /', deck)
+    call refuse(whole(:index(whole, 'normal') - 1)//'v_smooth = 1e-6 '//whole(index(whole, 'normal'):), &
+                "bad.nml:3: 'v_smooth' is not used with contact exact")
+    call refuse(whole//'&integrator step = 1e-6 /', "'step' is not used with method radau13")
+    call refuse(whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau13")
     call accept(whole//"&integrator v_cut = 1e-6 method = 'dop853' /", deck)
     call refuse(smoothed//' v_smooth = 1e-9 /'//"&integrator v_cut = 1e-6 method = 'dop853' /", &
                 "'v_cut' is not used with contact smoothed")
+    call refuse(whole//"&integrator method = 'rk4' step = 1e-6 /", &
+                "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
     call accept(smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 /", deck)
     call refuse(smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' /", &
                 "'step' is missing in &integrator (needed with method rk4)")
     call refuse(smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 rtol = 1e-5 /", &
                 "'rtol' is not used with method rk4")
-    call refuse(head//"&friction law = 'x' mu_0 = 0.2 normal_load = 1 /", "unknown law 'x'")
+    call refuse(scene_group//system_group//drive_group//"&friction law = 'x' mu_0 = 0.2 normal_load = 1 /", "unknown law 'x'")
   end subroutine test_conditions
 
   subroutine test_drive()
@@ -312,6 +431,13 @@ contains
     call accept(head//'time = 0 1 1 3 velocity = 2*1e-3, 2*0 /', deck)
     call check('profile', all(abs(deck%reals_of('drive', 'velocity') - [1e-3_wp, 1e-3_wp, 0.0_wp, 0.0_wp]) <= 0.0_wp) .and. &
                all(abs(deck%reals_of('drive', 'time') - [0.0_wp, 1.0_wp, 1.0_wp, 3.0_wp]) <= 0.0_wp))
+    call accept(head//'velocity = -1e-3 /', deck)
+    call check('constant', size(deck%reals_of('drive', 'time')) == 1 .and. size(deck%reals_of('drive', 'velocity')) == 1)
+    call refuse(head//n//'time = 0 1 velocity = 1 2 3 /', "bad.nml:5: 3 value(s) of 'velocity' but 2 of 'time'")
+    call refuse(head//'velocity = 1 2 3 /', "3 value(s) of 'velocity' but 1 of 'time'")
+    call refuse(head//'time = 1 2 velocity = 1 2 /', "time(1) = '1.0' is not the start")
+    call refuse(head//'time = 0 2 1 velocity = 1 2 3 /', "time(3) = '1.0' is before the time ahead of it")
+    call refuse(head//'time = 0 1 1 1 velocity = 1 2 3 4 /', "time(4) = '1.0' repeats a time once too often")
     call refuse(head//'time = 0 0 velocity = 1 2 /', "time(2) = '0.0' repeats a time once too often")
     call refuse(head//'time = 0 -1 velocity = 1 2 /', "time = '-1' is out of range")
     call refuse(head//'velocity = 1'//n//'2'//n//'x /', "bad.nml:6: 'x' is not a real number")
@@ -348,17 +474,27 @@ contains
     call check('list of texts', all(deck%texts_of('output', 'fields') == [character(3) :: 'u_x', 'X']))
     call check('list', all(deck%reals_of('drive', 'time') <= [0.0_wp, 1.0_wp, 1.0_wp]))
     call check('is set', deck%is_set('integrator', 'method'))
-    call set(['friction.law=constant'], '')
+    call set(['mass'], '--set mass: no ''=''')
+    call set(['mass=1'], '--set mass=1: no group: write --set system.mass=VALUE')
+    call set(['sytem.mass=1'], "unknown group '&sytem': the nearest is &system")
+    call set([character(13) :: 'scene.t_end=1', 'system.mas=1'], "--set system.mas=1: unknown key 'mas'")
+    call set([character(21) :: 'friction.law=constant', 'friction.mu_inf=', 'friction.v_f='], '')
     call set(['integrator.rtol='], '')
+    call set(['system.mass='], "'mass' is missing in &system: add mass = VALUE in kg")
     call set([character(13) :: 'system.mass=', 'system.mass=2'], "'mass' set again")
-    call set([character(13) :: 'system.mass=1', 'system.mass=2'], "--set system.mass=2: 'mass' set again")
+    call set(['system.mass=x'], "'x' is not a real number")
+    call set(['system.mass=0'], "mass = '0' is out of range")
     call set(['system.mass=1!2'], "unexpected '!2' in a value")
     call set(['system.mass=1/2'], "unexpected '/2': give only the value")
     call set(['system.mass=1 stiffness_x=2'], "unexpected 'stiffness_x=2'")
+    call set(['integrator.method=radau8'], "unknown method 'radau8': the nearest is 'radau5'")
+    call set([character(13) :: 'system.mass=1', 'system.mass=2'], "--set system.mass=2: 'mass' set again")
+    call set(['friction.law=constant'], '')
     call set([character(21) :: 'friction.law=constant', 'friction.v_f=0.1'], "'v_f' is not used with law constant")
     call set(['integrator.step=1e-6'], "'step' is not used with method radau13")
+    call set(['sweep.count=3'], '&sweep varies nothing')
     call set(['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
-    call set(['scene.title='//char(228)], 'a character that is not UTF-8')
+    call set(['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
     call set(['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
     call set(['integrator.method=rk4'], "--set integrator.method=rk4: method 'rk4' cannot follow")
   end subroutine test_settings
@@ -499,6 +635,10 @@ contains
     call check('help', command%has('--help') .and. .not. allocated(error))
     call parse('run --help', command, error)
     call check('help on run', command%has('--help') .and. command%name == 'run' .and. .not. allocated(error))
+    call check('help texts differ', help_text('run') /= help_text('check') .and. help_text('check') /= help_text('template') &
+               .and. index(help_text(''), 'Exit status') > 0)
+    call misused('run a.nml --set', '--set without a setting')
+    call misused('check a.nml --quiet', "'check' takes no --quiet")
     call misused('run a.nml -o b -o c', '-o given twice')
     call misused('check a.nml -o c', "'check' takes no -o")
     call misused('template full full', "'template' takes one model")
