@@ -4,7 +4,7 @@ program test_deck
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, deck_error, usage_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
-                      has_word, lower_case, alternatives, one_per_line
+                      has_word, lower_case
   use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_word_of, &
                         automatic, condition_count, condition_text, real_kind, reals_kind, integer_kind, &
                         choice_kind
@@ -130,25 +130,24 @@ contains
   end subroutine test_integers
 
   subroutine test_words()
+    character(*), parameter :: wrong(6) = [character(12) :: 'masd', 'tiem', 'misalignment', 'MASS', 'damping', '']
+    character(*), parameter :: near(6) = [character(16) :: 'mass', 'time', 'misalignment_deg', 'mass', '', '']
+    integer :: i
+
     call check('word count', word_count('a bb ccc') == 3 .and. word_count('') == 0 .and. word_count('a  ') == 1)
     call check_text('second word', word('a bb ccc', 2), 'bb')
     call check_text('no fourth word', word('a bb ccc', 4), '')
     call check('a part is no word', has_word('abc def', 'def') .and. .not. has_word('abc def', 'ab'))
     call check('two words are no word', .not. has_word('abc def', 'abc def'))
-    call check_text('alternatives', alternatives('a b'), 'a | b')
     call check_text('lower case', lower_case('Mu_0Ü'), 'mu_0Ü')
-    call check_text('one letter wrong', nearest_word('masd', 'mass title'), 'mass')
-    call check_text('two letters swapped', nearest_word('tiem', 'time title'), 'time')
-    call check_text('part of a name', nearest_word('misalignment', 'mass misalignment_deg'), 'misalignment_deg')
-    call check_text('capitals', nearest_word('MASS', 'mass title'), 'mass')
-    call check_text('nothing near', nearest_word('damping', 'mass title'), '')
-    call check_text('empty word', nearest_word('', 'mass title'), '')
+    do i = 1, size(wrong)
+      call check_text('near '//wrong(i), nearest_word(trim(wrong(i)), 'mass time title misalignment_deg'), trim(near(i)))
+    end do
     call check_text('quotes doubled', quoted_text("it's"), "'it''s'")
     call check_text('short excerpt', excerpt('a'//achar(9)//'b'), 'a?b')
     call check('long excerpt', len(excerpt(repeat('x', 1000))) == 60)
     call check('excerpt keeps UTF-8 whole', verify(excerpt(repeat('é', 100)), 'é.') == 0 .and. &
                modulo(len(excerpt(repeat('é', 100))) - 3, 2) == 0)
-    call check_text('prefix', one_per_line('a'//n//'b', '> '), '> a'//n//'> b'//n)
   end subroutine test_words
 
   ! --- schema
