@@ -4,7 +4,7 @@ module deck_grammar
   use dst_text, only: word, word_count, has_word, real_text, integer_text, quoted_text
   use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_key, in_range, condition_count, &
                         find_name, real_kind, reals_kind, integer_kind, texts_kind, choice_kind
-  use fuzz_cases, only: case_t, dice_t, mutate, splice, hostile_word, most_settings
+  use fuzz_cases, only: case_t, dice_t, mutate, hostile_word, most_settings
   implicit none
   private
 
@@ -21,25 +21,8 @@ module deck_grammar
 
 contains
 
-  !> A case that is sound three times in ten, and else sound but for a few changes, or the beginning of one and the end of another.
+  !> A case that is sound three times in ten, and else sound but for a few changes.
   subroutine generate(dice, case)
-    type(dice_t), intent(inout) :: dice
-    type(case_t), intent(out) :: case
-    type(case_t) :: other
-    integer :: i
-
-    call sound(dice, case)
-    if (dice%chance(30)) return
-    if (dice%chance(10)) then
-      call sound(dice, other)
-      call splice(dice, case, other)
-    end if
-    do i = 0, dice%below(merge(8, 2, dice%chance(30)))
-      call mutate(dice, case)
-    end do
-  end subroutine generate
-
-  subroutine sound(dice, case)
     type(dice_t), intent(inout) :: dice
     type(case_t), intent(out) :: case
     type(plan_t) :: plan
@@ -50,7 +33,11 @@ contains
     do i = 1, most_settings
       if (dice%chance(20)) call add_setting(dice, plan, case)
     end do
-  end subroutine sound
+    if (dice%chance(30)) return
+    do i = 0, dice%below(3)
+      call mutate(dice, case)
+    end do
+  end subroutine generate
 
   !> A choice for every key that has one.
   subroutine choose(dice, plan)

@@ -1,11 +1,12 @@
 !> A run whose state is repeatedly saved as words and loaded into a new simulation ends with the same bits in every sample, event,
 !> summary value and count as the run without interruption.
 program test_resume
+  use, intrinsic :: iso_c_binding, only: c_loc
   use checks, only: check, finish
   use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete, identical
   use dst_archive, only: archive_t, archive_of
   use dst_errors, only: error_t
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
@@ -57,9 +58,43 @@ program test_resume
   call compare('high frequency', scene)
   call compare('many samples in one rest', one_rest())
   call compare('closed form', closed_form())
+  call test_misfits()
   call finish()
 
 contains
+
+  !> Words are given back bit for bit; a request for what is not there, or is of another size, changes nothing.
+  subroutine test_misfits()
+    real(wp), parameter :: values(3) = [-0.0_wp, tiny(1.0_wp)/8.0_wp, 1.0_wp/3.0_wp]
+    type(archive_t) :: saved, loaded
+    real(wp), target :: x(3)
+    integer(int64), allocatable :: words(:)
+    integer :: k
+
+    x = values
+    call saved%serialise(c_loc(x), storage_size(x), size(x))
+    call check('what has been saved is not loaded', .not. saved%given_back())
+    words = saved%words()
+    do k = 1, 5
+      x = 5.0_wp
+      select case (k)
+      case (1)
+        call archive_of(words, loaded)
+      case (2)
+        call archive_of(words(:size(words) - 1), loaded)
+      case (3)
+        call archive_of([words, 0_int64], loaded)
+      case (4)
+        call archive_of(words, loaded)
+      case (5)
+        call archive_of(words(:0), loaded)
+      end select
+      call loaded%serialise(c_loc(x), storage_size(x), merge(2, 3, k == 4))
+      call check('all is given back, or not', loaded%given_back() .eqv. k == 1)
+      if (k == 1) call check('bit for bit', all(transfer(x, words) == transfer(values, words)))
+      if (k /= 1 .and. k /= 3) call check('nothing is changed', all(identical(x, 5.0_wp)))
+    end do
+  end subroutine test_misfits
 
   !> Slow cycles of some passages that never repeat: laps and slips are tabulated, and observed.
   function irregular() result(scene)

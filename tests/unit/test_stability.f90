@@ -80,26 +80,17 @@ contains
     call check('eigenvalues without error', .not. allocated(error))
   end function eigenvalues_at
 
+  !> More of Fig. 3: tests/python/test_stability.py.
   subroutine test_figure_3()
     type(critical_t) :: critical
     complex(wp) :: eigenvalues(4)
 
-    critical = critical_of(slider_of(1.0e4_wp, 1.0_wp), 1.0e-3_wp)
-    call check('Fig. 3 has critical angles', critical%exists)
-    call check_close('phi_c of the full matrix', critical%angle(low_branch)/degree, 8.65603_wp, 5.0e-6_wp)
-    call check_close('frequency there', critical%frequency(low_branch), 64.39_wp, 5.0e-3_wp)
-    call check_close('phi_c in the limit', limit_of(slider_of(1.0e4_wp, 1.0_wp), 1.0e-3_wp)/degree, 8.65536_wp, 5.0e-6_wp)
-    call check_close('the fast mode is lost', critical%angle(fast_branch)/degree, 76.3_wp, 0.05_wp)
     critical = critical_of(slider_of(1.0e10_wp, 1.0_wp), 1.0e-3_wp)
     call check_close('a stiffer axis comes nearer to the limit', critical%angle(low_branch), &
                      limit_of(slider_of(1.0e10_wp, 1.0_wp), 1.0e-3_wp), 2.0e-11_wp)
     eigenvalues = eigenvalues_at(slider_of(1.0e4_wp, 1.0_wp), 1.0e-3_wp, 8.65603_wp*degree)
-    call check_close('eigenvalue at phi_c', real(eigenvalues(1)), 0.0_wp, 1.0e-2_wp)
     call check('a pair, the positive imaginary part first', aimag(eigenvalues(1)) > 64.0_wp &
                .and. abs(eigenvalues(2) - conjg(eigenvalues(1))) <= 0.0_wp)
-    call check('phi = 1 deg is not stable', .not. stable(slider_of(1.0e4_wp, 1.0_wp), 1.0e-3_wp))
-    call check('phi = 10 deg is stable', stable(slider_of(1.0e4_wp, 10.0_wp), 1.0e-3_wp))
-    call check('phi = 77 deg is not stable', .not. stable(slider_of(1.0e4_wp, 77.0_wp), 1.0e-3_wp))
   end subroutine test_figure_3
 
   !> Expected: the sign changes of the largest real part of eigenvalues computed with 40 digits, bisected (mpmath).
