@@ -5,7 +5,7 @@
 program test_radau
   use checks, only: check, check_close, check_order, finish
   use random_numbers, only: start_random, uniform
-  use scenes, only: fig3, constant_friction, along_a_line, begin
+  use scenes, only: fig3, fig3_slider, constant_friction, along_a_line, begin
   use dst_kinds, only: wp, pi, degree
   use dst_drive, only: drive_segment_t
   use dst_errors, only: error_t
@@ -304,10 +304,8 @@ contains
     type(attempt_t) :: outcome
     real(wp) :: length
 
-    slider%mass = 0.25_wp
-    slider%stiffness = [4.0e2_wp, 1.0e4_wp]
-    slider%along = cos_sin_degrees(20.0_wp)
-    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+    slider = fig3_slider(20.0_wp, 1.0e4_wp)
+    slider%stiffness(1) = 4.0e2_wp
     system = new_full_polar(slider)
     drive = drive_segment_t(velocity=1.0e-2_wp, acceleration=10.0_wp)
     start = state_t(u=[1.0e-3_wp, 2.0e-5_wp], y=[1.0e-2_wp, 0.2_wp, 0.0_wp])
