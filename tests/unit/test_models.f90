@@ -94,7 +94,7 @@ contains
     real(wp) :: far(6), far_force(6), far_slope(6)
     integer :: i, side
 
-    v = log_uniform_many(40, 1.0e-4_wp, 1.0e2_wp)*v_f
+    v = exp(uniform(40, log(1.0e-4_wp), log(1.0e2_wp)))*v_f
     do i = 1, size(powers)
       call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, powers(i), viscous)
       call check_close('stribeck: kinetic limit', law%kinetic_limit, mu_0*w, 0.0_wp)
@@ -120,7 +120,8 @@ contains
     ! So little that it differs from 1 and 0 only because of the form of the law.
     do i = 1, 2
       call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, 1.0_wp, merge(0.0_wp, tiny(1.0_wp), i == 1))
-      v = [log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f, -log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f]
+      v = exp(uniform(40, log(1.0e-6_wp), log(1.0e6_wp)))*v_f
+      v(21:) = -v(21:)
       call law%evaluate(40, v, force, slope)
       call weakening%evaluate(40, v, above, below)
       call check('stribeck: the bits of the weakening law', all(abs(force - above) <= 0.0_wp) .and. &
@@ -128,17 +129,6 @@ contains
       call check('stribeck: of its type if it is that', same_type_as(law, weakening) .eqv. i == 1)
     end do
   end subroutine test_stribeck
-
-  function log_uniform_many(n, low, high) result(values)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: low, high
-    real(wp) :: values(n)
-    integer :: i
-
-    do i = 1, n
-      values(i) = log_uniform(low, high)
-    end do
-  end function log_uniform_many
 
   !> Through the points, smooth between them, without overshoot, constant above, straight below; of the third order.
   subroutine test_table()
@@ -551,58 +541,34 @@ contains
     call check_close('straight slip: power', worst(4), 0.0_wp, 256.0_wp*eps)
   end subroutine test_reduced_equations
 
-  !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive.
+  !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive: there D(t) is
+  !> monotone, and the force is convex in D.
   function release_by_bisection(slider, u, drive, time, last) result(delay)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time, last
     type(drive_segment_t), intent(in) :: drive
     real(wp) :: delay
-    real(wp) :: edges(0:2), low, high, middle, limits(2)
-    integer :: i, side, iteration, edge
+    real(wp) :: edges(0:2), low, middle
+    integer :: i, edge
 
-    ! How far the drive may move in either direction: |K (u + D e)| is convex in D.
-    do side = 1, 2
-      low = 0.0_wp
-      high = 1.0_wp
-      do while (spring_force_size(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%static_limit)
-        high = 2.0_wp*high
-      end do
-      do iteration = 1, 200
-        middle = 0.5_wp*(low + high)
-        if (spring_force_size(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%static_limit) then
-          low = middle
-        else
-          high = middle
-        end if
-      end do
-      limits(side) = real(3 - 2*side, wp)*low
-    end do
     edges = [0.0_wp, last, last]
     if (abs(drive%acceleration) > 0.0_wp) edges(1) = min(last, max(0.0_wp, -drive%velocity_at(time)/drive%acceleration))
-    delay = huge(delay)
     do edge = 1, 2
-      if (within(limits, drive%displacement(time, edges(edge)))) cycle
       low = edges(edge - 1)
-      high = edges(edge)
+      delay = edges(edge)
+      if (spring_force_size(slider, u + drive%displacement(time, delay)*slider%along) < slider%law%static_limit) cycle
       do i = 1, 200
-        middle = 0.5_wp*(low + high)
-        if (within(limits, drive%displacement(time, middle))) then
+        middle = 0.5_wp*(low + delay)
+        if (spring_force_size(slider, u + drive%displacement(time, middle)*slider%along) < slider%law%static_limit) then
           low = middle
         else
-          high = middle
+          delay = middle
         end if
       end do
-      delay = high
       return
     end do
+    delay = huge(delay)
   end function release_by_bisection
-
-  !> Whether the drive has gone neither too far forwards nor too far backwards.
-  pure logical function within(limits, travel)
-    real(wp), intent(in) :: limits(2), travel
-
-    within = travel < limits(1) .and. travel > limits(2)
-  end function within
 
   subroutine test_release()
     type(slider_t) :: slider
