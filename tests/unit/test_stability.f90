@@ -220,38 +220,36 @@ contains
     end do
   end function crossing
 
-  !> Constant, strengthening and absent friction, and equal stiffnesses.
+  !> Constant friction is stable except along an axis, strengthening friction along one too; equal stiffnesses, no friction, and
+  !> weakening with |F'| > F/V, where the sum of the eigenvalues is positive, are not. None of them has a critical angle.
   subroutine test_special_friction()
+    logical, parameter :: is_stable(7) = [.true., .false., .false., .true., .false., .false., .false.]
+    type(slider_t) :: slider(7)
     type(critical_t) :: critical
-    type(slider_t) :: slider
+    real(wp) :: velocity
+    integer :: i
 
-    slider = slider_of(1.0e4_wp, 1.0_wp, mu_inf=0.2_wp)
-    critical = critical_of(slider, 1.0e-3_wp)
-    call check('constant friction: no critical angle', .not. critical%exists)
-    call check_close('constant friction: stable from 0', critical%window(1), 0.0_wp, 0.0_wp)
-    call check_close('constant friction: to 90 deg', critical%window(2), 0.5_wp*pi, 0.0_wp)
-    call check_close('constant friction: limit', limit_of(slider, 1.0e-3_wp), 0.0_wp, 0.0_wp)
-    call check('constant friction: stable', stable(slider, 1.0e-3_wp))
-    call check('constant friction: an axis is not damped', .not. stable(slider_of(1.0e4_wp, 0.0_wp, mu_inf=0.2_wp), 1.0e-3_wp))
-    call check('nor the other', .not. stable(slider_of(1.0e4_wp, 90.0_wp, mu_inf=0.2_wp), 1.0e-3_wp))
-    slider = slider_of(1.0e4_wp, 0.0_wp, mu_inf=0.3_wp)
-    critical = critical_of(slider, 1.0e-3_wp)
-    call check('strengthening friction: no critical angle', .not. critical%exists)
-    call check('strengthening friction: stable at 0', stable(slider, 1.0e-3_wp))
-    slider = slider_of(1.0_wp, 20.0_wp)
-    critical = critical_of(slider, 1.0e-3_wp)
-    call check('equal stiffnesses: no critical angle', .not. critical%exists)
-    call check('equal stiffnesses: unstable', .not. stable(slider, 1.0e-3_wp))
-    slider = slider_of(1.0e4_wp, 20.0_wp)
-    call new_friction_law('constant', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, slider%law)
-    call check('no friction: not damped', .not. stable(slider, 1.0e-3_wp))
-    ! |F'| > F/V: the sum of the eigenvalues is positive.
-    slider = slider_of(1.0e4_wp, 20.0_wp)
-    call new_friction_law('weakening', 0.5_wp, 0.0_wp, 1.0e-3_wp, 10.0_wp, slider%law)
-    critical = critical_of(slider, 2.0e-3_wp)
-    call check('steep weakening: no critical angle', .not. critical%exists)
-    call check('steep weakening: unstable', .not. stable(slider, 2.0e-3_wp))
-    call check('the eigenvalues agree', sign_changes(slider, 2.0e-3_wp, 900) == 0)
+    slider(1) = slider_of(1.0e4_wp, 1.0_wp, mu_inf=0.2_wp)
+    slider(2) = slider_of(1.0e4_wp, 0.0_wp, mu_inf=0.2_wp)
+    slider(3) = slider_of(1.0e4_wp, 90.0_wp, mu_inf=0.2_wp)
+    slider(4) = slider_of(1.0e4_wp, 0.0_wp, mu_inf=0.3_wp)
+    slider(5) = slider_of(1.0_wp, 20.0_wp)
+    slider(6) = slider_of(1.0e4_wp, 20.0_wp)
+    call new_friction_law('weakening', 0.5_wp, 0.0_wp, 1.0e-3_wp, 10.0_wp, slider(6)%law)
+    slider(7) = slider_of(1.0e4_wp, 20.0_wp)
+    call new_friction_law('constant', 0.0_wp, 0.0_wp, 1.0_wp, 10.0_wp, slider(7)%law)
+    do i = 1, 7
+      velocity = merge(2.0e-3_wp, 1.0e-3_wp, i == 6)
+      call check('special friction: whether it is stable', stable(slider(i), velocity) .eqv. is_stable(i))
+      if (i == 7) cycle
+      critical = critical_of(slider(i), velocity)
+      call check('special friction: no critical angle', .not. critical%exists)
+      if (i > 3) cycle
+      call check_close('constant friction: stable from 0', critical%window(1), 0.0_wp, 0.0_wp)
+      call check_close('constant friction: to 90 deg', critical%window(2), 0.5_wp*pi, 0.0_wp)
+      call check_close('constant friction: limit', limit_of(slider(i), velocity), 0.0_wp, 0.0_wp)
+    end do
+    call check('steep weakening: the eigenvalues agree', sign_changes(slider(6), 2.0e-3_wp, 900) == 0)
   end subroutine test_special_friction
 
   subroutine test_symmetries()
