@@ -445,18 +445,8 @@ def findings(seed: int, calls: int) -> Iterator[str]:
     first = 0
     while first < calls:
         count = min(BATCH, calls - first)
-        command = [
-            sys.executable,
-            "-X",
-            "faulthandler",
-            os.path.abspath(__file__),
-            "--batch",
-            str(first),
-            "--calls",
-            str(count),
-            "--seed",
-            str(seed),
-        ]
+        numbers_given = ("--batch", str(first), "--calls", str(count), "--seed", str(seed))
+        command = [sys.executable, "-X", "faulthandler", os.path.abspath(__file__), *numbers_given]
         with tempfile.TemporaryFile("w+") as log:
             try:
                 ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=log, text=True, timeout=BATCH * 2.0, check=False)

@@ -2,16 +2,59 @@
 module scenes
   use dst_kinds, only: wp
   use dst_errors, only: error_t
+  use dst_friction, only: new_friction_law
   use dst_memory_writer, only: memory_writer_t
   use dst_motion, only: next_piece
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
+  use dst_slider, only: slider_t, cos_sin_degrees
+  use random_numbers, only: uniform, log_uniform
   implicit none
   private
 
-  public :: fig3, fast, constant_friction, along_a_line, without_map, begin, go_to, complete, energy, velocity
+  public :: fig3, fast, constant_friction, along_a_line, without_map, begin, go_to, complete, energy, velocity, fig3_slider, &
+    random_slider, relative, identical, reference, reference_sticks
+
+  !> States of Fig. 3, converged in quadruple precision with exact contact (tests/reference/fig3.json): t, u_x, u_y, w_x, w_y, and
+  !> the number of sticks until then.
+  real(wp), parameter :: reference(5, 5) = reshape([ &
+    0.02_wp, 1.9995769485350064e-5_wp, 1.9872958183374369e-7_wp, 3.4657221958313615e-7_wp, 3.4464837227950101e-5_wp, &
+    0.05_wp, 4.9981994355053295838e-5_wp, 1.9777009741426093201e-7_wp, 7.7718265581718725420e-7_wp, &
+    3.0762498951531784662e-5_wp, &
+    0.5_wp, 4.9881686313895216e-4_wp, 1.9613798061520180e-7_wp, 6.6869132069817701e-6_wp, 2.6297324897503335e-5_wp, &
+    2.0_wp, 1.9692956749747725e-3_wp, 3.1878007765597037e-8_wp, 1.1151220751611373e-4_wp, 1.8056009394322286e-5_wp, &
+    2.5_wp, 1.5711430457285813e-3_wp, 1.2381977151085114e-7_wp, 4.5514731831979764e-5_wp, 3.5908257054622328e-5_wp], [5, 5])
+  integer, parameter :: reference_sticks(5) = [9, 39, 485, 1536, 1826]
 
 contains
+
+  !> Fig. 3's slider with a misalignment [deg] and, if given, another stiff spring [N/m] and a friction that weakens to mu_inf.
+  function fig3_slider(misalignment_deg, stiffness_y, mu_inf) result(slider)
+    real(wp), intent(in) :: misalignment_deg
+    real(wp), intent(in), optional :: stiffness_y, mu_inf
+    type(slider_t) :: slider
+    real(wp) :: weakest
+
+    weakest = 0.15_wp
+    if (present(mu_inf)) weakest = mu_inf
+    slider%mass = 0.25_wp
+    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
+    if (present(stiffness_y)) slider%stiffness(2) = stiffness_y
+    slider%along = cos_sin_degrees(misalignment_deg)
+    call new_friction_law('weakening', 0.2_wp, weakest, 0.01_wp, 10.0_wp, slider%law)
+  end function fig3_slider
+
+  !> A slider with random parameters near those of Fig. 3, and dampers if wanted.
+  function random_slider(damped) result(slider)
+    logical, intent(in) :: damped
+    type(slider_t) :: slider
+
+    slider = fig3_slider(sum(uniform(1, -180.0_wp, 180.0_wp)))
+    slider%mass = log_uniform(0.01_wp, 1.0_wp)
+    slider%stiffness = [log_uniform(1.0e2_wp, 1.0e4_wp), log_uniform(1.0e4_wp, 1.0e7_wp)]
+    if (damped) slider%damping = 2.0_wp*sqrt(slider%stiffness*slider%mass) &
+      *[log_uniform(1.0e-2_wp, 3.0_wp), log_uniform(1.0e-2_wp, 3.0_wp)]
+  end function random_slider
 
   !> Fig. 3 of Nakano & Popov (2020), to be run to `t_end`.
   function fig3(t_end, method, rtol) result(scene)
@@ -137,4 +180,18 @@ contains
         + sum(motion%slider%stiffness*motion%piece%to%u**2))
     end associate
   end function energy
+
+  !> Distance of a vector from another, relative to the latter.
+  pure real(wp) function relative(actual, expected)
+    real(wp), intent(in) :: actual(:), expected(:)
+
+    relative = norm2(actual - expected)/norm2(expected)
+  end function relative
+
+  !> No difference; 0 and -0 are the same.
+  elemental logical function identical(a, b)
+    real(wp), intent(in) :: a, b
+
+    identical = abs(a - b) <= 0.0_wp
+  end function identical
 end module scenes

@@ -8,6 +8,7 @@ program test_creep_end
   use dst_stability, only: steady_sliding_eigenvalues, low_frequency_limit
   use checks, only: check, check_close, finish
   use random_numbers, only: start_random, log_uniform
+  use scenes, only: fig3_slider
   implicit none
 
   call test_figure_3()
@@ -21,23 +22,12 @@ program test_creep_end
 
 contains
 
-  !> A slider with Fig. 3's numbers, except the stiff spring [N/m] and the misalignment [deg].
-  function fig3(stiffness, misalignment_deg) result(slider)
-    real(wp), intent(in) :: stiffness, misalignment_deg
-    type(slider_t) :: slider
-
-    slider%mass = 0.25_wp
-    slider%stiffness = [1.0e3_wp, stiffness]
-    slider%along = cos_sin_degrees(misalignment_deg)
-    call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
-  end function fig3
-
   !> If friction falls to zero, creep ends with friction far from the soft axis: tan(theta)^2 = v/v_f.
   subroutine test_a_steep_angle()
     type(slider_t) :: slider
     type(creep_end_t) :: end
 
-    slider = fig3(1.0e9_wp, 10.0_wp)
+    slider = fig3_slider(10.0_wp, 1.0e9_wp)
     call new_friction_law('weakening', 0.2_wp, 0.0_wp, 0.01_wp, 10.0_wp, slider%law)
     end = creep_end(slider, 0.12_wp)
     call check('creep ends', end%exists .and. end%angle > 45.0_wp*degree)
@@ -46,12 +36,12 @@ contains
 
   !> D by scipy.integrate.quad of -sigma dt over theta, to nine digits.
   subroutine test_figure_3()
-    call expect(fig3(1.0e7_wp, 1.0_wp), 1.0e-3_wp, 10.3402141787_wp, 4.31636334_wp)
-    call expect(fig3(1.0e7_wp, 3.0_wp), 1.0e-3_wp, 88.588356007_wp, 6.17845466_wp)
-    call expect(fig3(1.0e7_wp, 7.0_wp), 1.0e-3_wp, 362.7067326_wp, 8.09942293_wp)
-    call expect(fig3(1.0e8_wp, 1.0_wp), 1.0e-3_wp, 478.0391087_wp, 4.31636334_wp)
-    call expect(fig3(1.0e7_wp, 1.0_wp), 2.0e-4_wp, 0.63966400569_wp, 2.53550850_wp)
-    call check('no decay where the oscillation grows up to slip', .not. decay_of(fig3(5.0e5_wp, 1.0_wp), 1.0e-3_wp) > 0.0_wp)
+    call expect(fig3_slider(1.0_wp), 1.0e-3_wp, 10.3402141787_wp, 4.31636334_wp)
+    call expect(fig3_slider(3.0_wp), 1.0e-3_wp, 88.588356007_wp, 6.17845466_wp)
+    call expect(fig3_slider(7.0_wp), 1.0e-3_wp, 362.7067326_wp, 8.09942293_wp)
+    call expect(fig3_slider(1.0_wp, 1.0e8_wp), 1.0e-3_wp, 478.0391087_wp, 4.31636334_wp)
+    call expect(fig3_slider(1.0_wp), 2.0e-4_wp, 0.63966400569_wp, 2.53550850_wp)
+    call check('no decay where the oscillation grows up to slip', .not. decay_of(fig3_slider(1.0_wp, 5.0e5_wp), 1.0e-3_wp) > 0.0_wp)
   end subroutine test_figure_3
 
   subroutine expect(slider, velocity, decay, angle_deg)
@@ -84,7 +74,7 @@ contains
     real(wp) :: rate
     integer :: i, fast
 
-    slider = fig3(1.0e7_wp, 1.0_wp)
+    slider = fig3_slider(1.0_wp)
     do i = 1, size(angles)
       turned = slider
       turned%along = cos_sin_degrees(angles(i))
@@ -107,7 +97,7 @@ contains
     call start_random(20261123)
     ended = 0
     do i = 1, 200
-      slider = fig3(1.0e3_wp*log_uniform(1.0e3_wp, 1.0e6_wp), log_uniform(0.1_wp, 20.0_wp))
+      slider = fig3_slider(log_uniform(0.1_wp, 20.0_wp), 1.0e3_wp*log_uniform(1.0e3_wp, 1.0e6_wp))
       slider%mass = log_uniform(1.0e-3_wp, 10.0_wp)
       velocity = log_uniform(1.0e-5_wp, 1.0e-2_wp)
       end = creep_end(slider, velocity)
@@ -148,16 +138,16 @@ contains
     type(error_t), allocatable :: error
     real(wp) :: limit
 
-    call low_frequency_limit(fig3(1.0e7_wp, 1.0_wp), 1.0e-3_wp, limit, error)
-    call check('creep ends below the critical angle', ends(fig3(1.0e7_wp, 0.999_wp*limit/degree), 1.0e-3_wp))
-    call check('creep does not end above it', .not. ends(fig3(1.0e7_wp, 1.001_wp*limit/degree), 1.0e-3_wp))
-    slider = fig3(1.0e7_wp, 1.0_wp)
+    call low_frequency_limit(fig3_slider(1.0_wp), 1.0e-3_wp, limit, error)
+    call check('creep ends below the critical angle', ends(fig3_slider(0.999_wp*limit/degree), 1.0e-3_wp))
+    call check('creep does not end above it', .not. ends(fig3_slider(1.001_wp*limit/degree), 1.0e-3_wp))
+    slider = fig3_slider(1.0_wp)
     call check('a drive that rests', .not. ends(slider, 0.0_wp))
-    call check('without misalignment', .not. ends(fig3(1.0e7_wp, 0.0_wp), 1.0e-3_wp))
-    call check('along the stiff axis', .not. ends(fig3(1.0e7_wp, 90.0_wp), 1.0e-3_wp))
+    call check('without misalignment', .not. ends(fig3_slider(0.0_wp), 1.0e-3_wp))
+    call check('along the stiff axis', .not. ends(fig3_slider(90.0_wp), 1.0e-3_wp))
     slider%mass = 0.0_wp
     call check('without mass', .not. ends(slider, 1.0e-3_wp))
-    slider = fig3(1.0e7_wp, 1.0_wp)
+    slider = fig3_slider(1.0_wp)
     call new_friction_law('weakening', 0.2_wp, 0.25_wp, 0.01_wp, 10.0_wp, slider%law)
     call check('strengthening friction', .not. ends(slider, 1.0e-3_wp))
     call new_friction_law('constant', 0.2_wp, 0.2_wp, 0.01_wp, 10.0_wp, slider%law)
@@ -180,12 +170,12 @@ contains
     real(wp), parameter :: angles(4) = [1.0_wp, -1.0_wp, 179.0_wp, -179.0_wp]
     integer :: i
 
-    plain = creep_end(fig3(1.0e7_wp, 1.0_wp), 1.0e-3_wp)
+    plain = creep_end(fig3_slider(1.0_wp), 1.0e-3_wp)
     do i = 1, size(angles)
-      end = creep_end(fig3(1.0e7_wp, angles(i)), -1.0e-3_wp)
+      end = creep_end(fig3_slider(angles(i)), -1.0e-3_wp)
       call check_close('a mirror image has the same decay', end%decay, plain%decay, 1.0e-13_wp*plain%decay)
     end do
-    slider = fig3(1.0e7_wp, 1.0_wp)
+    slider = fig3_slider(1.0_wp)
     ! Kilogram, metre and second are 1/4, 1/8 and 1/2 of the previous ones.
     slider%mass = 4.0_wp*slider%mass
     call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.04_wp, 80.0_wp, slider%law)

@@ -1,9 +1,10 @@
-!> Friction laws, drive, full model and exact contact: the equations, their derivatives and their closed forms.
+!> Friction laws, drive, models and exact contact, with dampers and without: the equations, their derivatives and closed forms.
 !>
 !> Source: Nakano & Popov (2020), Eqs. (1)-(5).
 program test_models
   use checks, only: check, check_close, check_order, finish
   use random_numbers, only: start_random, uniform, log_uniform
+  use scenes, only: fig3_slider, random_slider
   use dst_kinds, only: wp, pi, degree
   use dst_braking, only: braking_t, braking
   use dst_drive, only: drive_t, drive_segment_t, new_drive
@@ -20,8 +21,6 @@ program test_models
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
-  !> Drive velocities, which the full model does not use.
-  real(wp), parameter :: still(3) = 0.0_wp
 
   call start_random(2)
   call test_friction_laws()
@@ -95,7 +94,7 @@ contains
     real(wp) :: far(6), far_force(6), far_slope(6)
     integer :: i, side
 
-    v = log_uniform_many(40, 1.0e-4_wp, 1.0e2_wp)*v_f
+    v = exp(uniform(40, log(1.0e-4_wp), log(1.0e2_wp)))*v_f
     do i = 1, size(powers)
       call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, powers(i), viscous)
       call check_close('stribeck: kinetic limit', law%kinetic_limit, mu_0*w, 0.0_wp)
@@ -121,7 +120,8 @@ contains
     ! So little that it differs from 1 and 0 only because of the form of the law.
     do i = 1, 2
       call new_friction_law('stribeck', mu_0, mu_inf, v_f, w, law, 1.0_wp, merge(0.0_wp, tiny(1.0_wp), i == 1))
-      v = [log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f, -log_uniform_many(20, 1.0e-6_wp, 1.0e6_wp)*v_f]
+      v = exp(uniform(40, log(1.0e-6_wp), log(1.0e6_wp)))*v_f
+      v(21:) = -v(21:)
       call law%evaluate(40, v, force, slope)
       call weakening%evaluate(40, v, above, below)
       call check('stribeck: the bits of the weakening law', all(abs(force - above) <= 0.0_wp) .and. &
@@ -129,17 +129,6 @@ contains
       call check('stribeck: of its type if it is that', same_type_as(law, weakening) .eqv. i == 1)
     end do
   end subroutine test_stribeck
-
-  function log_uniform_many(n, low, high) result(values)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: low, high
-    real(wp) :: values(n)
-    integer :: i
-
-    do i = 1, n
-      values(i) = log_uniform(low, high)
-    end do
-  end function log_uniform_many
 
   !> Through the points, smooth between them, without overshoot, constant above, straight below; of the third order.
   subroutine test_table()
@@ -208,10 +197,7 @@ contains
     type(slip_start_t) :: begin
     real(wp) :: u(2), force(1), slope(1)
 
-    slider%mass = 0.25_wp
-    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
-    slider%along = cos_sin_degrees(1.0_wp)
-    call new_friction_law('weakening', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+    slider = fig3_slider(1.0_wp)
     slider%law%static_limit = 2.5_wp
     call slider%law%evaluate(1, [0.0_wp], force, slope)
     call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
@@ -237,7 +223,7 @@ contains
     integer, parameter :: n = 200000
     real(wp), parameter :: first = 3.0_wp, still = 0.0_wp
 
-    slider = fig3_slider()
+    slider = fig3_slider(1.0_wp)
     slider%law%static_limit = 1.3_wp*slider%law%kinetic_limit
     u = 1.15_wp*slider%law%kinetic_limit*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
     call check('turn: held at rest', is_held(slider, u, still))
@@ -348,67 +334,38 @@ contains
     call check_close('the velocity it jumps to', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
   end subroutine test_drive
 
-  !> A slider with random parameters near those of Fig. 3.
-  function random_slider(law) result(slider)
-    character(*), intent(in) :: law
-    type(slider_t) :: slider
-
-    slider%mass = log_uniform(0.01_wp, 1.0_wp)
-    slider%stiffness = [log_uniform(1.0e2_wp, 1.0e4_wp), log_uniform(1.0e4_wp, 1.0e7_wp)]
-    slider%along = cos_sin_degrees(sum(uniform(1, -180.0_wp, 180.0_wp)))
-    call new_friction_law(law, 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
-  end function random_slider
-
-  !> Exact derivatives compared with central differences, for all stages of one call.
+  !> Exact derivatives compared with central differences, for all stages of one call, with dampers in every other trial.
   subroutine test_jacobians()
-    integer :: trial
-    real(wp) :: worst(6)
+    character(*), parameter :: model(4) = [character(13) :: 'polar', 'smoothed', 'low frequency', 'straight slip']
+    character(*), parameter :: what(6) = [character(13) :: 'force_u', 'force_y', 'inertia_y', 'velocity_y', 'dissipation_y', &
+      'supply_y']
+    integer :: trial, i, axis
+    real(wp) :: worst(6, 4)
     type(slider_t) :: slider
     type(straight_slip_t) :: straight
 
     worst = 0.0_wp
-    do trial = 1, 40
-      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
-      worst = max(worst, jacobian_errors(new_full_polar(slider), slider, .true.))
-    end do
-    call report('polar', worst)
-    worst = 0.0_wp
-    do trial = 1, 40
-      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+    do trial = 1, 80
+      slider = random_slider(modulo(trial, 2) == 0)
+      if (modulo(trial, 8) < 2) call new_friction_law('constant', 0.2_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
+      worst(:, 1) = max(worst(:, 1), jacobian_errors(new_full_polar(slider), slider, .true.))
+      worst(:, 3) = max(worst(:, 3), jacobian_errors(new_low_frequency(slider), slider, .false.))
       slider%smoothing = log_uniform(1.0e-4_wp, 1.0e-1_wp)**2
-      worst = max(worst, jacobian_errors(new_full_smoothed(slider), slider, .false.))
-    end do
-    call report('smoothed', worst)
-    worst = 0.0_wp
-    do trial = 1, 40
-      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
-      worst = max(worst, jacobian_errors(new_low_frequency(slider), slider, .false.))
-    end do
-    call report('low frequency', worst)
-    worst = 0.0_wp
-    do trial = 1, 40
-      slider = random_slider(merge('weakening', 'constant ', modulo(trial, 4) > 0))
+      worst(:, 2) = max(worst(:, 2), jacobian_errors(new_full_smoothed(slider), slider, .false.))
+      slider%smoothing = 0.0_wp
       slider%direction_free = .false.
-      slider%free = merge([1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp], modulo(trial, 2) == 0)
-      straight = new_straight_slip(slider, merge(1, 2, modulo(trial, 2) == 0), [1.0e-4_wp, 1.0e-7_wp])
+      axis = 1 + modulo(trial/2, 2)
+      slider%free = merge([1.0_wp, 0.0_wp], [0.0_wp, 1.0_wp], axis == 1)
+      straight = new_straight_slip(slider, axis, [1.0e-4_wp, 1.0e-7_wp])
       call straight%set_slip_direction(sum(uniform(1, -pi, pi)))
-      worst = max(worst, jacobian_errors(straight, slider, .false.))
+      worst(:, 4) = max(worst(:, 4), jacobian_errors(straight, slider, .false.))
     end do
-    call report('straight slip', worst)
+    do i = 1, size(model)
+      do trial = 1, size(what)
+        call check_close(trim(model(i))//': '//what(trial), worst(trial, i), 0.0_wp, 3.0e-7_wp)
+      end do
+    end do
   end subroutine test_jacobians
-
-  subroutine report(name, worst)
-    character(*), intent(in) :: name
-    real(wp), intent(in) :: worst(6)
-    real(wp), parameter :: tolerance = 3.0e-7_wp
-
-    call check_close(name//': force_u', worst(1), 0.0_wp, tolerance)
-    call check_close(name//': force_y', worst(2), 0.0_wp, tolerance)
-    call check_close(name//': inertia_y', worst(3), 0.0_wp, tolerance)
-    call check_close(name//': velocity_y', worst(4), 0.0_wp, tolerance)
-    call check_close(name//': dissipation_y', worst(5), 0.0_wp, tolerance)
-    call check_close(name//': supply_y', worst(6), 0.0_wp, tolerance)
-  end subroutine report
 
   !> Largest differences, relative to the size of the function over the scale of its argument, of force_u, force_y, inertia_y,
   !> velocity_y, dissipation_y and supply_y.
@@ -436,7 +393,7 @@ contains
     below = new_terms(s, n, system%unknowns)
     call system%kinematics(s, y, velocity, velocity_y)
     call system%dynamics(s, drive, u, y, velocity_y, terms)
-    force = slider%law%static_limit/slider%mass
+    force = (slider%law%static_limit + maxval(slider%damping)*(0.02_wp + maxval(abs(drive))))/slider%mass
     scale = [0.01_wp, merge(1.0_wp, 0.01_wp, polar)]
     if (slider%smoothing > 0.0_wp) scale = min(scale, sqrt(slider%smoothing))
     if (abs(system%prescribed) > 0.0_wp) scale = min(scale, abs(system%prescribed)*minval(abs(drive)))
@@ -465,7 +422,7 @@ contains
     end do
   end function jacobian_errors
 
-  !> m w' = K u - F(v) w/v, in both sets of unknowns.
+  !> m w' = K u + C (V e - w) - F(v) w/v, in both sets of unknowns, with dampers in every other trial.
   subroutine test_equations()
     integer, parameter :: s = 2
     type(full_polar_t) :: polar
@@ -473,29 +430,33 @@ contains
     type(slider_t) :: slider
     type(stage_terms_t) :: terms
     real(wp), dimension(s, 2) :: u, y, w, right, left
-    real(wp) :: w_y(s, 2, 2), v(s), friction(s), slope(s), worst(4)
+    real(wp) :: w_y(s, 2, 2), drive(s), v(s), friction(s), slope(s), worst(5), force
     integer :: trial, i
 
     terms = new_terms(s, 2, 2)
     worst = 0.0_wp
-    do trial = 1, 50
-      slider = random_slider('weakening')
+    do trial = 1, 80
+      slider = random_slider(modulo(trial, 2) == 0)
       u(:, 1) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness(1)
       u(:, 2) = uniform(s, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness(2)
+      drive = uniform(s, -0.01_wp, 0.01_wp)
       polar = new_full_polar(slider)
       v = uniform(s, 1.0e-4_wp, 0.05_wp)
       y(:, 1) = v
       y(:, 2) = uniform(s, -pi, pi)
       call polar%kinematics(s, y, w, w_y)
-      call polar%dynamics(s, still, u, y, w_y, terms)
+      call polar%dynamics(s, drive, u, y, w_y, terms)
       worst(1) = max(worst(1), maxval(abs(sqrt(w(:, 1)**2 + w(:, 2)**2) - v)/v), maxval(abs(atan2(w(:, 2), w(:, 1)) - y(:, 2))))
       call slider%law%evaluate(s, v, friction, slope)
+      force = slider%law%static_limit + maxval(slider%damping)*(maxval(abs(drive)) + maxval(v))
       do i = 1, s
-        right(i, :) = slider%stiffness*u(i, :) - friction(i)*w(i, :)/v(i)
+        right(i, :) = slider%stiffness*u(i, :) + slider%damping*(drive(i)*slider%along - w(i, :))
         ! w' = v' n + v theta' t.
         left(i, :) = terms%force(i, 1)*[cos(y(i, 2)), sin(y(i, 2))] + terms%force(i, 2)*[-sin(y(i, 2)), cos(y(i, 2))]
+        worst(2) = max(worst(2), maxval(abs(slider%mass*left(i, :) - right(i, :) + friction(i)*w(i, :)/v(i)))/force)
+        if (maxval(slider%damping) > 0.0_wp) worst(5) = max(worst(5), &
+          abs(terms%damping(i, 1, 1)*slider%mass/sum(slider%damping*(w(i, :)/v(i))**2) - 1.0_wp))
       end do
-      worst(2) = max(worst(2), maxval(abs(slider%mass*left - right))/slider%law%static_limit)
       worst(4) = max(worst(4), maxval(abs(terms%inertia(:, 1) - 1.0_wp)), maxval(abs(terms%inertia(:, 2) - v)), &
         maxval(abs(terms%dissipation/(friction*v) - 1.0_wp)))
 
@@ -503,25 +464,25 @@ contains
       smoothed = new_full_smoothed(slider)
       y = w
       call smoothed%kinematics(s, y, w, w_y)
-      call smoothed%dynamics(s, still, u, y, w_y, terms)
+      call smoothed%dynamics(s, drive, u, y, w_y, terms)
       do i = 1, s
-        right(i, :) = slider%stiffness*u(i, :) - friction(i)*w(i, :)/hypot(v(i), 1.0e-3_wp)
-        worst(4) = max(worst(4), abs(terms%dissipation(i) - dot_product(slider%stiffness*u(i, :) - right(i, :), w(i, :))) &
-          /(friction(i)*v(i)))
+        worst(3) = max(worst(3), maxval(abs(slider%mass*terms%force(i, :) - right(i, :) &
+          + friction(i)*w(i, :)/hypot(v(i), 1.0e-3_wp)))/force)
+        worst(4) = max(worst(4), abs(terms%dissipation(i)*hypot(v(i), 1.0e-3_wp)/(friction(i)*v(i)**2) - 1.0_wp))
       end do
-      worst(3) = max(worst(3), maxval(abs(slider%mass*terms%force - right))/slider%law%static_limit)
       worst(4) = max(worst(4), maxval(abs(terms%inertia - 1.0_wp)))
     end do
     call check_close('polar: speed and angle', worst(1), 0.0_wp, 8.0_wp*eps)
     call check_close('polar: Eqs. (1)-(5)', worst(2), 0.0_wp, 16.0_wp*eps)
     call check_close('smoothed: Eqs. (1)-(5)', worst(3), 0.0_wp, 16.0_wp*eps)
     call check_close('inertia and dissipation', worst(4), 0.0_wp, 64.0_wp*eps)
+    call check_close('polar: damping along the slip', worst(5), 0.0_wp, 1.0e-13_wp)
     call check('direction of the drive', all(abs(polar%drive_coupling - slider%along) <= 0.0_wp) &
       .and. all(abs(smoothed%drive_coupling - slider%along) <= 0.0_wp))
     ! A compiler may round the product and the difference together.
     call check('force along the drive', all(abs(polar%drive_stiffness - slider%stiffness*slider%along) <= eps*slider%stiffness))
     y = 0.0_wp
-    call smoothed%dynamics(s, still, u, y, w_y, terms)
+    call smoothed%dynamics(s, drive, u, y, w_y, terms)
     call check('smoothed: finite at rest', all(abs(terms%force) <= huge(1.0_wp)) .and. all(abs(terms%force_y) <= huge(1.0_wp)) &
       .and. all(abs(terms%dissipation_y) <= 0.0_wp))
   end subroutine test_equations
@@ -538,7 +499,7 @@ contains
     terms = new_terms(1, 1, 1)
     worst = 0.0_wp
     do trial = 1, 50
-      slider = random_slider('weakening')
+      slider = random_slider(.false.)
       u = [1.0_wp, 0.3_wp]*uniform(2, -1.0_wp, 1.0_wp)*slider%law%static_limit/slider%stiffness
       drive = sum(uniform(1, -0.01_wp, 0.01_wp))
       y = [sum(uniform(1, -0.02_wp, 0.02_wp)), 0.0_wp]
@@ -580,58 +541,34 @@ contains
     call check_close('straight slip: power', worst(4), 0.0_wp, 256.0_wp*eps)
   end subroutine test_reduced_equations
 
-  !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive.
+  !> First delay at which |K (u + D(t) e)| = F_0, by bisection on each stretch between the turns of the drive: there D(t) is
+  !> monotone, and the force is convex in D.
   function release_by_bisection(slider, u, drive, time, last) result(delay)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), time, last
     type(drive_segment_t), intent(in) :: drive
     real(wp) :: delay
-    real(wp) :: edges(0:2), low, high, middle, limits(2)
-    integer :: i, side, iteration, edge
+    real(wp) :: edges(0:2), low, middle
+    integer :: i, edge
 
-    ! How far the drive may move in either direction: |K (u + D e)| is convex in D.
-    do side = 1, 2
-      low = 0.0_wp
-      high = 1.0_wp
-      do while (spring_force_size(slider, u + real(3 - 2*side, wp)*high*slider%along) < slider%law%static_limit)
-        high = 2.0_wp*high
-      end do
-      do iteration = 1, 200
-        middle = 0.5_wp*(low + high)
-        if (spring_force_size(slider, u + real(3 - 2*side, wp)*middle*slider%along) < slider%law%static_limit) then
-          low = middle
-        else
-          high = middle
-        end if
-      end do
-      limits(side) = real(3 - 2*side, wp)*low
-    end do
     edges = [0.0_wp, last, last]
     if (abs(drive%acceleration) > 0.0_wp) edges(1) = min(last, max(0.0_wp, -drive%velocity_at(time)/drive%acceleration))
-    delay = huge(delay)
     do edge = 1, 2
-      if (within(limits, drive%displacement(time, edges(edge)))) cycle
       low = edges(edge - 1)
-      high = edges(edge)
+      delay = edges(edge)
+      if (spring_force_size(slider, u + drive%displacement(time, delay)*slider%along) < slider%law%static_limit) cycle
       do i = 1, 200
-        middle = 0.5_wp*(low + high)
-        if (within(limits, drive%displacement(time, middle))) then
+        middle = 0.5_wp*(low + delay)
+        if (spring_force_size(slider, u + drive%displacement(time, middle)*slider%along) < slider%law%static_limit) then
           low = middle
         else
-          high = middle
+          delay = middle
         end if
       end do
-      delay = high
       return
     end do
+    delay = huge(delay)
   end function release_by_bisection
-
-  !> Whether the drive has gone neither too far forwards nor too far backwards.
-  pure logical function within(limits, travel)
-    real(wp), intent(in) :: limits(2), travel
-
-    within = travel < limits(1) .and. travel > limits(2)
-  end function within
 
   subroutine test_release()
     type(slider_t) :: slider
@@ -646,7 +583,7 @@ contains
     agree_on_never = .true.
     at_limit = .true.
     do trial = 1, 4000
-      slider = random_slider('weakening')
+      slider = random_slider(.false.)
       angle = sum(uniform(1, -pi, pi))
       u = sqrt(sum(uniform(1, 0.0_wp, 1.0_wp)))*slider%law%static_limit*[cos(angle), sin(angle)]/slider%stiffness
       drive = drive_segment_t(start=1.0_wp, velocity=sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp)))
@@ -675,7 +612,7 @@ contains
     call check('release: never', agree_on_never)
 
     ! Fig. 3: t_1 = F_0/(V sqrt(k_x^2 c^2 + k_y^2 s^2)) = 11.46 ms.
-    slider = fig3_slider()
+    slider = fig3_slider(1.0_wp)
     drive = drive_segment_t(velocity=1.0e-3_wp)
     found = release_delay(slider, [0.0_wp, 0.0_wp], drive, 0.0_wp)
     call check_close('release: first one of Fig. 3', found, 2.0_wp/(1.0e-3_wp*hypot(1.0e3_wp*cos(degree), 1.0e7_wp*sin(degree))), &
@@ -690,7 +627,7 @@ contains
     type(slider_t) :: slider
     real(wp), parameter :: u(2) = [2.0e-3_wp, 0.0_wp]
 
-    slider = fig3_slider()
+    slider = fig3_slider(1.0_wp)
     slider%along = [1.0_wp, 0.0_wp]
     call check('holds below the limit', is_held(slider, 0.95_wp*u, 1.0e-3_wp) .and. is_held(slider, 0.95_wp*u, -1.0e-3_wp))
     call check('does not hold above it', .not. (is_held(slider, 1.05_wp*u, 1.0e-3_wp) .or. is_held(slider, 1.05_wp*u, -1.0e-3_wp)))
@@ -709,15 +646,6 @@ contains
       release_delay(slider, u, drive_segment_t(velocity=-1.0e-3_wp, acceleration=1.0e-3_wp), 0.0_wp), 2.0_wp, 1.0e-14_wp)
   end subroutine test_release_at_the_limit
 
-  function fig3_slider() result(slider)
-    type(slider_t) :: slider
-
-    slider%mass = 0.25_wp
-    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
-    slider%along = cos_sin_degrees(1.0_wp)
-    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.01_wp, 10.0_wp, slider%law)
-  end function fig3_slider
-
   !> The series of the start of slip satisfies the equations of motion: the residual falls as the next power of time.
   !>
   !> With v = a t + b t^2/2 and theta = theta_0 + r t, where a = 0 at a release, v' - (K u . n - F)/m must fall as t^2 (a > 0: as t)
@@ -725,11 +653,12 @@ contains
   subroutine test_onset()
     type(slider_t) :: slider
     type(slip_start_t) :: beginning
+    type(drive_segment_t) :: drive
     real(wp) :: u(2), angle, leftover(2, 2), reach, t
     integer :: trial, i
 
     do trial = 1, 6
-      slider = random_slider('weakening')
+      slider = random_slider(.false.)
       angle = atan2(slider%stiffness(2)*slider%along(2), slider%stiffness(1)*slider%along(1)) + sum(uniform(1, -1.2_wp, 1.2_wp))
       u = slider%law%static_limit*[cos(angle), sin(angle)]/slider%stiffness
       beginning = start_of_slip(slider, u, 1.0e-3_wp)
@@ -742,43 +671,56 @@ contains
       reach = 1.0e-3_wp*sqrt(slider%mass/slider%stiffness(2))
       do i = 1, 2
         t = reach/2.0_wp**(i - 1)
-        leftover(:, i) = abs(leftover_of(slider, u, beginning, t))
+        leftover(:, i) = abs(leftover_of(slider, u, drive_segment_t(velocity=1.0e-3_wp), beginning, t))
       end do
       call check_order('onset: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 2.0_wp, 0.15_wp)
       call check_order('onset: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
     end do
-    ! Beyond the static limit.
-    slider = fig3_slider()
-    u = 1.5_wp*slider%law%static_limit*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
-    beginning = start_of_slip(slider, u, 1.0e-3_wp)
-    call check_close('onset beyond the limit: acceleration', beginning%rate(1), &
-      0.5_wp*slider%law%static_limit/slider%mass, 1.0e-14_wp)
-    reach = 1.0e-4_wp*sqrt(slider%mass/slider%stiffness(2))
-    do i = 1, 2
-      leftover(:, i) = abs(leftover_of(slider, u, beginning, reach/2.0_wp**(i - 1)))
+    ! At one and a half times friction: Fig. 3, and sliders with dampers, whose drive accelerates.
+    do trial = 0, 10
+      slider = fig3_slider(1.0_wp)
+      drive = drive_segment_t(velocity=1.0e-3_wp)
+      angle = 0.5_wp
+      reach = 1.0e-4_wp*sqrt(slider%mass/slider%stiffness(2))
+      if (trial > 0) then
+        slider = random_slider(.true.)
+        drive = drive_segment_t(velocity=sum(uniform(1, 0.5e-3_wp, 1.0e-3_wp)), &
+          acceleration=sum(uniform(1, -1.0e-3_wp, 1.0e-3_wp)))
+        angle = sum(uniform(1, -pi, pi))
+        reach = 1.0e-3_wp*min(slider%radian_time(), 1.0_wp/slider%damping_rate())
+      end if
+      u = (1.5_wp*slider%law%static_limit*[cos(angle), sin(angle)] - slider%damping*drive%velocity*slider%along)/slider%stiffness
+      beginning = start_of_slip(slider, u, drive%velocity, drive%acceleration)
+      call check_close('onset beyond the limit: acceleration', beginning%rate(1), &
+        0.5_wp*slider%law%static_limit/slider%mass, merge(1.0e-11_wp*beginning%rate(1), 1.0e-14_wp, trial > 0))
+      do i = 1, 2
+        leftover(:, i) = abs(leftover_of(slider, u, drive, beginning, reach/2.0_wp**(i - 1)))
+      end do
+      if (trial == 0) call check_order('onset beyond the limit: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 1.0_wp, 0.1_wp)
+      call check_order('onset beyond the limit: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, &
+        merge(0.2_wp, 0.15_wp, trial > 0))
     end do
-    call check_order('onset beyond the limit: v', leftover(1, 1), leftover(1, 2), 2.0_wp, 1.0_wp, 0.1_wp)
-    call check_order('onset beyond the limit: theta', leftover(2, 1), leftover(2, 2), 2.0_wp, 2.0_wp, 0.15_wp)
   end subroutine test_onset
 
   !> The residuals of the series in both equations at time t.
-  function leftover_of(slider, u, beginning, t) result(leftover)
+  function leftover_of(slider, u, drive, beginning, t) result(leftover)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), t
+    type(drive_segment_t), intent(in) :: drive
     type(slip_start_t), intent(in) :: beginning
     real(wp) :: leftover(2)
-    real(wp) :: v, theta, now(2), slipped, friction(1), slope(1), n(2), spring(2)
+    real(wp) :: v, theta, now(2), slipped, friction(1), slope(1), n(2), force(2)
 
     v = t*(beginning%rate(1) + 0.5_wp*t*beginning%curvature(1))
     slipped = t**2*(0.5_wp*beginning%rate(1) + t*beginning%curvature(1)/6.0_wp)
     theta = beginning%y(2) + t*beginning%rate(2)
     ! The direction turns by O(t) while slipping O(t^2): the curve of the path is of higher order.
-    now = u + 1.0e-3_wp*t*slider%along - slipped*[cos(beginning%y(2)), sin(beginning%y(2))]
+    now = u + drive%displacement(0.0_wp, t)*slider%along - slipped*[cos(beginning%y(2)), sin(beginning%y(2))]
     n = [cos(theta), sin(theta)]
-    spring = slider%stiffness*now
+    force = slider%stiffness*now + slider%damping*(drive%velocity_at(t)*slider%along - v*n)
     call slider%law%evaluate(1, [v], friction, slope)
-    leftover(1) = slider%mass*(beginning%rate(1) + t*beginning%curvature(1)) - (dot_product(spring, n) - friction(1))
-    leftover(2) = slider%mass*v*beginning%rate(2) - dot_product(spring, [-n(2), n(1)])
+    leftover(1) = slider%mass*(beginning%rate(1) + t*beginning%curvature(1)) - (dot_product(force, n) - friction(1))
+    leftover(2) = slider%mass*v*beginning%rate(2) - dot_product(force, [-n(2), n(1)])
   end function leftover_of
 
   !> At phi = 0 with constant friction the start is harmonic: v = V (1 - cos(omega t)).
@@ -787,7 +729,7 @@ contains
     type(slip_start_t) :: beginning
     real(wp) :: omega
 
-    slider = fig3_slider()
+    slider = fig3_slider(1.0_wp)
     slider%along = [1.0_wp, 0.0_wp]
     call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
     omega = sqrt(slider%stiffness(1)/slider%mass)
@@ -821,68 +763,80 @@ contains
     call check_close('time: duration up to another', from%until(from%time + 0.25_wp), 0.25_wp, 2.0_wp*eps*1.0e3_wp)
   end subroutine test_time
 
-  !> The end of slip in closed form, if the slip ends.
-  subroutine brake(slider, drive, from, to, ends)
-    type(slider_t), intent(in) :: slider
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    type(state_t), intent(out) :: to
-    logical, intent(out) :: ends
-    type(braking_t) :: stopping
-
-    to = from
-    stopping = braking(slider, drive, from)
-    ends = stopping%falls .and. stopping%acceleration < 0.0_wp
-    if (ends) to = stopping%end_of_slip(slider, drive, from)
-  end subroutine brake
-
-  !> The last instants before a stop: exact for constant friction along a line up to the second order in the remaining time, and the
-  !> energy balance closes.
+  !> The last instants before a stop: exact along a line with constant friction up to the second order in the remaining time, and
+  !> the energy balance closes; without a damper, and with one above the critical damping.
   subroutine test_brake()
+    real(wp), parameter :: damping(2) = [0.0_wp, 60.0_wp], near(2) = [1.0e-6_wp, 1.0e-4_wp]
     type(slider_t) :: slider
     type(state_t) :: from, to
     type(drive_segment_t) :: drive
-    real(wp) :: omega, v, shift, phase, amplitude, delay, errors(2), balance(2)
-    logical :: stops
-    integer :: i
+    type(braking_t) :: stopping
+    complex(wp) :: root(2), part(2)
+    real(wp) :: v, shift, low, high, middle, errors(2), balance
+    integer :: i, k
 
-    slider = fig3_slider()
-    slider%along = [1.0_wp, 0.0_wp]
-    call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
     drive = drive_segment_t(velocity=1.0e-3_wp)
-    omega = sqrt(slider%stiffness(1)/slider%mass)
-    do i = 1, 2
-      v = 1.0e-4_wp/2.0_wp**(i - 1)
-      from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp, 0.0_wp])
-      call brake(slider, drive, from, to, stops)
-      ! z = u - F_0/k oscillates as amplitude*cos(omega t + phase), v = V - z'.
-      shift = from%u(1) - slider%law%static_limit/slider%stiffness(1)
-      amplitude = hypot(shift, (drive%velocity - v)/omega)
-      phase = atan2(-(drive%velocity - v)/omega, shift)
-      ! v = 0 where z' = V.
-      delay = (asin(-drive%velocity/(amplitude*omega)) - phase)/omega
-      delay = modulo(delay, 2.0_wp*pi/omega)
-      delay = min(delay, modulo((pi - asin(-drive%velocity/(amplitude*omega)) - phase)/omega, 2.0_wp*pi/omega))
-      call check('brake: stops', stops)
-      call check_close('brake: at rest', to%y(1), 0.0_wp, 0.0_wp)
-      errors(i) = abs((to%time - from%time)/delay - 1.0_wp)
-      call check_close('brake: delay', to%time - from%time, delay, 1.0e-6_wp*delay + 4.0_wp*eps)
-      balance(i) = to%drive_work - to%friction_work - 0.5_wp*slider%stiffness(1)*(to%u(1)**2 - from%u(1)**2) &
-        + 0.5_wp*slider%mass*v**2
-      call check_close('brake: position', to%position, (drive%displacement(1.0_wp, to%time - from%time) - (to%u(1) - from%u(1))), &
-        1.0e-18_wp)
-      call check_close('brake: energy', balance(i)/(0.5_wp*slider%mass*v**2), 0.0_wp, 1.0e-3_wp)
+    do k = 1, 2
+      slider = fig3_slider(0.0_wp)
+      slider%damping = [damping(k), 0.0_wp]
+      call new_friction_law('constant', 0.2_wp, 0.2_wp, 1.0_wp, 10.0_wp, slider%law)
+      ! z = u - F_0/k grows at these rates, and v = V - z' passes through zero.
+      middle = 0.5_wp*slider%damping(1)/slider%mass
+      root = -middle + [1.0_wp, -1.0_wp]*sqrt(cmplx(middle**2 - slider%stiffness(1)/slider%mass, kind=wp))
+      do i = 1, 2
+        v = 1.0e-4_wp/2.0_wp**(i - 1)
+        from = state_t(time=1.0_wp, u=[1.2e-3_wp, 0.0_wp], y=[v, 0.0_wp, 0.0_wp])
+        stopping = braking(slider, drive, from)
+        call check('brake: stops', stopping%falls .and. stopping%acceleration < 0.0_wp)
+        to = stopping%end_of_slip(slider, drive, from)
+        shift = from%u(1) - slider%law%static_limit/slider%stiffness(1)
+        part(1) = (drive%velocity - v - root(2)*shift)/(root(1) - root(2))
+        part(2) = shift - part(1)
+        low = 0.0_wp
+        high = 2.0_wp*stopping%delay
+        do while (high - low > 4.0_wp*eps*high)
+          middle = 0.5_wp*(low + high)
+          if (drive%velocity - real(sum(root*part*exp(root*middle))) > 0.0_wp) then
+            low = middle
+          else
+            high = middle
+          end if
+        end do
+        errors(i) = abs(stopping%delay/high - 1.0_wp)
+        call check_close('brake: delay', stopping%delay, high, near(k)*high)
+        call check_close('brake: time of the stop', to%time - from%time, high, near(k)*high + 4.0_wp*eps)
+        call check_close('brake: at rest', to%y(1), 0.0_wp, 0.0_wp)
+        call check_close('brake: position', to%position, drive%displacement(1.0_wp, to%time - from%time) - (to%u(1) - from%u(1)), &
+          1.0e-18_wp)
+        balance = to%drive_work - to%friction_work - to%damper_work - 0.5_wp*slider%stiffness(1)*(to%u(1)**2 - from%u(1)**2) &
+          + 0.5_wp*slider%mass*v**2
+        call check_close('brake: energy', balance/(0.5_wp*slider%mass*v**2), 0.0_wp, 1.0e-3_wp)
+        call check('brake: a damper takes some', (to%damper_work > 0.0_wp) .eqv. k == 2)
+      end do
+      if (k == 1) call check('brake: better the later', errors(2) <= 0.3_wp*errors(1) + 1.0e-10_wp)
+      if (k == 2) call check_order('brake: better the later', errors(1), errors(2), 2.0_wp, 2.0_wp, 0.2_wp)
     end do
-    call check('brake: better the later', errors(2) <= 0.3_wp*errors(1) + 1.0e-10_wp)
+    slider%damping = 0.0_wp
     from%u = [2.5e-3_wp, 0.0_wp]
-    call brake(slider, drive, from, to, stops)
-    call check('brake: speeding up is no stop', .not. stops)
+    call check('brake: speeding up is no stop', .not. stops(slider, drive, from))
     ! Nor if the drive, which moves back, stops it later: the direction may have changed by then.
     from%u = [2.02e-3_wp, 0.0_wp]
-    call brake(slider, drive_segment_t(velocity=-1.0e-3_wp), from, to, stops)
-    call check('brake: speeding up at first is no stop', .not. stops)
+    call check('brake: speeding up at first is no stop', .not. stops(slider, drive_segment_t(velocity=-1.0e-3_wp), from))
     from%u = [-3.0e-3_wp, 0.0_wp]
-    call brake(slider, drive, from, to, stops)
-    call check('brake: beyond the limit it ends in a turn', stops .and. .not. is_held(slider, to%u, drive%velocity))
+    call check('brake: beyond the limit it ends', stops(slider, drive, from))
+    stopping = braking(slider, drive, from)
+    to = stopping%end_of_slip(slider, drive, from)
+    call check('brake: in a turn', .not. is_held(slider, to%u, drive%velocity))
   end subroutine test_brake
+
+  !> Whether the slip ends soon.
+  logical function stops(slider, drive, from)
+    type(slider_t), intent(in) :: slider
+    type(drive_segment_t), intent(in) :: drive
+    type(state_t), intent(in) :: from
+    type(braking_t) :: stopping
+
+    stopping = braking(slider, drive, from)
+    stops = stopping%falls .and. stopping%acceleration < 0.0_wp
+  end function stops
 end program test_models

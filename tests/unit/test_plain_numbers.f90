@@ -3,30 +3,28 @@ program test_plain_numbers
   use checks, only: check, finish
   use dst_kinds, only: wp
   use dst_plain_numbers, only: number_text, bytes_text, duration_text
-  use dst_text, only: read_real, short_text
+  use dst_text, only: read_real, short_text, word
   implicit none
 
-  call check('0', number_text(0.0_wp) == '0')
-  call check('0.5', number_text(0.5_wp) == '0.5')
-  call check('no zeros at the end', number_text(12.0_wp) == '12')
-  call check('-0.25', number_text(-0.25_wp) == '-0.25')
-  call check('three digits', number_text(1234.56_wp) == '1235')
-  call check('rounded up to the next power', number_text(999.7_wp) == '1000')
-  call check('large', number_text(1.23e6_wp) == '1.23e6')
-  call check('small', number_text(1.0e-7_wp) == '1e-7')
-  call check('bytes', bytes_text(12.0_wp) == '12 bytes')
-  call check('kilobytes', bytes_text(1500.0_wp) == '1.5 kB')
-  call check('the next unit', bytes_text(999.9e9_wp) == '1 TB')
-  call check('beyond the units', bytes_text(1.0e25_wp) == '1e7 EB')
-  call check('tenths of a second', duration_text(0.5_wp) == '0.5 s')
-  call check('no seconds', duration_text(0.0_wp) == '0 s')
-  call check('seconds', duration_text(59.4_wp) == '59 s')
-  call check('a minute', duration_text(59.6_wp) == '1 min')
-  call check('minutes', duration_text(200.0_wp) == '3 min 20 s')
-  call check('an hour', duration_text(3599.9_wp) == '1 h')
-  call check('hours', duration_text(7500.0_wp) == '2 h 5 min')
-  call check('days', duration_text(100.0_wp*3600.0_wp) == '4 d 4 h')
-  call check('too long', duration_text(1.0e300_wp) == 'over 1000 d')
+  real(wp), parameter :: number(8) = [0.0_wp, 0.5_wp, 12.0_wp, -0.25_wp, 1234.56_wp, 999.7_wp, 1.23e6_wp, 1.0e-7_wp]
+  character(*), parameter :: numbers = '0 0.5 12 -0.25 1235 1000 1.23e6 1e-7'
+  real(wp), parameter :: byte(4) = [12.0_wp, 1500.0_wp, 999.9e9_wp, 1.0e25_wp]
+  character(8), parameter :: bytes(4) = [character(8) :: '12 bytes', '1.5 kB', '1 TB', '1e7 EB']
+  real(wp), parameter :: second(9) = [0.5_wp, 0.0_wp, 59.4_wp, 59.6_wp, 200.0_wp, 3599.9_wp, 7500.0_wp, 100.0_wp*3600.0_wp, &
+    1.0e300_wp]
+  character(11), parameter :: duration(9) = [character(11) :: '0.5 s', '0 s', '59 s', '1 min', '3 min 20 s', '1 h', '2 h 5 min', &
+    '4 d 4 h', 'over 1000 d']
+  integer :: i
+
+  do i = 1, size(number)
+    call check(word(numbers, i), number_text(number(i)) == word(numbers, i))
+  end do
+  do i = 1, size(byte)
+    call check(bytes(i), bytes_text(byte(i)) == bytes(i))
+  end do
+  do i = 1, size(second)
+    call check(duration(i), duration_text(second(i)) == duration(i))
+  end do
   call everywhere()
   call texts_of_the_solver()
   call finish()

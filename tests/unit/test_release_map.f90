@@ -34,7 +34,7 @@ contains
     type(branch_t) :: branch
     type(passage_table_t) :: table
     type(passage_t) :: passage
-    real(wp) :: value(values), distance
+    real(wp) :: value(values), distance, right(3, 2)
     integer :: variable, i, k, side, place
 
     do variable = 1, size(name)
@@ -44,52 +44,35 @@ contains
         call new_passage_table(points, table)
         do k = 1, points
           passage%measure = 1.0_wp
-          passage%measure(turn) = function_of(variable, abs(branch%angle(1, table%point(k)) - end))
+          right = functions_of(abs(branch%angle(1, table%point(k)) - end))
+          passage%measure(turn) = right(variable, 1)
           call table%take(k, passage)
         end do
         call table%settle()
         call branch%keep(1, table)
         distance = at(i) - end
+        right = functions_of(distance)
         associate (here => end + side*distance)
           place = branch%place_of(here)
           call check(trim(name(variable))//': tabulated', branch%intervals(place)%is_known)
           call branch%table(place)%evaluate(branch%x_of(place, here), value)
-          call check(trim(name(variable))//': value', abs(value(turn) - function_of(variable, distance)) <= 1.0e-10_wp)
+          call check(trim(name(variable))//': value', abs(value(turn) - right(variable, 1)) <= 1.0e-10_wp)
           call check(trim(name(variable))//': slope', &
-            abs(branch%x_rate(place, here)*value(measures + 1) - side*slope_of(variable, distance)) <= 1.0e-7_wp)
+            abs(branch%x_rate(place, here)*value(measures + 1) - side*right(variable, 2)) <= 1.0e-7_wp)
           call check(trim(name(variable))//': nothing on the other side', branch%place_of(end - side*distance) == 0)
         end associate
       end do
     end do
   end subroutine check_variables
 
-  pure real(wp) function function_of(variable, distance)
-    integer, intent(in) :: variable
+  !> Functions that are analytic in the square root, in itself, and in the logarithm; and their slopes.
+  pure function functions_of(distance) result(value)
     real(wp), intent(in) :: distance
+    real(wp) :: value(3, 2)
 
-    select case (variable)
-    case (1)
-      function_of = exp(-sqrt(distance))
-    case (2)
-      function_of = exp(-distance)
-    case default
-      function_of = sin(0.1_wp*log(distance))
-    end select
-  end function function_of
-
-  pure real(wp) function slope_of(variable, distance)
-    integer, intent(in) :: variable
-    real(wp), intent(in) :: distance
-
-    select case (variable)
-    case (1)
-      slope_of = -0.5_wp*exp(-sqrt(distance))/sqrt(distance)
-    case (2)
-      slope_of = -exp(-distance)
-    case default
-      slope_of = 0.1_wp*cos(0.1_wp*log(distance))/distance
-    end select
-  end function slope_of
+    value(:, 1) = [exp(-sqrt(distance)), exp(-distance), sin(0.1_wp*log(distance))]
+    value(:, 2) = [-0.5_wp*exp(-sqrt(distance))/sqrt(distance), -exp(-distance), 0.1_wp*cos(0.1_wp*log(distance))/distance]
+  end function functions_of
 
   !> If the square root does not hold, the logarithm does; halves of halves hold what the whole held, until they are short.
   subroutine check_halving()

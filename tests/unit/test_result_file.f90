@@ -1,10 +1,11 @@
-!> The life of a result file: which process has its name, what is refused and left unchanged, what stands behind HDF5's end.
+!> The life of a result file: which process has its name, what is refused and left unchanged.
+!> Damage: tests/python/test_damaged_files.py and test_checkpoint.py.
 program test_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, &
     matching_files, path_t, write_bytes
-  use dst_ending, only: check_ending, has_ending, read_state
+  use dst_ending, only: read_state
   use dst_errors, only: error_t
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_kinds, only: wp, int64
@@ -20,7 +21,6 @@ program test_result_file
   call test_part()
   call test_life()
   call test_other_file()
-  call test_damage()
   call test_interim()
   call remove_all()
   call finish()
@@ -32,20 +32,20 @@ contains
     type(error_t), allocatable :: error
 
     call file%claim('.', .true., error)
-    call check('a folder', refused(error, 'it is a folder: give a file name'))
+    call refused(error, 'it is a folder: give a file name')
     call file%claim(' ', .true., error)
-    call check('no name', refused(error, 'the file has no name'))
+    call refused(error, 'the file has no name')
     call file%claim('no/such/folder/x.h5', .true., error)
-    call check('no folder', refused(error, 'the folder no/such/folder does not exist: create it first'))
+    call refused(error, 'the folder no/such/folder does not exist: create it first')
     call write_file(name, '&scene /')
     call file%claim(name, .false., error)
-    call check('an existing file', refused(error, 'the file exists: use --overwrite'))
+    call refused(error, 'the file exists: use --overwrite')
     call file%claim(name, .true., error)
-    call check('what is not HDF5', refused(error, 'not an HDF5 file'))
+    call refused(error, 'not an HDF5 file')
     call delete_file(name)
     call write_result(name, 'elsewhere')
     call file%claim(name, .true., error)
-    call check('a result of another program', refused(error, 'no result of this program'))
+    call refused(error, 'no result of this program')
     call check('stays', file_exists(name))
     call check('refusals leave nothing', .not. file_exists(part))
     call remove_all()
@@ -60,7 +60,7 @@ contains
     call first%claim(name, .false., error)
     call check('claimed', file_exists(part) .and. .not. allocated(error))
     call second%claim(name, .false., error)
-    call check('claimed once', refused(error, 'another process is writing this file'))
+    call refused(error, 'another process is writing this file')
     call first%discard()
     call check('gone', .not. file_exists(part))
     call write_result(part, 'dynstiction')
@@ -70,7 +70,7 @@ contains
     call first%discard()
     call write_file(part, 'precious')
     call first%claim(name, .false., error)
-    call check('what is not HDF5 is refused', refused(error, 'does not belong to this program: move it away'))
+    call refused(error, 'does not belong to this program: move it away')
     call check('and stays', file_exists(part))
     call delete_file(part)
     call write_result(name, 'dynstiction')
@@ -105,13 +105,13 @@ contains
     call check('the state', .not. allocated(reason) .and. size(state) == 2)
     if (size(state) == 2) call check('the words of the state', all(state == [3_int64, 4_int64]))
     call second%claim(name, .false., error)
-    call check('can be resumed', refused(error, 'continue it with dynstiction resume'))
+    call refused(error, 'continue it with dynstiction resume')
     call second%claim_again(name, error)
-    call check('not between two files', refused(error, 'another process is writing this file'))
+    call refused(error, 'another process is writing this file')
     call file%begin_next(error)
     call check('goes on', file_exists(part) .and. .not. allocated(error))
     call second%claim_again(name, error)
-    call check('not by two', refused(error, 'another process is writing this file'))
+    call refused(error, 'another process is writing this file')
     call replace_contents('newer')
     call file%put_in_place(no_state, error)
     call file%discard()
@@ -119,7 +119,7 @@ contains
     call check('at its end there is no state', .not. allocated(reason) .and. size(state) == 0)
     call remove_all()
     call second%claim_again(name, error)
-    call check('nothing to resume', refused(error, 'there is no such file'))
+    call refused(error, 'there is no such file')
     call check('no part is left', .not. file_exists(part))
   end subroutine test_life
 
@@ -133,7 +133,7 @@ contains
     call replace_contents('new')
     call write_file(name, 'of another')
     call file%put_in_place(no_state, error)
-    call check('another file has the name', refused(error, 'another file has taken the name'))
+    call refused(error, 'another file has taken the name')
     other = identity_of(name)
     call check('it stays', other%bytes == len('of another'))
     call check('the result is kept', file_exists(name//'.kept'))
@@ -144,37 +144,11 @@ contains
     call delete_file(part)
     call write_file(part, 'of another')
     call file%put_in_place(no_state, error)
-    call check('another file has the name of the part', refused(error, 'removed, renamed or replaced'))
+    call refused(error, 'removed, renamed or replaced')
     other = identity_of(part)
     call check('it stays, too', other%bytes == len('of another'))
     call remove_all()
   end subroutine test_other_file
-
-  !> Damage of any byte is found; a file without an ending is not judged.
-  subroutine test_damage()
-    type(result_file_t) :: file
-    type(error_t), allocatable :: error
-    integer(int64), allocatable :: state(:)
-    character(:), allocatable :: reason
-    integer :: unit
-
-    call write_result(name, 'dynstiction')
-    call check_ending(name, reason)
-    call check('without an ending', .not. (has_ending(name) .or. allocated(reason)))
-    call read_state(name, state, reason)
-    call check('has no state', allocated(reason))
-    call file%claim(name, .true., error)
-    call replace_contents('something longer')
-    call file%put_in_place([1_int64], error)
-    call check_ending(name, reason)
-    call check('with an ending', has_ending(name) .and. .not. allocated(reason))
-    open (newunit=unit, file=name, access='stream', form='unformatted', status='old', action='readwrite')
-    write (unit, pos=5) 'X'
-    close (unit)
-    call check_ending(name, reason)
-    call check('a damaged byte', has_ending(name) .and. allocated(reason))
-    call remove_all()
-  end subroutine test_damage
 
   !> After the interval, or a third of the time so far.
   subroutine test_interim()
@@ -238,13 +212,13 @@ contains
     call close_descriptor(descriptor)
   end subroutine write_file
 
-  logical function refused(error, words)
+  subroutine refused(error, words)
     type(error_t), allocatable, intent(in) :: error
     character(*), intent(in) :: words
 
-    refused = allocated(error)
-    if (refused) refused = index(error%text, words) > 0
-  end function refused
+    call check('refused: '//words, allocated(error))
+    if (allocated(error)) call check(words//' in '//error%text, index(error%text, words) > 0)
+  end subroutine refused
 
   subroutine remove_all()
     type(path_t), allocatable :: files(:)

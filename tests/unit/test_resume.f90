@@ -1,11 +1,12 @@
 !> A run whose state is repeatedly saved as words and loaded into a new simulation ends with the same bits in every sample, event,
 !> summary value and count as the run without interruption.
 program test_resume
+  use, intrinsic :: iso_c_binding, only: c_loc
   use checks, only: check, finish
-  use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete
+  use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete, identical
   use dst_archive, only: archive_t, archive_of
   use dst_errors, only: error_t
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
@@ -13,11 +14,14 @@ program test_resume
   implicit none
 
   character(7), parameter :: methods(5) = ['radau5 ', 'radau9 ', 'radau13', 'dopri5 ', 'dop853 ']
+  type(scene_t) :: scene
   integer :: i
 
   do i = 1, 3
-    call compare(trim(methods(i))//', two cycles', two_cycles(trim(methods(i))))
-    call compare(trim(methods(i))//', two cycles, without the cycle map', without_map(two_cycles(trim(methods(i)))))
+    scene = fig3(4.2_wp, trim(methods(i)), 1.0e-6_wp)
+    scene%interval = 0.01_wp
+    call compare(trim(methods(i))//', two cycles', scene)
+    call compare(trim(methods(i))//', two cycles, without the cycle map', without_map(scene))
   end do
   do i = 1, 5
     call compare(trim(methods(i))//', creep and turning back', turning_back(trim(methods(i))))
@@ -25,35 +29,72 @@ program test_resume
     call compare(trim(methods(i))//', low frequency', low_frequency(trim(methods(i))))
     call compare(trim(methods(i))//', along a line', along_a_line(fig3(2.9_wp, trim(methods(i)), 1.0e-7_wp)))
   end do
-  call compare('excursions reused', many_cycles())
-  call compare('without a rest', fast(many_cycles()))
+  ! The slow cycle repeats, and is leapt as a whole.
+  scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
+  call compare('excursions reused', scene)
+  call compare('without a rest', fast(scene))
+  ! Inside repetitions, and inside laps.
+  scene = fig3(5.0_wp, 'radau9', 1.0e-7_wp)
+  scene%interval = 2.0e-5_wp
+  call compare('inside repetitions', scene, every=1)
+  scene = fig3(0.4_wp, 'dopri5', 1.0e-4_wp)
+  scene%interval = 1.0e-6_wp
+  call compare('inside laps, dopri5', scene, every=7)
+  scene = fig3(0.4_wp, 'radau13', 1.0e-7_wp)
+  scene%interval = 1.0e-6_wp
+  scene%misalignment_deg = -1.0_wp
+  call compare('inside laps, mirrored', scene, every=1)
   call compare('smoothed, without a rest', fast(smoothed('radau9')))
   call compare('slips in tables', irregular())
   call compare('radau9, smoothed', smoothed('radau9'))
   call compare('dop853, smoothed', smoothed('dop853'))
-  call compare('rk4, smoothed', fixed_step(smoothed('rk4')))
-  call compare('high frequency', high_frequency('radau9'))
+  scene = smoothed('rk4')
+  scene%step = 2.0e-6_wp
+  scene%t_end = min(scene%t_end, 0.05_wp)
+  call compare('rk4, smoothed', scene)
+  scene = turning_back('radau9')
+  scene%model = 'high_frequency'
+  scene%elongation_x = 5.0e-4_wp
+  call compare('high frequency', scene)
   call compare('many samples in one rest', one_rest())
   call compare('closed form', closed_form())
+  call test_misfits()
   call finish()
 
 contains
 
-  function two_cycles(method) result(scene)
-    character(*), intent(in) :: method
-    type(scene_t) :: scene
+  !> Words are given back bit for bit; a request for what is not there, or is of another size, changes nothing.
+  subroutine test_misfits()
+    real(wp), parameter :: values(3) = [-0.0_wp, tiny(1.0_wp)/8.0_wp, 1.0_wp/3.0_wp]
+    type(archive_t) :: saved, loaded
+    real(wp), target :: x(3)
+    integer(int64), allocatable :: words(:)
+    integer :: k
 
-    scene = fig3(4.2_wp, method, 1.0e-6_wp)
-    scene%interval = 0.01_wp
-  end function two_cycles
-
-  !> The slow cycle repeats, and is leapt as a whole.
-  function many_cycles() result(scene)
-    type(scene_t) :: scene
-
-    scene = fig3(5.2_wp, 'radau9', 1.0e-6_wp)
-    scene%interval = 1.0e-3_wp
-  end function many_cycles
+    x = values
+    call saved%serialise(c_loc(x), storage_size(x), size(x))
+    call check('what has been saved is not loaded', .not. saved%given_back())
+    words = saved%words()
+    do k = 1, 5
+      x = 5.0_wp
+      select case (k)
+      case (1)
+        call archive_of(words, loaded)
+      case (2)
+        call archive_of(words(:size(words) - 1), loaded)
+      case (3)
+        call archive_of([words, 0_int64], loaded)
+      case (4)
+        call archive_of(words, loaded)
+      case (5)
+        call archive_of(words(:0), loaded)
+      end select
+      call loaded%serialise(c_loc(x), storage_size(x), merge(2, 3, k == 4))
+      call check('all is given back, or not', loaded%given_back() .eqv. k == 1)
+      if (k == 1) call check('bit for bit', all(transfer(x, words) == transfer(values, words)))
+      if (k /= 1 .and. k /= 3) call check('nothing is changed', all(identical(x, 5.0_wp)))
+    end do
+  end subroutine test_misfits
 
   !> Slow cycles of some passages that never repeat: laps and slips are tabulated, and observed.
   function irregular() result(scene)
@@ -109,24 +150,6 @@ contains
     scene%v_smooth = 1.0e-5_wp
   end function smoothed
 
-  pure function fixed_step(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%step = 2.0e-6_wp
-    changed%t_end = min(scene%t_end, 0.05_wp)
-  end function fixed_step
-
-  function high_frequency(method) result(scene)
-    character(*), intent(in) :: method
-    type(scene_t) :: scene
-
-    scene = turning_back(method)
-    scene%model = 'high_frequency'
-    scene%elongation_x = 5.0e-4_wp
-  end function high_frequency
-
   !> A drive so slow that the samples of one advance do not fit into the buffer.
   function one_rest() result(scene)
     type(scene_t) :: scene
@@ -145,35 +168,43 @@ contains
     scene%fields = [character(24) :: 'u_x', 'X', 'theta', 'X_rate']
   end function closed_form
 
-  !> The run without interruption, and cut as often as `proceed` permits.
-  subroutine compare(name, scene)
+  !> The run without interruption, and cut as often as `proceed` permits; or at every `every`-th of these opportunities, many times
+  !> with samples of a leap still pending.
+  subroutine compare(name, scene, every)
     character(*), intent(in) :: name
     type(scene_t), intent(in) :: scene
+    integer, intent(in), optional :: every
     type(simulation_t) :: whole, cut
     type(memory_writer_t) :: all_samples, writer
     type(outcome_t) :: expected, found
     type(error_t), allocatable :: error
-    integer :: cuts
+    integer :: cuts, inside, pause
     logical :: sound
 
+    pause = 1
+    if (present(every)) pause = every
     call complete(scene, whole, all_samples, sound)
     call check(name//': runs to the end', sound)
     call begin(scene, cut)
+    inside = 0
     do cuts = 0, 100000
       call cut%proceed(0.0_wp, writer, error)
       if (cut%finished) exit
+      if (modulo(cuts, pause) /= 0) cycle
+      if (cut%motion%leapt .and. .not. cut%recorded) inside = inside + 1
       call carry_over(name, scene, cut)
     end do
     call check(name//': was cut', cuts > 2 .and. cut%finished .and. .not. allocated(error))
+    if (present(every)) call check(name//': inside leaps', inside > 20)
     call check(name//': samples', all_samples%rows == writer%rows .and. all_samples%events == writer%events)
     if (all_samples%rows /= writer%rows .or. all_samples%events /= writer%events) return
-    call check(name//': every sample', same(all_samples%samples(:, :writer%rows), writer%samples(:, :writer%rows)))
-    if (writer%events > 0) then
-      call check(name//': every event', &
-        same(reshape(all_samples%log(:writer%events)%time, [1, writer%events]), &
-        reshape(writer%log(:writer%events)%time, [1, writer%events])) &
-        .and. all(all_samples%log(:writer%events)%kind == writer%log(:writer%events)%kind))
-    end if
+    call check(name//': every sample', all(identical(all_samples%samples(:, :writer%rows), writer%samples(:, :writer%rows))))
+    if (writer%events > 0) call check(name//': every event', &
+      all(identical(all_samples%log(:writer%events)%time, writer%log(:writer%events)%time)) &
+      .and. all(all_samples%log(:writer%events)%kind == writer%log(:writer%events)%kind))
+    associate (a => whole%motion%piece%to, b => cut%motion%piece%to)
+      call check(name//': the final state', all(identical([a%time, a%time_rest, a%u, a%y], [b%time, b%time_rest, b%u, b%y])))
+    end associate
     call whole%outcome(error, expected)
     call cut%outcome(error, found)
     call compare_values(name, expected, found)
@@ -204,19 +235,11 @@ contains
     call check(name//': the same summary values', size(expected%summary) == size(found%summary))
     if (size(expected%summary) /= size(found%summary)) return
     do k = 1, size(found%summary)
-      call check(name//': '//trim(found%summary(k)%name), &
-        same(reshape(expected%summary_value(k:k), [1, 1]), reshape(found%summary_value(k:k), [1, 1])))
+      call check(name//': '//trim(found%summary(k)%name), identical(expected%summary_value(k), found%summary_value(k)))
     end do
     do k = 1, size(found%statistics)
       if (found%statistics(k)%name == 'wall_time') cycle
-      call check(name//': '//trim(found%statistics(k)%name), &
-        same(reshape(expected%statistics_value(k:k), [1, 1]), reshape(found%statistics_value(k:k), [1, 1])))
+      call check(name//': '//trim(found%statistics(k)%name), identical(expected%statistics_value(k), found%statistics_value(k)))
     end do
   end subroutine compare_values
-
-  pure logical function same(a, b)
-    real(wp), intent(in) :: a(:, :), b(:, :)
-
-    same = all(abs(a - b) <= 0.0_wp)
-  end function same
 end program test_resume

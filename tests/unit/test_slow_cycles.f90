@@ -2,12 +2,11 @@
 program test_slow_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use checks, only: check, check_close, finish
+  use scenes, only: fig3_slider
   use dst_chebyshev, only: chebyshev_coefficients, chebyshev_derivative, chebyshev_points, chebyshev_polynomials
   use dst_divergence, only: divergence_t, regular, irregular, undecided
   use dst_errors, only: error_t
-  use dst_friction, only: new_friction_law
   use dst_kinds, only: wp
-  use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
   use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   implicit none
@@ -20,17 +19,6 @@ program test_slow_cycles
 
 contains
 
-  !> Fig. 3 at another misalignment [deg].
-  function slider_at(angle) result(slider)
-    real(wp), intent(in) :: angle
-    type(slider_t) :: slider
-
-    slider%mass = 0.25_wp
-    slider%stiffness = [1.0e3_wp, 1.0e7_wp]
-    slider%along = cos_sin_degrees(angle)
-    call new_friction_law('weakening', 0.20_wp, 0.15_wp, 0.010_wp, 10.0_wp, slider%law)
-  end function slider_at
-
   !> Liouville's formula, compared with a difference.
   subroutine check_slope()
     type(slow_map_t) :: map
@@ -39,7 +27,7 @@ contains
     real(wp), parameter :: push = 1.0e-8_wp
     real(wp) :: from, slope
 
-    call new_slow_map(slider_at(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
+    call new_slow_map(fig3_slider(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
     from = map%equilibrium - 0.9e-3_wp
     call map%turn(from, turn, error)
     call map%turn(from - push, beside(1), error)
@@ -55,7 +43,7 @@ contains
     type(slow_cycle_t), allocatable :: cycles(:)
     type(error_t), allocatable :: error
 
-    call new_slow_map(slider_at(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
+    call new_slow_map(fig3_slider(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
     call find_slow_cycles(map, cycles, error)
     call check('two cycles beside stable sliding', size(cycles) == 2 .and. map%damping > 0.0_wp)
     if (size(cycles) /= 2) return
@@ -65,11 +53,11 @@ contains
     call check_close('stable: multiplier', exp(cycles(2)%log_multiplier), 0.242084267218_wp, 1.0e-10_wp)
     call check_close('unstable: multiplier', exp(cycles(1)%log_multiplier), 1.032218745172_wp, 1.0e-10_wp)
     call check_close('unstable: period', cycles(1)%rise_time + cycles(1)%fall_time, 0.0993462114055_wp, 1.0e-12_wp)
-    call new_slow_map(slider_at(4.40_wp), 0.075_wp, 1.0e-12_wp, map)
+    call new_slow_map(fig3_slider(4.40_wp), 0.075_wp, 1.0e-12_wp, map)
     call find_slow_cycles(map, cycles, error)
     call check('none beyond the fold', size(cycles) == 0)
     ! A pair between two points of the scan.
-    call new_slow_map(slider_at(4.3832_wp), 0.075_wp, 1.0e-12_wp, map)
+    call new_slow_map(fig3_slider(4.3832_wp), 0.075_wp, 1.0e-12_wp, map)
     call find_slow_cycles(map, cycles, error)
     call check('a pair just before the fold', size(cycles) == 2)
   end subroutine check_cycles
