@@ -115,9 +115,6 @@ end module dst_more
     ("table", "text"),
     [
         ("deck/schema.f90", "mass of the object"),
-        ("deck/schema.f90", "'stiffness_x'"),
-        ("deck/schema.f90", "'N/m'"),
-        ("app/command_table.f90", "join the shares of a sweep"),
         ("app/command_table.f90", "also run the cases again that failed before"),
         ("app/command_table.f90", "some cases of a sweep failed"),
         ("", "mean time"),

@@ -191,7 +191,7 @@ def test_a_file_that_took_the_name_meanwhile_is_not_changed(program, begin, expe
         assert_refused(run.wait(), "another file has taken the name")
         assert (folder / RESULT).read_bytes() == (folder / "good.h5").read_bytes(), call
         kept = folder / f"{RESULT}.kept"
-        assert is_sealed(kept)
+        assert is_sealed(kept) and content(kept) == expected
         kept.unlink()
         (folder / RESULT).unlink()
 
