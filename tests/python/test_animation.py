@@ -26,7 +26,7 @@ def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_frame_shows_the_motion(fig4_result: ds.Result) -> None:
-    """Friction turns from across to along; the spring is drawn to scale from the object to the driven end; dots follow the traces."""
+    """Friction turns from across to along; the spring reaches from the object to the driven end; dots follow the traces."""
     times = np.array([0.1, 1.0, 1.5, 1.99])
     figure, show = view_from_above(fig4_result, times)
     view = figure.axes[0]

@@ -214,17 +214,6 @@ def test_f90nml_reads_the_same(source, program, tmp_path, catalogue):
     assert same(given, used)
 
 
-def test_f90nml_reads_long_lists_and_quotes(program, tmp_path):
-    f90nml = pytest.importorskip("f90nml", reason="pip install f90nml")
-    times = [i**0.5 for i in range(300)]
-    speeds = [1e-3 / (i + 3) for i in range(300)]
-    text = GOOD.replace("velocity = 1.0e-3", f"velocity = {str(speeds)[1:-1]}\n time = {str(times)[1:-1]}")
-    used = f90nml.reads(resolved(program, text.replace("a test", "it''s a ! test")))
-    assert used["drive"]["time"] == times
-    assert used["drive"]["velocity"] == speeds
-    assert used["scene"]["title"] == "it's a ! test"
-
-
 def test_two_decks_cannot_share_an_output(program, tmp_path):
     for name in ("one.nml", "two.nml"):
         write(tmp_path, GOOD + f"&output file = '{'./' if name == 'two.nml' else ''}same.h5' /\n", name)

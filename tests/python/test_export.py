@@ -91,17 +91,6 @@ def test_h5dump_shows_the_file(file: Path, result: ds.Result) -> None:
     assert '"N"' in h5dump("-a", "/time_series/friction/units", file, status=0).stdout
 
 
-def test_h5py_reads_values_units_and_scales(file: Path, result: ds.Result) -> None:
-    with h5py.File(file) as opened:
-        series = opened["time_series"]
-        for info, values in result.columns.info():
-            np.testing.assert_array_equal(series[info.name][:], values)
-            assert series[info.name].attrs["units"] == info.units
-            assert series[info.name].attrs["long_name"] == info.long_name
-        assert series["u_x"].dims[0][0].name == "/time_series/time"
-        assert opened.attrs["complete"] == 1
-
-
 def test_xarray_opens_each_group_without_options(file: Path, result: ds.Result) -> None:
     with xarray.open_dataset(file, group="time_series", engine="h5netcdf") as series:
         assert series["X"].dims == ("time",)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import dynstiction as ds
 import moreau_jean
 import numpy as np
 import pytest
-from fig3 import CONSTANT, DECK, FRICTION, TEXT
+from fig3 import CONSTANT, FRICTION, TEXT
 from programs import DONE, Program, executable
 from results import assert_same
 from scipy.integrate import solve_ivp
@@ -270,26 +269,6 @@ def test_sliding_is_that_of_scipy(name: str, model: str, method: str) -> None:
     assert abs(result.summary["energy_residual"]) < 1e-7
 
 
-def test_slope_of_stribeck_is_that_of_its_force() -> None:
-    """Small disturbances of steady sliding grow with what F' from a complex step says."""
-    drive, phi, mass, load = 0.004, np.radians(10.0), 0.25, 10.0
-    law = LAWS["stribeck"][1]
-    slope = law(drive + 1e-30j).imag / 1e-30 * load
-    along = np.array([np.cos(phi), np.sin(phi)])
-    across = np.array([-along[1], along[0]])
-    damping = slope * np.outer(along, along) + law(drive) * load / drive * np.outer(across, across)
-    matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag([1e3, 1e5]) / mass, -damping / mass]])
-    expected = np.sort(np.linalg.eigvals(matrix).real)[::-1]
-    settings = ["system.stiffness_y=1e5", "system.misalignment_deg=10", f"drive.velocity={drive}", "friction.law=stribeck"]
-    settings += ["friction.exponent=2", "friction.viscous=0.4"]
-    report = Program((executable(),))("stability", DECK, settings=settings, status=DONE).stdout
-    lines = report.splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("eigenvalue")) + 1
-    found = np.array([float(line.split()[1]) for line in lines[first : first + 4]])
-    assert found == pytest.approx(expected, rel=1e-8)
-    assert re.search(r"^(no )?stick-slip \(.*\); steady sliding is not stable$", report, re.MULTILINE)
-
-
 @pytest.mark.parametrize("name", LAWS)
 def test_what_knows_only_two_laws_says_so(name: str) -> None:
     law = friction(**LAWS[name][0])
@@ -307,23 +286,10 @@ def test_what_knows_only_two_laws_says_so(name: str) -> None:
 SLOW_CYCLES: dict[str, Deck] = {
     "stribeck": friction(law="stribeck", exponent=1.2, viscous=0.1),
     "table": sampled(weakening, 0.04, 16),
-    "static": friction(mu_static=0.21),
 }
 
 
 @pytest.mark.parametrize("name", SLOW_CYCLES)
-def test_leaps_know_the_law(name: str) -> None:
-    """Fast cycles that are leapt, against each of them."""
-    one = changed({"scene": {"t_end": 4.0}, "integrator": {"method": "radau13", "rtol": 1e-9}}, SLOW_CYCLES[name])
-    leapt, made = run(one), run(one, {"integrator": {"cycle_map": "off"}})
-    assert leapt.statistics["cycles_leapt"] > 1000 and made.statistics["cycles_leapt"] == 0
-    assert leapt.summary["sticks"] == made.summary["sticks"] > 1000
-    assert np.abs(leapt["X"] - made["X"]).max() < 1e-6 * made["X"].max()
-    for value in ("first_peak_force", "sticking_time", "friction_work"):
-        assert leapt.summary[value] == pytest.approx(made.summary[value], rel=1e-6), value
-
-
-@pytest.mark.parametrize("name", ["stribeck", "table"])
 def test_cycles_of_full_are_those_of_a_run(name: str) -> None:
     (cycle,) = ds.cycles(ds.Scene(TEXT, **SLOW_CYCLES[name])).cycles
     summary = run(SLOW_CYCLES[name], {"scene": {"t_end": 4.5}, "integrator": {"method": "radau13"}}).summary
