@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from fig3 import DECK
-from programs import FILE_ERROR, Program
+from programs import Program, assert_refused
 
 pytestmark = pytest.mark.deck
 
@@ -24,13 +24,6 @@ def run(executable) -> Callable[..., subprocess.CompletedProcess]:
         return Program((executable,))("run", DECK, "-o", file, "--quiet", "--set", f"scene.t_end={t_end}", *options, **settings)
 
     return done
-
-
-def assert_refused(done: subprocess.CompletedProcess, *words: str) -> None:
-    assert done.returncode == FILE_ERROR, done
-    assert done.stderr.startswith("dynstiction: ")
-    for word in words:
-        assert word in done.stderr
 
 
 @pytest.fixture(scope="module")
