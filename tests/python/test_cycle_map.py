@@ -38,11 +38,9 @@ def apart(a: ds.Result, b: ds.Result) -> float:
 
 def test_the_largest_rate_of_a_run_that_ends_among_the_first_laps() -> None:
     """Rates of a table of laps are known to a share of its largest one, and the first laps are slower by orders of magnitude."""
-    changes: Groups = {
-        "system": {"mass": 0.5506403451766021, "stiffness_y": 6381731244.504325, "misalignment_deg": 0.3404056250423219}
-    }
-    changes |= {"friction": {"v_f": 1.182673237518143e-4}, "drive": {"velocity": 9.181562142602463e-5}}
-    scene = ds.Scene(FIG3).replace(scene={"t_end": 0.08754591505787124}, **changes)
+    laps = {"mass": 0.5506403451766021, "stiffness_y": 6381731244.504325, "misalignment_deg": 0.3404056250423219}
+    laps |= {"v_f": 1.182673237518143e-4, "velocity": 9.181562142602463e-5, "t_end": 0.08754591505787124}
+    scene = ds.Scene(FIG3).replace(**laps)
     by_map, by_steps = (run(scene, how, 1e-8, {"interval": 0.0875}, "radau13") for how in ("auto", "off"))
     assert by_map.statistics["cycles_leapt"] > 100
     assert by_map.summary["max_X_rate"] == pytest.approx(by_steps.summary["max_X_rate"], rel=1e-6, abs=0)
@@ -283,24 +281,14 @@ def test_conditioning_grows_as_differences_do() -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {
-            "scene": {"t_end": 0.0126},
-            "system": {"mass": 0.00259, "stiffness_y": 1.44e9, "misalignment_deg": 0.537},
-            "friction": {"v_f": 0.698},
-            "drive": {"velocity": 4.64e-5},
-        },
-        {
-            "scene": {"t_end": 0.0403},
-            "system": {"mass": 0.0403, "stiffness_y": 4.3e8, "misalignment_deg": 2.6},
-            "friction": {"v_f": 0.00117},
-            "drive": {"velocity": 0.0401},
-        },
+        {"t_end": 0.0126, "mass": 0.00259, "stiffness_y": 1.44e9, "misalignment_deg": 0.537, "v_f": 0.698, "velocity": 4.64e-5},
+        {"t_end": 0.0403, "mass": 0.0403, "stiffness_y": 4.3e8, "misalignment_deg": 2.6, "v_f": 0.00117, "velocity": 0.0401},
     ],
     ids=["all laps alike", "few laps of many steps"],
 )
-def test_laps_of_a_short_run_are_cheap(changes: Groups) -> None:
+def test_laps_of_a_short_run_are_cheap(changes: dict[str, float]) -> None:
     """Where sticks end is not guessed from two laps that are alike; and laps have the motion inside, or are run."""
-    scene = ds.Scene(FIG3, **changes)
+    scene = ds.Scene(FIG3).replace(**changes)
     by_map, by_steps = (run(scene, how, 1e-6, {"interval": 1.0}, "radau13") for how in ("auto", "off"))
     assert by_map.statistics["newton"] < 1.15 * by_steps.statistics["newton"]
     assert apart(by_map, by_steps) < 1e-7

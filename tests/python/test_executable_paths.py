@@ -30,14 +30,6 @@ def test_auto_says_why_it_is_the_full_model(program, tmp_path, reason):
         assert file.attrs["model_choice"] in done.stderr
 
 
-def test_auto_takes_a_closed_form_of_creep(program, tmp_path):
-    settings = ("scene.model=auto", "scene.quantities=creep", "scene.t_end=0.5", "scene.accuracy=0.05", "output.fields=X,u_x")
-    program("run", INPUTS / "fig3_constant.nml", "-o", "x.h5", settings=settings, status=0)
-    with h5py.File(tmp_path / "x.h5") as file:
-        assert file.attrs["model"] in {"creep_asymptotic", "creep"}
-        assert "(estimated), accuracy = " in file.attrs["model_choice"]
-
-
 ABSENT = ("system.mass=", "friction.law=", "initial.velocity_ratio=", "integrator.method=", "integrator.rtol=")
 REFUSED: dict[str, tuple[str, ...]] = {
     "does not give zeta": ("scene.model=creep", "output.fields=zeta", *ABSENT),
