@@ -14,7 +14,6 @@ import pytest
 from dynstiction.plot.animation import _frame_times, animate, view_from_above
 from dynstiction.plot.style import STYLE
 from matplotlib import image, rc_context
-from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 from programs import Program
 
@@ -180,24 +179,6 @@ def test_a_film_shows_the_first_creep_and_three_cycles(own: ds.Result, fig4_resu
     assert peaks[3] < times[-1] < peaks[4]
     assert _frame_times(own, 0.0, None, 20, 10.0)[-1] == 10.0
     assert _frame_times(fig4_result, None, None, 20, 10.0)[-1] == 2.0
-
-
-@pytest.mark.parametrize("last", [0.6, 10.0])
-def test_the_scale_is_that_of_the_elongation(own: ds.Result, last: float) -> None:
-    """The spring is longer than the object is wide, and all of the circle of friction is seen, however far the object moves."""
-    figure, show = view_from_above(own, np.linspace(0.0, last, 50))
-    axis = figure.axes[0]
-    (body,) = [patch for patch in axis.patches if isinstance(patch, Rectangle)]
-    (circle,) = [patch for patch in axis.patches if isinstance(patch, Circle)]
-    (spring,) = [line for line in axis.lines if line.get_label() == "spring"]
-    show(40)
-    begin, end = spring.get_xydata()[[0, -1]]
-    assert np.hypot(*(end - begin)) > 2.0 * body.get_width()
-    low, high = axis.get_ylim()
-    assert low < circle.center[1] - circle.radius and circle.center[1] + circle.radius < high
-    assert axis.get_xlabel() == ("$X$ [mm]" if last < 1.0 else "$X$ − driven end [mm]")
-    left, right = axis.get_xlim()
-    assert left < begin[0] and end[0] < right
 
 
 def test_frames_drawn_over_one_ground_are_those_drawn_anew(own: ds.Result, tmp_path: Path) -> None:
