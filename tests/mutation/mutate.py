@@ -51,11 +51,11 @@ ROUNDS = {
         "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
         "test_references": "not number_of_sticks", "test_simulation": "not bar", "test_unstable_sliding": "", "test_friction_peak": "",
         "test_error_codes": "", "test_cycle_map": "", "test_sensitivity": "",
-        "test_damping": "not another_program", "test_friction_laws": "",
+        "damping": "", "test_damping": "", "test_friction_laws": "",
     },
     "large": {
         "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
-        "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
+        "deck": "", "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
         "test_trade": "", "test_maps": "", "test_creep_validation": "", "test_handover": "", "../extremes": "",
         "../invariance": "",
     },

@@ -76,6 +76,14 @@ class Program:
         return subprocess.Popen(self.words(*arguments, settings=settings), **given)
 
 
+def assert_refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
+    """As a file that cannot be read or written, in a line or two."""
+    assert done.returncode == FILE_ERROR and done.stderr.startswith("dynstiction: "), done
+    assert len(done.stderr.splitlines()) <= 2, done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
 PACKAGE = Program((sys.executable, "-m", "dynstiction"))
 SCRIPT = Program((sys.executable, "-c"))
 """Python code in a process of its own."""

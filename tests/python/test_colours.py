@@ -40,15 +40,22 @@ def closest(colours: list[str], seen: str) -> tuple[float, str, str]:
     return min((float(np.linalg.norm(lab(a, seen) - lab(b, seen))), a, b) for a, b in pairs)
 
 
+def report() -> dict[str, list[str]]:
+    """Colours of each theme."""
+    sheet = (Path(dynstiction.plot.__file__).parents[1] / "report" / "page.css").read_text(encoding="utf-8")
+    named = [dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme)) for theme in sheet.split("@media (prefers-color-scheme: dark)")]
+    return {f"report {i}": [theme[name] for name in ("friction", "force", "ink")] for i, theme in enumerate(named)}
+
+
 @pytest.mark.parametrize("seen", SEEN)
-def test_the_palette_can_be_told_apart(seen: str) -> None:
+def test_colours_can_be_told_apart(seen: str) -> None:
     used = {
         "palette": list(style.PALETTE),
         "columns": [symbol.colour for symbol in notation.COLUMNS.values()],
         "overlay": list(time_series.COLOURS),
     }
-    for name, colours in used.items():
-        assert set(colours) <= set(style.PALETTE), name
+    assert set().union(*used.values()) == set(style.PALETTE)
+    for name, colours in (used | report()).items():
         distance, *pair = closest(colours, seen)
         assert distance >= LEAST, (name, seen, pair, distance)
 
@@ -65,12 +72,3 @@ def test_no_figure_has_colours_of_its_own() -> None:
     for file in Path(dynstiction.plot.__file__).parent.glob("*.py"):
         if file.name != "style.py":
             assert not re.findall(r"[\"\']#[0-9A-Fa-f]{6}", file.read_text(encoding="utf-8")), file.name
-
-
-@pytest.mark.parametrize("seen", SEEN)
-def test_the_report_can_be_told_apart(seen: str) -> None:
-    sheet = (Path(dynstiction.plot.__file__).parents[1] / "report" / "page.css").read_text(encoding="utf-8")
-    for theme in sheet.split("@media (prefers-color-scheme: dark)"):
-        named = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme))
-        colours = [named[name] for name in ("friction", "force", "ink")]
-        assert closest(colours, seen)[0] >= LEAST, (named, seen)

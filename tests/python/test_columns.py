@@ -120,9 +120,3 @@ def test_pull_force_is_what_a_load_cell_on_the_drive_measures(damping: dict[str,
     assert inside.sum() > 100
     force = r["pull_force"] - r["friction"] * np.cos(r["psi"])
     np.testing.assert_allclose(MASS * acceleration[inside], force[inside], atol=2e-3 * np.abs(force).max())
-
-
-def test_columns_on_request_are_not_among_the_default() -> None:
-    run = ds.run(INPUTS / "fig3.nml", scene={"t_end": 0.01})
-    assert {"theta", "spring_force_x", "pull_force"} <= set(run.columns)
-    assert not {"theta_deg", "u_x_rate", "u_y_rate"} & set(run.columns)

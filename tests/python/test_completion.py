@@ -51,39 +51,44 @@ def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
             assert "unknown option" not in taken.stderr
 
 
-def test_an_option_of_another_command_is_refused(executable):
-    for line in ("check --quiet", "resume --set a.b=1", "merge --share 1/2", "template -o x"):
-        said = Program((executable,))(*line.split(), status=1)
-        assert f"takes no {line.split()[1]}: " in said.stderr
+# A line, and what is offered after it.
+OFFERED = {
+    "run --set=friction.mu_i": ["--set=friction.mu_inf="],
+    "check --set system.mass=": [],
+    "check --set=system.mess=": [],
+    "check --set==": [],
+    "run ": ["*.nml"],
+    "run -o x.h5 a.nml ": ["*.nml"],
+    "run -o ": ["*.h5"],
+    "resume ": ["*.h5"],
+    "plot ": ["*.h5"],
+    "plot x.h5 -o ": ["*.png"],
+    "plot --kind c": ["creep", "columns", "cycle_map"],
+    "run --share ": ["auto"],
+    "paper --format p": ["png", "pdf"],
+    "paper -o ": ["*/"],
+    "fit a.nml a.csv --free system.misal": ["system.misalignment_deg"],
+    "fit a.nml a.csv --free system.mass,friction.mu_i": ["system.mass,friction.mu_inf"],
+    "fit a.nml a.csv --fitted ": ["*.nml"],
+    "compare a.nml a.csv --unit ": ["time=", "force="],
+    "compare a.nml --set friction.law=st": ["friction.law=stribeck"],
+    "animate a.h5 -o ": ["*.gif", "*.mp4"],
+}
 
 
-def test_keys_are_offered_after_set(executable, catalogue):
-    names = [f"{key['group']}.{key['name']}=" for key in catalogue["keys"]]
-    assert len(names) > 30
-    assert offered(executable, "dynstiction run --set ") == names
-    assert offered(executable, "dynstiction run --set=friction.mu_i") == ["--set=friction.mu_inf="]
-
-
-@pytest.mark.parametrize("form", ["--set ", "--set="])
-def test_choices_are_offered_after_a_key(executable, catalogue, form):
-    before = "--set=" if form == "--set=" else ""
+def test_what_is_offered(executable, catalogue):
+    for line, words in OFFERED.items():
+        assert offered(executable, f"dynstiction {line}") == words, line
+    keys = [f"{key['group']}.{key['name']}=" for key in catalogue["keys"]]
+    assert len(keys) > 30
+    assert offered(executable, "dynstiction run --set ") == keys
     laws = next(key["choices"] for key in catalogue["keys"] if key["name"] == "law")
-    assert offered(executable, f"dynstiction check {form}friction.law=") == [f"{before}friction.law={law}" for law in laws]
-    assert offered(executable, f"dynstiction check {form}system.mass=") == []
-    assert offered(executable, f"dynstiction check {form}system.mess=") == []
-    assert offered(executable, f"dynstiction check {form}=") == []
-
-
-def test_operands(executable):
-    assert offered(executable, "dynstiction run ") == ["*.nml"]
-    assert offered(executable, "dynstiction run -o x.h5 a.nml ") == ["*.nml"]
-    assert offered(executable, "dynstiction run -o ") == ["*.h5"]
-    assert offered(executable, "dynstiction resume ") == ["*.h5"]
+    for before in ("", "--set="):
+        words = [f"{before}friction.law={law}" for law in laws]
+        assert offered(executable, f"dynstiction check {before or '--set '}friction.law=") == words
     assert "low_frequency" in offered(executable, "dynstiction template ")
-    assert offered(executable, "dynstiction plot ") == ["*.h5"]
-    assert offered(executable, "dynstiction plot x.h5 -o ") == ["*.png"]
-    assert offered(executable, "dynstiction run --share ") == ["auto"]
-    assert offered(executable, "dynstiction paper --format p") == ["png", "pdf"]
+    free = {word.split(".")[0] for word in offered(executable, "dynstiction fit a.nml a.csv --free ")}
+    assert free == {"system", "friction"}
 
 
 def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue, of_python):
@@ -91,22 +96,11 @@ def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue, of
     kinds = offered(executable, "dynstiction plot own.h5 --kind ")
     assert kinds == [*plot.KINDS, *plot.SWEEP_KINDS]
     assert set(kinds) <= set(re.findall(r"\w+", dict(of_python["plot"]["options"])["--kind KIND"]))
-    assert offered(executable, "dynstiction plot --kind c") == ["creep", "columns", "cycle_map"]
     quantities = offered(executable, "dynstiction plot map.h5 --quantity ")
     assert quantities == [value["name"] for value in catalogue["summary"]]
 
 
-def test_arguments_of_python_s_commands(executable, of_python):
-    assert offered(executable, "dynstiction fit a.nml a.csv --free system.misal") == ["system.misalignment_deg"]
-    several = offered(executable, "dynstiction fit a.nml a.csv --free system.mass,friction.mu_i")
-    assert several == ["system.mass,friction.mu_inf"]
-    free = {word.split(".")[0] for word in offered(executable, "dynstiction fit a.nml a.csv --free ")}
-    assert free == {"system", "friction"}
-    assert offered(executable, "dynstiction fit a.nml a.csv --fitted ") == ["*.nml"]
-    assert offered(executable, "dynstiction compare a.nml a.csv --unit ") == ["time=", "force="]
-    assert offered(executable, "dynstiction compare a.nml --set friction.law=st") == ["friction.law=stribeck"]
-    assert offered(executable, "dynstiction animate a.h5 -o ") == ["*.gif", "*.mp4"]
-    assert offered(executable, "dynstiction paper -o ") == ["*/"]
+def test_every_argument_of_python_s_commands_is_offered(executable, of_python):
     # Words in capitals are kinds of arguments. Those that are not completed are numbers, and names that only a file can give.
     for name, command in of_python.items():
         for entry, _ in command["options"]:
@@ -137,6 +131,13 @@ def folder(tmp_path):
     return tmp_path
 
 
+# Options, and what is needed before completion.
+INTERACTIVE = {
+    "bash": (("--norc", "--noprofile", "-i"), ":", f"source '{SCRIPTS}/dynstiction.bash'"),
+    "zsh": (("-f", "-i"), "autoload -Uz compinit; compinit -u -D", f"fpath=('{SCRIPTS}' $fpath)"),
+}
+
+
 def shell(name: str) -> str:
     path = shutil.which(name)
     if path is None:
@@ -158,12 +159,12 @@ def environment(executable: Path, folder: Path) -> dict[str, str]:
     }
 
 
-def typed(command: list[str], setup: str, line: str, wanted: str, **options) -> str:
+def typed(command: list[str], setup: str, line: str, wanted: str, cwd: Path, env: dict[str, str]) -> str:
     """What a terminal shows after `line` and the tab key; waits until that is `wanted`."""
     process, terminal = pty.fork()
     if process == 0:
-        os.chdir(options["cwd"])
-        os.execve(command[0], command, options["env"])
+        os.chdir(cwd)
+        os.execve(command[0], command, env)
     try:
         os.write(terminal, f"{setup}; echo rea''dy\n".encode())
         assert "\nready" in shown_until(terminal, "\nready")
@@ -186,22 +187,10 @@ def shown_until(terminal: int, wanted: str) -> str:
 
 
 @pytest.mark.parametrize(("line", "completed"), LINES.items())
-def test_bash(executable, folder, line, completed):
-    command = [shell("bash"), "--norc", "--noprofile", "-i"]
-    shown = typed(command, f"source '{SCRIPTS}/dynstiction.bash'", line, completed, cwd=folder, env=environment(executable, folder))
-    assert completed in shown
-
-
-@pytest.mark.parametrize(("line", "completed"), LINES.items())
-def test_zsh(executable, folder, line, completed):
-    shown = typed(
-        [shell("zsh"), "-f", "-i"],
-        f"fpath=('{SCRIPTS}' $fpath); autoload -Uz compinit; compinit -u -D",
-        line,
-        completed,
-        cwd=folder,
-        env=environment(executable, folder),
-    )
+@pytest.mark.parametrize("name", INTERACTIVE)
+def test_completion_on_a_terminal(executable, folder, name, line, completed):
+    options, prepared, ours = INTERACTIVE[name]
+    shown = typed([shell(name), *options], f"{ours}; {prepared}", line, completed, folder, environment(executable, folder))
     assert completed in shown
 
 
@@ -221,17 +210,13 @@ def environment_of_the_tests() -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "before"),
-    [("bash", ["--norc", "--noprofile", "-i"], ":"), ("zsh", ["-f", "-i"], "autoload -Uz compinit; compinit -u -D")],
-)
-def test_completion_comes_with_activate(executable, folder, name, options, before):
+@pytest.mark.parametrize("name", INTERACTIVE)
+def test_completion_comes_with_activate(executable, folder, name):
     activate = environment_of_the_tests() / "bin" / "activate"
     variables = {**environment(executable, folder), "PATH": os.environ["PATH"], "VIRTUAL_ENV_DISABLE_PROMPT": "1"}
-    shown = typed(
-        [shell(name), *options], f"{before}; . '{activate}'", "dynstiction mer", "dynstiction merge ", cwd=folder, env=variables
-    )
-    assert "dynstiction merge " in shown
+    options, prepared, _ = INTERACTIVE[name]
+    merge = "dynstiction merge "
+    assert merge in typed([shell(name), *options], f"{prepared}; . '{activate}'", "dynstiction mer", merge, folder, variables)
 
 
 def test_completion_comes_with_activate_in_fish(executable, folder):

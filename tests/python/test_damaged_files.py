@@ -36,26 +36,6 @@ def cut(bytes_left: Callable[[int], int]) -> Callable[[Path], None]:
     return lambda file: os.truncate(file, bytes_left(file.stat().st_size))
 
 
-def flip_at(place: int) -> Callable[[Path], None]:
-    return lambda file: changed(file, lambda data: flipped(data, place))
-
-
-def flip_in_column(name: str) -> Callable[[Path], None]:
-    """Damage of the last bit of the second number of a column."""
-
-    def damage(file: Path) -> None:
-        with h5py.File(file) as data:
-            place = data[name].id.get_chunk_info(0).byte_offset + data[name].dtype.itemsize
-        flip_at(place)(file)
-
-    return damage
-
-
-def flip_after(mark: bytes) -> Callable[[Path], None]:
-    """Damage of the byte after the first `mark`."""
-    return lambda file: flip_at(file.read_bytes().index(mark) + len(mark))(file)
-
-
 def edit(change: Callable[[h5py.File], object]) -> Callable[[Path], None]:
     """Damage that HDF5 itself takes for a sound file."""
 
@@ -83,30 +63,15 @@ def with_times(times: list[float]) -> Callable[[Path], None]:
     return edit(change)
 
 
+# Flipped bits in other places: test_no_flipped_bit_stays_unnoticed.
 DAMAGES: dict[str, Callable[[Path], None]] = {
     "empty": cut(lambda size: 0),
-    "cut in the signature": cut(lambda size: 4),
     "cut in the superblock": cut(lambda size: 50),
-    "cut after the superblock": cut(lambda size: 96),
-    "cut early": cut(lambda size: 2048),
-    "cut in the middle": cut(lambda size: size // 2),
     "cut late": cut(lambda size: size - 600),
     "cut before the seal by one byte": cut(lambda size: size - CHECKSUM_LENGTH - 1),
     "cut by one byte": cut(lambda size: size - 1),
-    "bit of the seal": flip_at(-2),
-    "bytes behind the seal": lambda file: file.write_bytes(file.read_bytes() + b"\n") and None,
-    "bit of the signature": flip_at(0),
-    "bit of the superblock's version": flip_at(8),
-    "bit of the size of offsets": flip_at(13),
-    "bit of the size of lengths": flip_at(14),
-    "bit of the end of file": flip_at(46),
-    "bit of the root's address": flip_at(68),
-    "bit of a time": flip_in_column("time_series/time"),
-    "bit of an elongation": flip_in_column("time_series/u_x"),
-    "bit of a sticking flag": flip_in_column("time_series/sticking"),
-    "bit of an event's time": flip_in_column("events/time"),
-    "bit of an event's kind": flip_in_column("events/kind"),
-    "bit of the deck": flip_after(b"normal_load = 10"),
+    "bit of the seal": lambda file: changed(file, lambda data: flipped(data, -2)),
+    "bytes behind the seal": lambda file: changed(file, lambda data: data + b"\n"),
     "text": lambda file: file.write_text("&scene /\n"),
     "another program's": edit(lambda data: data.attrs.__setitem__("program", "other")),
     "no program": edit(lambda data: data.attrs.__delitem__("program")),
@@ -122,71 +87,45 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
 }
 
 
-def link_times(data: h5py.File) -> None:
-    data["more"] = h5py.SoftLink("/time_series/time")
-
-
-def add_table(data: h5py.File) -> None:
-    data["time_series/table"] = np.zeros(3, dtype=[("a", "f8"), ("b", "i4")])
+def add(data: h5py.File) -> None:
+    """What a user may do to a file with h5py."""
+    series = data["time_series"]
+    for group in (data, series):
+        group["mask"], group["spectrum"] = np.zeros(7, bool), np.zeros(5, complex)
+        group.create_dataset("later", (10**9,), "f8", chunks=(1000,))
+    series["positive"] = series["u_x"][:] > 0
+    series["cube"], series["one"], series["texts"] = np.zeros((2, 3, 4)), 1.0, ["a", "b"]
+    series["table"] = np.zeros(3, dtype=[("a", "f8"), ("b", "i4")])
+    series.create_dataset("lzf", data=np.zeros(9), compression="lzf")
+    series.create_group("mine")
+    data["more"], series["nowhere"] = h5py.SoftLink("/time_series/time"), h5py.SoftLink("/nowhere")
+    series["elsewhere"] = h5py.ExternalLink("none.h5", "/")
+    data["copy"] = series["u_x"]
+    attributes = {"remark": "mine", "list": ["a", "b"], "good": True, "nothing": h5py.Empty("f8"), "matrix": np.eye(3)}
+    for name, value in attributes.items():
+        series["u_x"].attrs[name] = value
+    data.attrs["sample"] = 21.7
 
 
 def compress(data: h5py.File) -> None:
-    values = data["time_series/u_y"][:]
-    attributes = dict(data["time_series/u_y"].attrs)
+    column = data["time_series/u_y"]
+    values, attributes = column[:], {name: column.attrs[name] for name in ("units", "long_name")}
     del data["time_series/u_y"]
-    data.create_dataset("time_series/u_y", data=values, compression="gzip", shuffle=True)
-    for name in ("units", "long_name"):
-        data["time_series/u_y"].attrs[name] = attributes[name]
+    data.create_dataset("time_series/u_y", data=values, compression="gzip", shuffle=True).attrs.update(attributes)
 
 
-def put(name: str, value: object) -> Callable[[h5py.File], object]:
-    return lambda data: data.__setitem__(name, value)
-
-
-def say(name: str, value: object) -> Callable[[h5py.File], object]:
-    return lambda data: data["time_series/u_x"].attrs.__setitem__(name, value)
-
-
-ADDITIONS: dict[str, Callable[[h5py.File], object]] = {
-    "mask": put("mask", np.zeros(7, bool)),
-    "mask among the columns": lambda data: put("time_series/mask", data["time_series/u_x"][:] > 0)(data),
-    "complex": put("spectrum", np.zeros(5, complex)),
-    "complex among the columns": put("time_series/spectrum", np.zeros(5, complex)),
-    "three dimensions": put("time_series/cube", np.zeros((2, 3, 4))),
-    "one number": put("time_series/one", 1.0),
-    "texts": put("time_series/texts", ["a", "b"]),
-    "LZF": lambda data: data.create_dataset("time_series/lzf", data=np.zeros(9), compression="lzf"),
-    "soft link": link_times,
-    "broken link": put("time_series/nowhere", h5py.SoftLink("/nowhere")),
-    "link to another file": put("time_series/elsewhere", h5py.ExternalLink("none.h5", "/")),
-    "second name": lambda data: put("copy", data["time_series/u_x"])(data),
-    "structured array": add_table,
-    "group": lambda data: data.create_group("time_series/mine"),
-    "unfilled chunks": lambda data: data.create_dataset("later", (10**9,), "f8", chunks=(1000,)),
-    "unfilled chunks among the columns": lambda data: data.create_dataset("time_series/later", (10**9,), "f8", chunks=(1000,)),
-    "compressed column": compress,
-    "text attribute": say("remark", "mine"),
-    "list of texts as attribute": say("list", ["a", "b"]),
-    "truth value as attribute": say("good", True),
-    "empty attribute": say("nothing", h5py.Empty("f8")),
-    "matrix as attribute": say("matrix", np.eye(3)),
-    "attribute of the file": lambda data: data.attrs.__setitem__("sample", 21.7),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("addition", ADDITIONS)
-def test_what_a_user_added_is_left_alone(sound: Path, tmp_path: Path, addition: str) -> None:
+def test_what_a_user_added_is_left_alone(sound: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.h5"
     mine.write_bytes(sound.read_bytes())
-    edit(ADDITIONS[addition])(mine)
+    for change in (add, compress):
+        edit(change)(mine)
     result, before = ds.open(mine), ds.open(sound)
     assert result.summary == before.summary
     for name in before.columns:
         np.testing.assert_array_equal(result[name], before[name])
-    if addition == "attribute of the file":
-        assert result.attributes["sample"] == 21.7
-        result.save(tmp_path / "again.h5")
-        assert ds.open(tmp_path / "again.h5").attributes["sample"] == 21.7
+    assert result.attributes["sample"] == 21.7
+    result.save(tmp_path / "again.h5")
+    assert ds.open(tmp_path / "again.h5").attributes["sample"] == 21.7
 
 
 @pytest.mark.parametrize("group", ["/", "sweep", "sweep/summary", "sweep/cycles"])
@@ -221,7 +160,7 @@ def test_nothing_leads_out_of_the_file(sound: Path, tmp_path: Path) -> None:
     layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "force", (1000,))
     ways: dict[str, Callable[[h5py.File], object]] = {
         "storage": lambda data: data.create_dataset("force", (1000,), "f8", external=[(str(secret), 0, 8000)]),
-        "link": put("force", h5py.ExternalLink(str(tmp_path / "other.h5"), "/force")),
+        "link": lambda data: data.__setitem__("force", h5py.ExternalLink(str(tmp_path / "other.h5"), "/force")),
         "virtual": lambda data: data.create_virtual_dataset("force", layout),
     }
     for name, way in ways.items():
@@ -300,15 +239,15 @@ def test_any_damage_is_read_or_refused(sound: Path, tmp_path: Path, count: int) 
     assert refusals(unsealed(sound, tmp_path), tmp_path, count) > count / 4
 
 
-@pytest.mark.parametrize("length", [2**64 - 16, 2**64 - 8, 2**63, 2**20])
-def test_a_list_of_texts_without_end_is_refused(sound: Path, tmp_path: Path, length: int) -> None:
+def test_a_list_of_texts_without_end_is_refused(sound: Path, tmp_path: Path) -> None:
     """HDF5 goes from text to text by their lengths, and would never arrive."""
     data = bytearray(unsealed(sound, tmp_path).read_bytes())
     heap = data.find(b"GCOL\x01\0\0\0")
-    data[heap + 24 : heap + 32] = length.to_bytes(8, "little")
-    (tmp_path / "bent.h5").write_bytes(data)
-    done = SCRIPT("import dynstiction as ds, sys; ds.open(sys.argv[1])", tmp_path / "bent.h5", timeout=30, status=1)
-    assert "FileError" in done.stderr and "list of texts" in done.stderr
+    for length in (2**64 - 16, 2**64 - 8, 2**63, 2**20):
+        data[heap + 24 : heap + 32] = length.to_bytes(8, "little")
+        (tmp_path / "bent.h5").write_bytes(data)
+        done = SCRIPT("import dynstiction as ds, sys; ds.open(sys.argv[1])", tmp_path / "bent.h5", timeout=30, status=1)
+        assert "FileError" in done.stderr and "list of texts" in done.stderr
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(2000, marks=pytest.mark.full)])
@@ -318,16 +257,13 @@ def test_no_flipped_bit_stays_unnoticed(sound: Path, tmp_path: Path, count: int)
     assert refusals(sound, tmp_path, count, flips="1") >= count - 1 - in_words
 
 
-def test_the_seal_is_the_checksum_that_everybody_can_compute(sound: Path) -> None:
+def test_the_seal_is_a_checksum_that_hdf5_removes(sound: Path, tmp_path: Path) -> None:
+    """Everybody can compute it; a file that HDF5 has changed is read without."""
     data = sound.read_bytes()
     assert data[-CHECKSUM_LENGTH:] == b"dynstiction CRC-32 %08X\n" % zlib.crc32(data[:-CHECKSUM_LENGTH])
-
-
-def test_a_file_that_hdf5_changed_has_no_seal_and_is_read(sound: Path, tmp_path: Path) -> None:
     for change in (lambda data: data.attrs.__setitem__("note", "mine"), lambda data: None):
         edited = tmp_path / "edited.h5"
         edited.write_bytes(sound.read_bytes())
-        with h5py.File(edited, "r+") as data:
-            change(data)
+        edit(change)(edited)
         assert b"dynstiction CRC-32" not in edited.read_bytes()[-2 * CHECKSUM_LENGTH :]
         assert ds.open(edited).summary["sticks"] == ds.open(sound).summary["sticks"]

@@ -29,16 +29,15 @@ POINTS = "system.misalignment_deg,drive.velocity\n1.5,1.0e-3\n2.5,2.0e-3\n3.5,3.
 SWEEP = "\n&sweep\n  points = 'cases.csv'\n/\n"
 
 
-def blank(data: bytes, place: int, value: bytes = b"\0") -> bytes:
-    """32 bytes of one value, from the place on where there was another one."""
-    while data[place : place + 1] == value:
+def blank(data: bytes, place: int) -> bytes:
+    """32 zeros, from the place on where there was another byte."""
+    while data[place : place + 1] == b"\0":
         place += 1
-    return data[:place] + 32 * value + data[place + 32 :]
+    return data[:place] + bytes(32) + data[place + 32 :]
 
 
-def foreign_hdf5(file: Path, **how: object) -> None:
-    file.unlink()
-    with h5py.File(file, "w", **how) as data:
+def foreign_hdf5(file: Path) -> None:
+    with h5py.File(file, "w") as data:
         data["x"] = np.arange(1000.0)
         data.attrs["program"] = "another"
 
@@ -57,55 +56,32 @@ def of_bytes(change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
 
 DAMAGES: dict[str, Callable[[Path], None]] = {
     "empty": of_bytes(lambda data: b""),
-    "one byte left": of_bytes(lambda data: data[:1]),
     "cut in its first line": of_bytes(lambda data: data[:10]),
     "cut in the middle": of_bytes(lambda data: data[: len(data) // 2 - 3]),
     "cut near the end": of_bytes(lambda data: data[: -CHECKSUM_LENGTH - 7]),
     "first byte missing": of_bytes(lambda data: data[1:]),
-    "first half missing": of_bytes(lambda data: data[len(data) // 2 :]),
     "first bytes zero": of_bytes(lambda data: blank(data, 0)),
     "zeros in the middle": of_bytes(lambda data: blank(data, len(data) // 2)),
-    "all bits set in the middle": of_bytes(lambda data: blank(data, len(data) // 2, b"\xff")),
     "zeros only": of_bytes(lambda data: bytes(len(data))),
     "bit at the beginning": of_bytes(lambda data: flipped(data, 2, 7)),
     "bit at a third": of_bytes(lambda data: flipped(data, len(data) // 3, 7)),
-    "bit at two thirds": of_bytes(lambda data: flipped(data, 2 * len(data) // 3, 7)),
     "bit near the end": of_bytes(lambda data: flipped(data, -CHECKSUM_LENGTH - 9, 7)),
-    "backwards": of_bytes(lambda data: data[::-1]),
-    "bytes in pairs exchanged": of_bytes(lambda data: bytes(b for i in range(0, len(data) - 1, 2) for b in (data[i + 1], data[i]))),
     "as UTF-16": of_bytes(lambda data: data.decode("latin-1").encode("utf-16")),
     "compressed": of_bytes(lambda data: b"\x1f\x8b\x08\0" + hashlib.sha512(data).digest() * 20),
     "another text": of_bytes(lambda data: b"Dear colleague,\nplease find enclosed the file.\n"),
-    "another HDF5 file": foreign_hdf5,
-    "another HDF5 file, newest format": lambda file: foreign_hdf5(file, libver="latest"),
+    "another HDF5 file": replace_by(foreign_hdf5),
     "an older NetCDF file": of_bytes(lambda data: b"CDF\x01" + bytes(200)),
     "a folder": replace_by(Path.mkdir),
     "a pipe": replace_by(os.mkfifo),
     "a device": replace_by(lambda file: file.symlink_to("/dev/zero")),
     "a link to itself": replace_by(lambda file: file.symlink_to(file)),
-    "a broken link": replace_by(lambda file: file.symlink_to("nowhere")),
     "missing": replace_by(lambda file: None),
     "no permission": lambda file: file.chmod(0),
 }  # fmt: skip
 
 
-class Bench:
-    """Sound files of every kind, and the commands that read them."""
-
-    def __init__(self, executable: Path, folder: Path) -> None:
-        self.executable, self.folder = executable, folder
-        deck = (INPUTS / "low_frequency.nml").read_text()
-        deck = re.sub(r"t_end = \S+", "t_end = 0.2", deck)
-        (folder / "deck.nml").write_text(deck)
-        (folder / "map.nml").write_text(deck + SWEEP)
-        (folder / "cases.csv").write_text(POINTS)
-        for part in ("1/2", "2/2"):
-            self.call("run", "map.nml", "-o", "map.h5", "--share", part, status=0)
-        stop = ("scene.t_end=8.0", "output.interval=1e-4", "output.wall_limit=0.001")
-        self.call("run", INPUTS / "fig3.nml", "-o", "stopped.h5", settings=stop, status=STOPPED)
-
-    def call(self, *arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
-        return Program((self.executable,), self.folder)(*arguments, "--quiet", timeout=LIMIT, **options)
+def call(program: Program, *arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    return program(*arguments, "--quiet", timeout=LIMIT, **options)
 
 
 # The file that is damaged, the command that reads it, and whom its refusal must name.
@@ -118,27 +94,37 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 @pytest.fixture(scope="module")
-def sound(executable: Path, tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    return Bench(executable, tmp_path_factory.mktemp("sound"))
+def sound(executable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a sound file of every kind."""
+    folder = tmp_path_factory.mktemp("sound")
+    program = Program((executable,), folder)
+    deck = re.sub(r"t_end = \S+", "t_end = 0.2", (INPUTS / "low_frequency.nml").read_text())
+    (folder / "deck.nml").write_text(deck)
+    (folder / "map.nml").write_text(deck + SWEEP)
+    (folder / "cases.csv").write_text(POINTS)
+    for part in ("1/2", "2/2"):
+        call(program, "run", "map.nml", "-o", "map.h5", "--share", part, status=0)
+    stop = ("scene.t_end=8.0", "output.interval=1e-4", "output.wall_limit=0.001")
+    call(program, "run", INPUTS / "fig3.nml", "-o", "stopped.h5", settings=stop, status=STOPPED)
+    return folder
 
 
 @pytest.fixture
-def bench(sound: Bench, tmp_path: Path) -> Bench:
-    copy = Bench.__new__(Bench)
-    copy.executable, copy.folder = sound.executable, tmp_path
-    shutil.copytree(sound.folder, tmp_path, dirs_exist_ok=True)
-    return copy
+def folder(sound: Path, tmp_path: Path) -> Path:
+    """The test's folder, with copies of them."""
+    shutil.copytree(sound, tmp_path, dirs_exist_ok=True)
+    return tmp_path
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
+def test_damaged_input_is_refused(program: Program, folder: Path, kind: str, damage: str) -> None:
     if damage == "no permission" and os.geteuid() == 0:
         pytest.skip("root reads everything")
     name, command = KINDS[kind]
-    DAMAGES[damage](bench.folder / name)
-    others = {path: path.read_bytes() for path in bench.folder.iterdir() if path.is_file() and path.name != name}
-    done = bench.call(*command)
+    DAMAGES[damage](folder / name)
+    others = {path: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != name}
+    done = call(program, *command)
     if kind == "share" and damage == "missing":
         assert done.returncode == 75, done
         assert "of 3 cases have not been run" in done.stderr
@@ -149,25 +135,25 @@ def test_damaged_input_is_refused(bench: Bench, kind: str, damage: str) -> None:
     assert all(line.startswith("dynstiction: ") for line in done.stderr.splitlines())
     # Nothing else was changed, and no result was written.
     assert {path: path.read_bytes() for path in others} == others
-    assert not (bench.folder / "deck.h5").exists()
+    assert not (folder / "deck.h5").exists()
 
 
-def test_sound_inputs_are_accepted(bench: Bench) -> None:
+def test_sound_inputs_are_accepted(program: Program, folder: Path) -> None:
     """What is refused above is refused for its damage."""
     for kind, (_, command) in KINDS.items():
-        done = bench.call(*command)
+        done = call(program, *command)
         assert done.returncode == (75 if "stopped" in command[1] else 0), (kind, done)
 
 
 @pytest.mark.parametrize("existing", ["text", "folder", "pipe"])
-def test_what_is_no_result_is_not_overwritten(bench: Bench, existing: str) -> None:
+def test_what_is_no_result_is_not_overwritten(program: Program, folder: Path, existing: str) -> None:
     for command in (("run", "deck.nml"), ("merge", "map.nml")):
-        target = bench.folder / f"{command[0]}.h5"
+        target = folder / f"{command[0]}.h5"
         {"text": lambda path: path.write_text("notes\n"), "folder": Path.mkdir, "pipe": os.mkfifo}[existing](target)
         before = target.stat()
-        for share in bench.folder.glob("map.*-of-2.h5"):
-            shutil.copy(share, bench.folder / share.name.replace("map", "merge"))
-        assert target.name in bench.call(*command, "-o", target.name, "--overwrite", status=3).stderr
+        for share in folder.glob("map.*-of-2.h5"):
+            shutil.copy(share, folder / share.name.replace("map", "merge"))
+        assert target.name in call(program, *command, "-o", target.name, "--overwrite", status=3).stderr
         assert (target.stat().st_ino, target.stat().st_mode) == (before.st_ino, before.st_mode)
         if existing == "text":
             assert target.read_text() == "notes\n"

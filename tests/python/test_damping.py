@@ -1,8 +1,10 @@
-"""Dampers beside the springs: `system.damping_x` and `damping_y`."""
+"""Dampers beside the springs: `system.damping_x` and `damping_y`.
+
+Single functions and the release under ramps: tests/unit/test_damping.f90; random scenes against another program: tests/audit.
+"""
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import dynstiction as ds
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from programs import ROOT
-from scipy.integrate import simpson, solve_ivp
+from scipy.integrate import simpson
 from scipy.optimize import brentq
 
 IMPLICIT = ["radau5", "radau9", "radau13"]
@@ -36,23 +38,6 @@ def scene(*changes: fig3.Groups, model: str = "full", method: str = "radau13", r
     )
 
 
-def free(theta_deg: float, method: str, rtol: float, **damping: float) -> ds.Result:
-    """Slip without friction of a spring that is let go, under no drive: two damped oscillators."""
-    return ds.run(
-        scene(
-            {
-                "system": {"stiffness_y": 4e3, "misalignment_deg": theta_deg, **damping},
-                "friction": {**fig3.CONSTANT, "mu_0": 0.0},
-                "drive": {"velocity": 0.0},
-                "initial": {"elongation_x": 1e-3, "elongation_y": 5e-4},
-            },
-            method=method,
-            rtol=rtol,
-            t_end=0.5,
-        )
-    )
-
-
 def oscillator(t: Vector, u_0: float, mass: float, stiffness: float, damping: float) -> Vector:
     """u(t) of m u'' + c u' + k u = 0 from rest at u_0."""
     roots = np.roots([mass, damping, stiffness]).astype(complex)
@@ -63,154 +48,16 @@ def oscillator(t: Vector, u_0: float, mass: float, stiffness: float, damping: fl
 @pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize(("damping_x", "damping_y"), [(0.7, 0.0), (0.0, 3.0), (2.0, 5.0), (40.0, 2.0)])
 def test_free_decay(method: str, damping_x: float, damping_y: float) -> None:
-    """Every sample of two free oscillations, from below to above the critical damping, 31.6 and 63.2 N s/m."""
-    result = free(20.0, method, 1e-11, damping_x=damping_x, damping_y=damping_y)
+    """A spring that is let go without friction and drive: every sample of two free oscillations, from below to above the critical
+    damping, 31.6 and 63.2 N s/m.
+    """
+    system = {"stiffness_y": 4e3, "misalignment_deg": 20.0, "damping_x": damping_x, "damping_y": damping_y}
+    changes = {"friction": {**fig3.CONSTANT, "mu_0": 0.0}, "drive": {"velocity": 0.0}}
+    initial = {"elongation_x": 1e-3, "elongation_y": 5e-4}
+    result = ds.run(scene({"system": system, **changes, "initial": initial}, method=method, rtol=1e-11, t_end=0.5))
     for name, u_0, k, c in (("u_x", 1e-3, 1e3, damping_x), ("u_y", 5e-4, 4e3, damping_y)):
         expected = oscillator(result.time, u_0, 0.25, k, c)
         np.testing.assert_allclose(result[name], expected, rtol=0, atol=1e-8 * u_0)
-
-
-@pytest.mark.parametrize("method", ADAPTIVE)
-def test_decay_rate_and_frequency(method: str) -> None:
-    """Rate c/2m and frequency of what is left between two maxima, to 1e-8."""
-    result = free(0.0, method, 1e-12, damping_x=1.5)
-    rate, frequency = 1.5 / 0.5, math.sqrt(1e3 / 0.25 - (1.5 / 0.5) ** 2)
-    # u and u' = -w are known at every sample: the complex amplitude w + (rate - i frequency) u turns and decays as a whole.
-    amplitude = -result["w_x"] + (rate + 1j * frequency) * result["u_x"]
-    growth = np.polyfit(result.time, np.log(np.abs(amplitude)), 1)[0]
-    turning = np.polyfit(result.time, np.unwrap(np.angle(amplitude)), 1)[0]
-    assert growth == pytest.approx(-rate, rel=1e-8)
-    assert abs(turning) == pytest.approx(frequency, rel=1e-8)
-
-
-class Reference:
-    """The same motion by another program: slip in Cartesian velocities between events, each phase by scipy."""
-
-    def __init__(self, system: dict[str, float], friction: dict[str, float], times: Vector, velocities: Vector) -> None:
-        phi = math.radians(system["misalignment_deg"])
-        self.m, self.e = system["mass"], np.array([math.cos(phi), math.sin(phi)])
-        self.k = np.array([system["stiffness_x"], system["stiffness_y"]])
-        self.c = np.array([system["damping_x"], system["damping_y"]])
-        self.f = friction
-        self.times, self.velocities = times, velocities
-
-    def friction_at(self, v: float) -> float:
-        f = self.f
-        return f["normal_load"] * (f["mu_inf"] + (f["mu_0"] - f["mu_inf"]) * math.exp(-v / f["v_f"]))
-
-    def run(self, t_end: float, sampled: Vector) -> tuple[Vector, Vector]:
-        """(u_x, u_y, w_x, w_y) at the times, and the works of drive, friction and dampers."""
-        values = np.empty((sampled.size, 4))
-        state, sticks = np.zeros(7), True
-        knots = [*(t for t in self.times if t < t_end), t_end]
-        for begin, end in itertools.pairwise(knots):
-            if end <= begin:
-                continue
-            first = int(np.searchsorted(self.times, begin, side="right")) - 1
-            v_0 = self.velocities[first]
-            ramp = 0.0
-            if first + 1 < self.times.size:
-                ramp = (self.velocities[first + 1] - v_0) / (self.times[first + 1] - self.times[first])
-            state, sticks = self.stretch(begin, end, v_0, ramp, state, sticks, sampled, values)
-        return values, state[4:]
-
-    def stretch(self, begin, end, v_0, ramp, state, sticks, sampled, values):  # type: ignore[no-untyped-def]
-        """One stretch of the drive on which V is linear."""
-        t = begin
-        limit = self.friction_at(0.0)
-
-        def drive(t: float) -> float:
-            return v_0 + ramp * (t - begin)
-
-        def at_rest(t: float, y: Vector) -> Vector:
-            return self.k * y[:2] + self.c * drive(t) * self.e
-
-        def stuck(t: float, y: Vector) -> Vector:
-            rate = drive(t) * self.e
-            force = at_rest(t, y)
-            return np.array([*rate, 0.0, 0.0, rate @ force, 0.0, rate @ (self.c * rate)])
-
-        def slip(t: float, y: Vector) -> Vector:
-            w = y[2:4]
-            v = math.hypot(*w)
-            rate = drive(t) * self.e - w
-            force = self.k * y[:2] + self.c * rate
-            friction = self.friction_at(v)
-            n = w / v if v > 0.0 else at_rest(t, y) / math.hypot(*at_rest(t, y))
-            return np.array(
-                [*rate, *((force - friction * n) / self.m), drive(t) * (self.e @ force), friction * v, rate @ (self.c * rate)]
-            )
-
-        def stops(t: float, y: Vector) -> float:
-            return float(y[2] ** 2 + y[3] ** 2) - 1e-24
-
-        def release(t: float, y: Vector) -> float:
-            return math.hypot(*at_rest(t, y)) - limit
-
-        release.terminal, release.direction = True, 1.0  # type: ignore[attr-defined]
-        stops.terminal, stops.direction = True, -1.0  # type: ignore[attr-defined]
-        while t < end:
-            if sticks:
-                if release(t, state) > 1e-12 * limit:
-                    sticks = False
-                    continue
-                step = solve_ivp(stuck, (t, end), state, "DOP853", rtol=1e-13, atol=1e-18, events=release, dense_output=True)
-            else:
-                # From rest the object sets off along the force; a Taylor step leads past v = 0.
-                if not np.any(state[2:4]):
-                    force = at_rest(t, state)
-                    n = force / math.hypot(*force)
-                    growth = (self.k * drive(t) + self.c * ramp) * self.e
-                    rate = max(0.0, math.hypot(*force) - limit) / self.m
-                    h = 1e-7
-                    state = state + h * stuck(t, state)
-                    state[2:4] = (rate * h + 0.5 * h * h * float(growth @ n) / self.m) * n
-                    t += h
-
-                step = solve_ivp(slip, (t, end), state, "Radau", rtol=1e-10, atol=1e-15, events=stops, dense_output=True)
-            inside = (sampled >= t) & (sampled <= step.t[-1])
-            values[inside] = step.sol(sampled[inside]).T[:, :4]
-            t, state = float(step.t[-1]), step.y[:, -1]
-            if step.status == 1:
-                sticks = not sticks
-                state[2:4] = 0.0
-        return state, sticks
-
-
-FRICTION = {key: value for key, value in fig3.FRICTION.items() if key != "law"}
-PROFILES = {
-    "ramp, jump and reversal": ([0.0, 0.25, 0.45, 0.45, 0.6], [4e-3, 4e-3, 9e-3, -3e-3, -3e-3]),
-    "jumps that release": ([0.0, 0.1, 0.1, 0.2, 0.2], [0.0, 0.0, 4e-2, 4e-2, -3e-2]),
-}
-
-
-@pytest.mark.parametrize("method", ADAPTIVE)
-@pytest.mark.parametrize(
-    ("profile", "damping_x", "damping_y"),
-    [
-        ("ramp, jump and reversal", 1.0, 6.0),
-        ("ramp, jump and reversal", 0.0, 90.0),
-        ("ramp, jump and reversal", 40.0, 0.0),
-        ("jumps that release", 70.0, 90.0),
-    ],
-)
-def test_against_another_program(method: str, profile: str, damping_x: float, damping_y: float) -> None:
-    """Slips, sticks and works of a damped stick-slip on a profile."""
-    system = {**fig3.SYSTEM, "stiffness_y": 4e3, "misalignment_deg": 20.0, "damping_x": damping_x, "damping_y": damping_y}
-    times, velocities = PROFILES[profile]
-    result = ds.run(
-        scene(
-            {"system": system, "drive": {"time": times, "velocity": velocities}, "integrator": {"rtol": 1e-11}},
-            method=method,
-            t_end=0.8,
-        )
-    )
-    assert result.summary["sticks"] > 1
-    values, works = Reference(system, FRICTION, np.array(times), np.array(velocities)).run(0.8, np.asarray(result.time))
-    for i, name in enumerate(("u_x", "u_y", "w_x", "w_y")):
-        np.testing.assert_allclose(result[name], values[:, i], rtol=0, atol=1e-8 * np.abs(values[:, i]).max())
-    names = ("drive_work", "friction_work", "damper_work")
-    np.testing.assert_allclose([result.summary[name] for name in names], works, rtol=1e-8)
 
 
 MODELS = [
@@ -232,19 +79,26 @@ def as_far_as_it_goes(given: ds.Scene) -> ds.Result:
 
 
 @pytest.mark.parametrize("integrator", [{"method": "radau13"}, {"method": "dopri5", "v_cut": 1e-5}])
-def test_damper_work_is_that_of_the_samples(integrator: dict[str, object]) -> None:
-    """In slip, at rest, and in stops that are finished in closed form: the balance has this work on both sides, and would not tell."""
+def test_works_are_those_of_the_samples(integrator: dict[str, object]) -> None:
+    """In slip, at rest, and in stops that are finished in closed form: the balance has what dampers take on both sides, and would not
+    tell.
+    """
     fig3 = ds.Scene(ROOT / "inputs" / "fig3.nml").replace(system={"damping_x": 3.0, "damping_y": 40.0})
     run = ds.run(
         fig3,
         scene={"t_end": 2.5},
         integrator={"rtol": 1e-9} | integrator,
-        output={"interval": 1e-5, "fields": ["w_x", "w_y", "sticking"]},
+        output={"interval": 1e-5, "fields": ["w_x", "w_y", "sticking", "friction", "pull_force"]},
     )
     assert run["sticking"].mean() > 0.03
     phi = np.radians(1.0)
-    power = 3.0 * (1e-3 * np.cos(phi) - run["w_x"]) ** 2 + 40.0 * (1e-3 * np.sin(phi) - run["w_y"]) ** 2
-    assert run.summary["damper_work"] == pytest.approx(simpson(power, x=run.time), rel=1e-7)
+    power = {
+        "damper_work": 3.0 * (1e-3 * np.cos(phi) - run["w_x"]) ** 2 + 40.0 * (1e-3 * np.sin(phi) - run["w_y"]) ** 2,
+        "friction_work": run["friction"] * np.hypot(run["w_x"], run["w_y"]),
+        "drive_work": 1e-3 * run["pull_force"],
+    }
+    for name, values in power.items():
+        assert run.summary[name] == pytest.approx(simpson(values, x=run.time), rel=1e-7), name
 
 
 @pytest.mark.parametrize(("model", "contact", "method"), MODELS)
@@ -297,28 +151,6 @@ def test_energy_balance(model: str, contact: dict[str, object], method: str) -> 
         done += result.summary.get("damper_work", 0.0) > 0.0
         assert abs(result.summary["energy_residual"]) < 1e-7
     assert done >= 3
-
-
-def test_fast_oscillation_of_fig_3() -> None:
-    """Above the critical damping of the stiff spring nothing oscillates there; without it the slip speed passes between rest and
-    twice its mean a thousand times a second.
-    """
-    critical = 2.0 * math.sqrt(fig3.SYSTEM["stiffness_y"] * fig3.SYSTEM["mass"])
-
-    def stops(**damping: float) -> tuple[int, float]:
-        """Sticks in the first creep, and how far u_y departs from its running mean after the first tenth."""
-        result = ds.run(scene({"system": damping, "output": {"interval": 1e-5}}, rtol=1e-8, t_end=0.5))
-        late = result.time > 0.3
-        smooth = np.convolve(result["u_y"], np.ones(201) / 201.0, "same")
-        ripple = np.abs(result["u_y"] - smooth)[late & (result.time < 0.49)].max()
-        return int(result.summary["sticks"]), float(ripple / result["u_y"][late].mean())
-
-    sticks, ripple = stops()
-    assert sticks > 100
-    assert ripple > 0.01
-    sticks, ripple = stops(damping_y=1.2 * critical)
-    assert sticks == 1
-    assert ripple < 1e-4
 
 
 def linear(parameters: dict[str, float]) -> NDArray[np.complex128]:
@@ -398,61 +230,6 @@ def test_equations() -> None:
     np.testing.assert_allclose(more, np.diag([0.0, 0.0, *(-damping / p["mass"])]), rtol=1e-12, atol=1e-12)
 
 
-def first_slip(result: ds.Result, after: float = -1.0) -> float:
-    """Time of the first release after a time."""
-    slips = result.events["time"][(result.events["kind"] == 2) & (result.events["time"] > after)]
-    return float(slips[0]) if slips.size else math.inf
-
-
-@pytest.mark.parametrize("method", ["radau9", "dopri5"])
-def test_release_under_a_ramp(method: str) -> None:
-    """The time at which |K u + C V e| reaches the static limit, against a bisection; V rises or falls through 0 meanwhile."""
-    random = np.random.default_rng(7)
-    released = 0
-    for _ in range(40):
-        k = np.exp(random.uniform(np.log(1e2), np.log(1e4), 2))
-        c = np.exp(random.uniform(np.log(1.0), np.log(1e3), 2)) * random.choice([0.0, 1.0], 2)
-        v_0, v_1 = random.uniform(-3e-3, 6e-3, 2)
-        phi = math.radians(random.uniform(-90.0, 90.0))
-        e = np.array([math.cos(phi), math.sin(phi)])
-        limit, end = 2.0, 1.0
-        u_0 = random.uniform(-0.6, 0.6, 2) * limit / k
-
-        def excess(t: float) -> float:
-            u = u_0 + (v_0 * t + 0.5 * (v_1 - v_0) * t * t / end) * e  # noqa: B023
-            return float(np.linalg.norm(k * u + c * (v_0 + (v_1 - v_0) * t / end) * e) - limit)  # noqa: B023
-
-        times = np.linspace(0.0, end, 20001)
-        above = np.nonzero(np.array([excess(t) for t in times]) > 0.0)[0]
-        expected = math.inf
-        if above.size:
-            expected = 0.0 if above[0] == 0 else brentq(excess, times[above[0] - 1], times[above[0]], xtol=1e-16, rtol=1e-14)
-        if expected == 0.0:
-            continue
-        result = as_far_as_it_goes(
-            scene(
-                {
-                    "system": {
-                        "stiffness_x": k[0], "stiffness_y": k[1], "misalignment_deg": math.degrees(phi),
-                        "damping_x": c[0], "damping_y": c[1],
-                    },
-                    "drive": {"time": [0.0, end], "velocity": [v_0, v_1]},
-                    "initial": {"elongation_x": u_0[0], "elongation_y": u_0[1]},
-                    "integrator": {"max_steps": 3000},
-                },
-                method=method,
-                rtol=1e-6,
-                t_end=end,
-            )
-        )  # fmt: skip
-        if math.isinf(expected):
-            assert math.isinf(first_slip(result))
-        else:
-            released += 1
-            assert first_slip(result) == pytest.approx(expected, rel=1e-11)
-    assert released > 10
-
-
 @pytest.mark.parametrize("method", ADAPTIVE)
 def test_release_at_a_jump(method: str) -> None:
     """A jump of V by 20 mm/s loads the damper by 2.4 N at once, beyond the static limit of 2 N: the object sets off with the
@@ -468,7 +245,8 @@ def test_release_at_a_jump(method: str) -> None:
         t_end=0.101,
     )
     result = ds.run(given)
-    assert first_slip(result) == 0.1
+    slips = result.events["time"][result.events["kind"] == 2]
+    assert slips[0] == 0.1
     at = np.searchsorted(result.time, 0.1)
     phi = math.radians(1.0)
     pull = np.hypot(*((np.array([1e3, 4e3]) * 1e-5 + np.array([120.0 * 2.01e-2, 0.0])) * [math.cos(phi), math.sin(phi)]))
@@ -502,38 +280,24 @@ def test_zero_is_as_absent(method: str) -> None:
     assert "damper_work" not in without.summary
 
 
-def test_little_damping_is_nearly_none() -> None:
-    """The motion depends on the damping without a jump at 0."""
-    without, little = (
-        ds.run(scene({"system": {"damping_x": c, "damping_y": c}, "integrator": {"cycle_map": "off"}}, rtol=1e-9, t_end=0.8))
-        for c in (0.0, 1e-9)
-    )
-    np.testing.assert_allclose(little["u_x"], without["u_x"], rtol=0, atol=1e-8 * np.abs(without["u_x"]).max())
-
-
-REFUSED = [
-    ({"scene": {"model": "creep"}, "system": {"damping_x": 1.0}}, "damping_x"),
-    ({"scene": {"model": "creep"}, "system": {"damping_y": 1.0}}, "damping_y"),
-    ({"scene": {"model": "creep_asymptotic"}, "system": {"damping_x": 1.0}}, "damping_x"),
-    ({"scene": {"model": "high_frequency"}, "system": {"damping_x": 1.0}}, "damping_x"),
-    ({"scene": {"model": "low_frequency"}, "system": {"damping_y": 1.0}}, "damping_y"),
-    ({"scene": {"model": "low_frequency"}, "system": {"damping_x": 1.0}, "integrator": {"method": "rodas4p"}}, "damping_x"),
-    ({"system": {"damping_x": -1.0}}, "damping_x"),
-    ({"system": {"damping_y": math.nan}}, "damping_y"),
-]
-
-
-@pytest.mark.parametrize(("change", "key"), REFUSED)
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"scene": {"model": "creep"}, "system": {"damping_x": 1.0}}, "damping_x"),
+        ({"scene": {"model": "high_frequency"}, "system": {"damping_x": 1.0}}, "damping_x"),
+        ({"scene": {"model": "low_frequency"}, "system": {"damping_y": 1.0}}, "damping_y"),
+        ({"scene": {"model": "low_frequency"}, "system": {"damping_x": 1.0}, "integrator": {"method": "rodas4p"}}, "damping_x"),
+        ({"system": {"damping_x": -1.0}}, "damping_x"),
+    ],
+)
 def test_refused_by_name(change: fig3.Groups, key: str) -> None:
     given = scene(change)
     with pytest.raises(ds.DeckError, match=key):
         given.check()
 
 
-@pytest.mark.parametrize("model", ["full", "low_frequency"])
-def test_what_knows_no_dampers_says_so(model: str) -> None:
-    change = {"stiffness_y": None} if model == "low_frequency" else {}
-    given = scene({"system": {"damping_x": 1.0, **change}}, model=model)
+def test_what_knows_no_dampers_says_so() -> None:
+    given = scene({"system": {"damping_x": 1.0, "stiffness_y": None}}, model="low_frequency")
     with pytest.raises(ds.Error, match="damping_x"):
         ds.cycles(given, model="low_frequency")
 

@@ -85,15 +85,6 @@ def test_python_names_are_in_the_manual() -> None:
     assert set(ds.__all__) - by_module <= listed, "add what is missing to docs/python.md"
 
 
-def test_error_codes_are_in_the_manual() -> None:
-    source = (ROOT / "src" / "base" / "errors.f90").read_text(encoding="utf-8")
-    codes = dict(re.findall(r"integer, parameter :: (\w+) = (\d+)", source))
-    assert len(codes) > 10
-    rows = re.findall(r"^\| (\d+) \|(?: ([\d to]+) \|)?", (DOCS / "errors.md").read_text(encoding="utf-8"), re.MULTILINE)
-    described = {first for first, _ in rows} | {second for _, second in rows}
-    assert set(codes.values()) <= described, "docs/errors.md lacks a code of src/base/errors.f90"
-
-
 def test_links_lead_somewhere() -> None:
     broken = []
     for page in [ROOT / "README.md", *DOCS.rglob("*.md"), *(ROOT / "bench").rglob("*.md"), *(ROOT / "tests").rglob("*.md")]:
@@ -102,10 +93,7 @@ def test_links_lead_somewhere() -> None:
             if "://" not in target and not (page.parent / target).exists():
                 broken.append(f"{page.relative_to(ROOT)}: {target}")
     assert not broken
-
-
-def test_the_readme_names_its_files_in_words() -> None:
-    """Package indexes show it without the files that it refers to."""
+    # Package indexes show the README without the files that it refers to: it names them in words.
     links = re.findall(r"(?<!!)\[([^\]]*)\]\(([^)#\s]+)", (ROOT / "README.md").read_text(encoding="utf-8"))
     assert len(links) > 20
     assert not [(text, target) for text, target in links if text != target]
@@ -114,30 +102,23 @@ def test_the_readme_names_its_files_in_words() -> None:
 FIGURE = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+)\)$\n+(.*)", re.MULTILINE)
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
-def test_figures_have_an_alternative_text_and_a_caption(page: Path) -> None:
+def test_figures_have_an_alternative_text_and_a_caption() -> None:
     """In italics below the figure; who cannot see it reads what it shows."""
-    text = page.read_text(encoding="utf-8")
-    found = FIGURE.findall(text)
-    assert len(found) == len(re.findall(r"!\[", text)), "a figure stands on a line of its own"
-    for alternative, target, below in found:
-        assert len(alternative) >= 20, f"{page.name}: {target} needs a text in brackets that says what it shows"
-        assert below.startswith("*"), f"{page.name}: {target} needs a caption in *italics* below it"
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        text = page.read_text(encoding="utf-8")
+        found = FIGURE.findall(text)
+        assert len(found) == len(re.findall(r"!\[", text)), f"{page.name}: a figure stands on a line of its own"
+        for alternative, target, below in found:
+            assert len(alternative) >= 20, f"{page.name}: {target} needs a text in brackets that says what it shows"
+            assert below.startswith("*"), f"{page.name}: {target} needs a caption in *italics* below it"
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:
-    index = toctrees()
-    listed = {line.strip() for text in index for line in text.splitlines()}
-    for page in DOCS.rglob("*.md"):
-        name = page.relative_to(DOCS).with_suffix("").as_posix()
-        if name in ("index", "ford") or name.startswith("notebooks/"):
-            continue
-        assert name in listed, f"{name} is in no toctree of docs/index.md"
-
-
-def toctrees() -> list[str]:
     text = (DOCS / "index.md").read_text(encoding="utf-8")
-    return re.findall(r"^```\{toctree\}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    trees = re.findall(r"^```\{toctree\}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    listed = {line.strip() for tree in trees for line in tree.splitlines()}
+    names = {page.relative_to(DOCS).with_suffix("").as_posix() for page in DOCS.rglob("*.md")}
+    assert not {name for name in names - {"index", "ford"} - listed if not name.startswith("notebooks/")}
 
 
 def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,18 +136,12 @@ def test_every_equation_can_be_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert count > 50
 
 
-def test_numbers_keep_their_sign_and_their_unit(monkeypatch: pytest.MonkeyPatch) -> None:
-    for package in ("docutils", "sphinx"):
+def test_how_numbers_and_equations_are_parted(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("latex2mathml", "docutils", "sphinx"):
         pytest.importorskip(package)
     monkeypatch.syspath_prepend(DOCS)
     number = importlib.import_module("numbers_together").NUMBER
     assert number.findall("from 1e-5 m/s in 10 s to −0.2 %, 3 sticks, 5 seconds") == ["1e-5 m/s", "10 s", "−0.2 %"]
-
-
-def test_equations_of_a_line_are_parted(monkeypatch: pytest.MonkeyPatch) -> None:
-    for package in ("latex2mathml", "docutils", "sphinx"):
-        pytest.importorskip(package)
-    monkeypatch.syspath_prepend(DOCS)
     parts = importlib.import_module("mathml").parts
     assert parts(r"a = b, \qquad c = \frac{d \qquad e}{f}, \qquad (1)") == ["a = b,", r"c = \frac{d \qquad e}{f}, \qquad (1)"]
     assert parts("a \\quad (1)") == ["a \\quad (1)"] and parts("(1)") == ["(1)"]

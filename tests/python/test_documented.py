@@ -54,27 +54,23 @@ def parameters_of(thing: Any) -> set[str]:
     return set(inspect.signature(thing).parameters) - {"self", "cls"}
 
 
+def attributes_in(text: str) -> set[str]:
+    heads = re.findall(r"^(\S[^:\n]*) : ", section(text, "Attributes"), re.MULTILINE)
+    return {part.strip() for head in heads for part in head.split(",")}
+
+
 @pytest.mark.parametrize("name", PUBLIC)
-def test_every_public_name_has_a_docstring(name: str) -> None:
+def test_every_public_name_is_explained_with_its_parameters(name: str) -> None:
     thing = PUBLIC[name]
     assert "__doc__" in vars(thing) if inspect.isclass(thing) else thing.__doc__
-    first = (inspect.getdoc(thing) or "").splitlines()[0]
+    text = inspect.getdoc(thing) or ""
+    first = text.splitlines()[0]
     assert len(first) > 15
     assert first.rstrip().endswith((".", ":"))
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_every_parameter_is_explained(name: str) -> None:
-    thing = PUBLIC[name]
-    text = inspect.getdoc(thing) or ""
     explained = named_in(text)
     if inspect.isclass(thing):
         # A dataclass that is a result lists its attributes.
-        heads = re.findall(r"^(\S[^:\n]*) : ", section(text, "Attributes"), re.MULTILINE)
-        explained |= {part.strip() for head in heads for part in head.split(",")}
-        for base in thing.__mro__[1:]:
-            heads = re.findall(r"^(\S[^:\n]*) : ", section(inspect.getdoc(base) or "", "Attributes"), re.MULTILINE)
-            explained |= {part.strip() for head in heads for part in head.split(",")}
+        explained |= attributes_in(text).union(*(attributes_in(inspect.getdoc(base) or "") for base in thing.__mro__[1:]))
     missing = parameters_of(thing) - explained
     assert not missing, f"{name}: {sorted(missing)}"
 

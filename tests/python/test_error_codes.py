@@ -94,8 +94,3 @@ def test_failed_and_forgotten_cases_of_a_sweep(program: Program) -> None:
     assert HELP in program("merge", "map.nml", "-o", "part.h5", *limit, status=STOPPED).stderr
     with h5py.File(folder / "part.h5") as data:
         assert sorted(data["sweep/result_code"][:]) == [-1, -1, 42, 42]
-
-
-@pytest.mark.parametrize(("arguments", "code"), [(["fly"], 1), (["run", "none.nml"], 2), (["resume", "none.h5"], 3)])
-def test_refusals(program: Program, arguments: list[str], code: int) -> None:
-    assert program(*arguments, status=code).stderr.startswith("dynstiction: ")

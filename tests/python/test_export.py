@@ -65,19 +65,6 @@ def test_a_run_as_csv_keeps_every_bit(file: Path, result: ds.Result, tmp_path: P
     assert int(rows["statistics", "steps"]["value"]) == result.statistics["steps"]
 
 
-def test_existing_tables_are_kept(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["export", str(file), "-o", str(tmp_path)]
-    assert main(command) == 0
-    assert capsys.readouterr().out.count(".csv\n") == 3
-    assert main(command) == 3
-    assert "exists" in capsys.readouterr().err
-    assert main([*command, "--overwrite"]) == 0
-    (tmp_path / "plain").write_text("")
-    assert main(["export", str(file), "-o", str(tmp_path / "plain")]) == 3
-    assert main(["export", str(file), "-o", str(tmp_path)]) == 3
-    assert main(["export", str(tmp_path / "none.h5")]) == 3
-
-
 def test_a_sweep_as_csv(program: Program, tmp_path: Path) -> None:
     program("run", INPUTS / "map_anisotropy.nml", "-o", "map.h5", "--quiet", "--set", "sweep.count=3,2", status=0)
     assert main(["export", str(tmp_path / "map.h5"), "-o", str(tmp_path)]) == 0
@@ -104,17 +91,6 @@ def test_h5dump_shows_the_file(file: Path, result: ds.Result) -> None:
     assert '"N"' in h5dump("-a", "/time_series/friction/units", file, status=0).stdout
 
 
-def test_h5py_reads_values_units_and_scales(file: Path, result: ds.Result) -> None:
-    with h5py.File(file) as opened:
-        series = opened["time_series"]
-        for info, values in result.columns.info():
-            np.testing.assert_array_equal(series[info.name][:], values)
-            assert series[info.name].attrs["units"] == info.units
-            assert series[info.name].attrs["long_name"] == info.long_name
-        assert series["u_x"].dims[0][0].name == "/time_series/time"
-        assert opened.attrs["complete"] == 1
-
-
 def test_xarray_opens_each_group_without_options(file: Path, result: ds.Result) -> None:
     with xarray.open_dataset(file, group="time_series", engine="h5netcdf") as series:
         assert series["X"].dims == ("time",)
@@ -129,17 +105,8 @@ def test_xarray_opens_each_group_without_options(file: Path, result: ds.Result) 
         assert float(parameters["mass"]) == 0.25
 
 
-def test_pandas_reads_the_columns(file: Path, result: ds.Result) -> None:
-    with h5py.File(file) as opened:
-        frame = pandas.DataFrame({name: data[:] for name, data in opened["time_series"].items()})
-    ours = ds.open(file).to_pandas()
-    frame = frame.set_index("time")[list(ours)]
-    # The file holds sticking as a byte.
-    pandas.testing.assert_frame_equal(frame, ours, check_exact=True, check_dtype=False)
-
-
-def test_to_pandas(result: ds.Result) -> None:
-    frame = result.to_pandas()
+def test_to_pandas(file: Path, result: ds.Result) -> None:
+    frame = ds.open(file).to_pandas()
     assert frame.index.name == "time"
     np.testing.assert_array_equal(frame.index, result.time)
     np.testing.assert_array_equal(frame["u_x"], result["u_x"])

@@ -179,11 +179,13 @@ def test_started_together_one_does_it(program, begin, lab):
 
 
 def test_a_file_that_took_the_name_meanwhile_is_not_changed(program, begin, expected):
+    """What was computed is kept, and goes on to the same bits; of a run that had its name once already, it is only whole."""
     folder = begin("run --overwrite")
     (folder / RESULT).rename(folder / "good.h5")
     calls = calls_of(program, folder, *RUN)
-    last = max(i for i, call in enumerate(calls) if call.name.startswith(("link", "rename")))
-    for call in spread([call for call in calls[:last] if call.path.endswith(".part") and set(call.letters) & set("wis")], 6):
+    named = [i for i, call in enumerate(calls) if call.name.startswith(("link", "rename"))]
+    writing = [call for call in calls[: named[-1]] if call.path.endswith(".part") and set(call.letters) & set("wis")]
+    for call in spread(writing, 6):
         run = held(program, folder, *RUN, at=f"all:{call.all}")
         (folder / RESULT).unlink(missing_ok=True)
         shutil.copy(folder / "good.h5", folder / RESULT)
@@ -192,6 +194,9 @@ def test_a_file_that_took_the_name_meanwhile_is_not_changed(program, begin, expe
         assert (folder / RESULT).read_bytes() == (folder / "good.h5").read_bytes(), call
         kept = folder / f"{RESULT}.kept"
         assert is_sealed(kept)
+        if call in calls[: named[0]]:
+            program.run(folder, "resume", kept.name, "--quiet", clock=CLOCK)
+            assert is_complete(kept) and content(kept) == expected, call
         kept.unlink()
         (folder / RESULT).unlink()
 

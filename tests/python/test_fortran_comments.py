@@ -77,36 +77,28 @@ def test_what_is_public_is_documented(source: Path) -> None:
     assert not missing, f"src/{source.name}: no documenting comment (!>) at {', '.join(missing)}"
 
 
-def uses_of_norm2(text: str) -> list[int]:
-    """Line numbers; gfortran compiles norm2 with a scale that begins at 1, so that its last bits change with the unit."""
-    lines = text.lower().splitlines()
-    return [number for number, line in enumerate(lines, 1) if re.search(r"\bnorm2\s*\(", line.split("!")[0])]
+FORBIDDEN = {
+    # gfortran compiles it with a scale that begins at 1, so that its last bits change with the unit.
+    r"\bnorm2\s*\(": "hypot or sqrt(sum(x**2)) in place of norm2",
+    # Memory that gfortran 12 frees twice.
+    r"=>\s*(trim|adjustl|repeat)\s*\(": "associate with the text itself, or a variable",
+}
+
+
+def forbidden(text: str) -> list[tuple[int, str]]:
+    """Line numbers, and what to write in place of what stands there."""
+    code = [line.split("!")[0] for line in text.lower().splitlines()]
+    return [(number, why) for what, why in FORBIDDEN.items() for number, line in enumerate(code, 1) if re.search(what, line)]
 
 
 @pytest.mark.parametrize("source", [*SOURCES, *sorted(FOLDER.rglob("*.inc"))], ids=lambda source: source.name)
-def test_no_length_depends_on_its_unit(source: Path) -> None:
-    found = uses_of_norm2(source.read_text(encoding="utf-8"))
-    assert not found, f"src/{source.name}, lines {found}: hypot or sqrt(sum(x**2)) in place of norm2"
+def test_nothing_is_written_that_the_compiler_makes_wrong(source: Path) -> None:
+    assert forbidden(source.read_text(encoding="utf-8")) == []
 
 
-def test_the_check_finds_norm2() -> None:
-    assert uses_of_norm2("a = 1\nb = Norm2 (w) ! no\n! norm2(w)\nnorm2_of = 1\n") == [2]
-
-
-def associated_texts(text: str) -> list[int]:
-    """Line numbers of names for the results of trim and the like, whose memory gfortran 12 frees twice."""
-    lines = text.lower().splitlines()
-    return [number for number, line in enumerate(lines, 1) if re.search(r"=>\s*(trim|adjustl|repeat)\s*\(", line.split("!")[0])]
-
-
-@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
-def test_no_text_is_freed_twice(source: Path) -> None:
-    found = associated_texts(source.read_text(encoding="utf-8"))
-    assert not found, f"src/{source.name}, lines {found}: associate with the text itself, or a variable"
-
-
-def test_the_check_finds_an_associated_text() -> None:
-    assert associated_texts("associate (a => b, c => trim (d))\nassociate (e => f) ! => trim(f)\n") == [1]
+def test_the_check_finds_it() -> None:
+    assert [line for line, _ in forbidden("a = 1\nb = Norm2 (w) ! no\n! norm2(w)\nnorm2_of = 1\n")] == [2]
+    assert [line for line, _ in forbidden("associate (a => b, c => trim (d))\nassociate (e => f) ! => trim(f)\n")] == [1]
 
 
 def test_the_check_finds_what_is_missing() -> None:
