@@ -554,6 +554,8 @@ class Search:
     def _of_each_cycle(self, given: _Floats, proposal: _Floats | None) -> list[Solution]:
         """Fits of cycles that are not alike: rough ones from the best starts, then the best of these with the errors of the trace."""
         problem = self.problem
+        if not self.thorough:
+            return [problem.at(given if proposal is None else proposal, 0.0, SECANT)]
         rough = []
         for start in self._own_starts(given, proposal)[: self.starts + 1]:
             here = problem.at(start, COARSE_OF_OWN[0], SECANT)

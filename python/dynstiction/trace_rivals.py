@@ -164,6 +164,14 @@ class _Fitted:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cost", float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2)))
 
+    def weighted_as(self, other: Problem) -> _Fitted:
+        """The same with the errors of another problem of these traces."""
+        weighted = [
+            replace(one, wave=two.wave)
+            for one, two in zip(self.problem.recordings, other.recordings, strict=True)
+        ]
+        return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
+
     @property
     def values(self) -> dict[str, float]:
         names = self.problem.names
@@ -308,31 +316,23 @@ def creep_test(
     }
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         creep = problem_of(rig, traces, (ANGLE, *names), **options, spread=pool.map)
-        fits = []
-        if not all(record.wave.repeats for record in creep.recordings):
-            # The errors of cycles that are not alike are known from their fit.
-            fits += _whole(creep, traces, rng, thorough=True)
-            creep = fits[0].problem if fits else creep
         without = dict(options, known={k: v for k, v in options["known"].items() if k != ANGLE})
         period = min(record.wave.period for record in creep.recordings)
         resting = []
         for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(traces))):
-            show(0.3 + 0.1 * i)
+            show(0.1 * i)
             changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
             problem = problem_of(changed, traces, (*names, *extra), **without, spread=pool.map)
-            weighted = [
-                replace(one, wave=other.wave)
-                for one, other in zip(problem.recordings, creep.recordings, strict=True)
-            ]
-            problem = replace(problem, recordings=tuple(weighted))
             found = _best(problem, list(_resting_starts(problem)))
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
-        show(0.6)
+        show(0.3)
+        explained = any(one.problem.misfit(one.solution.z)[1] >= USUAL for one in resting)
+        fits = _whole(creep, traces, rng, thorough=not explained)
+        if fits:
+            # The errors of cycles that are not alike are known from their fit.
+            resting = [one.weighted_as(fits[0].problem) for one in resting]
         near = min(resting, key=lambda one: one.cost) if resting else None
-        if not fits:
-            explained = near is not None and near.problem.misfit(near.solution.z)[1] >= USUAL
-            fits += _whole(creep, traces, rng, thorough=not explained)
         fits += resting
         if not fits:
             raise UsageError(

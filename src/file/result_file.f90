@@ -29,6 +29,7 @@ module dst_result_file
     procedure :: claim_again
     procedure :: path
     procedure :: former_path
+    procedure :: check_former
     procedure :: put_in_place
     procedure :: begin_next
     procedure :: discard
@@ -206,6 +207,15 @@ contains
     path = ''
     if (self%former%exists) path = self%place
   end function former_path
+
+  !> After its rows were copied, the file that has the name must still be the one that was found or made there.
+  subroutine check_former(self, error)
+    class(result_file_t), intent(in) :: self
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. identity_of(self%place) == self%former) call raise(error, file_error, self%name//': cannot go on: another file '// &
+      'has taken the name, and with it the rows so far: run the deck again')
+  end subroutine check_former
 
   !> Give the file, which HDF5 has closed, its ending and its name. After an error NAME.part is gone. If another file has taken the
   !> name meanwhile, what was computed is kept beside it.

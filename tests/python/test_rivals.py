@@ -22,7 +22,7 @@ AGEING = {"system": {"misalignment_deg": 0.0}, "friction": {"ageing": 0.004, "ag
 
 def trace_of(rig: ds.Scene, end: float = 14.0, seed: int = 1) -> ds.Trace:
     run = ds.run(rig, scene={"t_end": end}, output={"interval": 1e-3, "fields": ["spring_force_x", "spring_force_y"]})
-    clean = ds.Trace.of(run).part(start=2.0)
+    clean = ds.Trace.of(run).part(start=0.3 * end)
     return clean.with_noise(0.01 * np.ptp(clean.force), seed)
 
 

@@ -148,6 +148,19 @@ contains
     other = identity_of(part)
     call check('it stays, too', other%bytes == len('of another'))
     call remove_all()
+    ! While the rows of a file that was made whole are copied.
+    call file%claim(name, .false., error)
+    call replace_contents('new')
+    call file%put_in_place([3_int64], error)
+    call file%begin_next(error)
+    call file%check_former(error)
+    call check('the rows are its own', .not. allocated(error))
+    call delete_file(name)
+    call write_file(name, 'of another')
+    call file%check_former(error)
+    call refused(error, 'another file has taken the name')
+    call file%discard()
+    call remove_all()
   end subroutine test_other_file
 
   !> After the interval, or a third of the time so far.
