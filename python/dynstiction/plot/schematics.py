@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon
 
-from .samples import Floats
+from .notation import Floats
 from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, PURPLE, VERMILION
 
 __all__ = ["coil", "draw_angles", "draw_apparatus", "principal_axes"]
@@ -37,10 +37,8 @@ def draw_apparatus(figure: Figure) -> None:
     axis.plot(*coil(0.33 * soft, wall, turns=9, width=0.13).T, color=BLUE, linewidth=1.0)
     axis.plot(*coil(0.33 * stiff, roof, turns=4, width=0.13).T, color=VERMILION, linewidth=1.0)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.33
-    object_ = Polygon(
-        corners @ np.stack([soft, stiff]), facecolor="0.85", edgecolor=BLACK, linewidth=0.8, zorder=4
-    )
-    axis.add_patch(object_)
+    style: Any = {"facecolor": "0.85", "edgecolor": BLACK, "linewidth": 0.8, "zorder": 4}
+    axis.add_patch(Polygon(corners @ np.stack([soft, stiff]), **style))
     _text(axis, ORIGIN, "$m$", zorder=5)
     _angle(axis, 2.9, -PHI, 0.0, r"$\varphi$")
     _text(axis, 1.35 * soft - 0.26 * stiff, "$k_x$", color=BLUE)
@@ -49,9 +47,8 @@ def draw_apparatus(figure: Figure) -> None:
     _arrow(axis, corner + 0.12 * ALONG_X, corner + 0.9 * ALONG_X, GREEN, 1.4)
     _text(axis, corner + 0.5 * ALONG_X + 0.2 * ALONG_Y, "$V$", color=GREEN)
     _load(axis, np.array([-0.85, 0.75]))
-    _text(
-        axis, np.array([-1.2, -1.45]), "floor at rest, seen from above", color=GREY, ha="left", fontsize=7.5
-    )
+    note: Any = {"color": GREY, "ha": "left", "fontsize": 7.5}
+    _text(axis, np.array([-1.2, -1.45]), "floor at rest, seen from above", **note)
 
 
 def draw_angles(figure: Figure) -> None:
@@ -111,23 +108,12 @@ def _canvas(figure: Figure, across: tuple[float, float], up: tuple[float, float]
 
 
 def _text(axis: Axes, place: Floats, text: str, **style: Any) -> None:
-    axis.text(float(place[0]), float(place[1]), text, **{"ha": "center", "va": "center", **style})
+    axis.text(*place, text, **{"ha": "center", "va": "center", **style})
 
 
 def _arrow(axis: Axes, start: Floats, end: Floats, colour: str, width: float, zorder: float = 3.0) -> None:
-    axis.annotate(
-        "",
-        xy=(float(end[0]), float(end[1])),
-        xytext=(float(start[0]), float(start[1])),
-        zorder=zorder,
-        arrowprops={
-            "arrowstyle": "-|>,head_length=0.4,head_width=0.16",
-            "color": colour,
-            "linewidth": width,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-    )
+    head: Any = {"arrowstyle": "-|>,head_length=0.4,head_width=0.16", "shrinkA": 0, "shrinkB": 0}
+    axis.annotate("", end, start, zorder=zorder, arrowprops={"color": colour, "linewidth": width, **head})
 
 
 def _axis_line(axis: Axes, start: Floats, end: Floats, label: str) -> None:
@@ -145,7 +131,7 @@ def _angle(axis: Axes, radius: float, start: float, end: float, label: str) -> N
 
 def _load(axis: Axes, centre: Floats) -> None:
     """The normal load, into the plane."""
-    axis.add_patch(Circle((float(centre[0]), float(centre[1])), 0.11, fill=False, linewidth=0.8))
+    axis.add_patch(Circle(centre, 0.11, fill=False, linewidth=0.8))
     for sign in (1.0, -1.0):
         ends = centre + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])
         axis.plot(*ends.T, color=BLACK, linewidth=0.8)
