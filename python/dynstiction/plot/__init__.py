@@ -180,17 +180,18 @@ def draw(
             raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
         chosen["branches"] = branches
 
+    def seen() -> Any:
+        return view_of(result, start, end) if isinstance(result, Result) else result
+
     def fill(name: str, canvas: FigureBase | Axes) -> None:
-        seen = view_of(result, start, end) if isinstance(result, Result) else result
-        kinds[name](seen, canvas, **chosen)
+        kinds[name](seen(), canvas, **chosen)
 
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
             in_style(partial(fill, str(kind)), axes[0])
         else:
-            shown = partial(draw_in_axes, axes=axes, names=names or ("spring_force_x",))
-            in_style(lambda _: shown(view_of(result, start, end)), axes[0])
+            in_style(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
         return _root(axes[0])
     try:
         return _filled(partial(fill, kind or usual), figure)

@@ -226,7 +226,7 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
     spare = max(0.0, PANEL_RATIO * height - (right - left))
     axis.set(aspect="equal", xlabel=label, ylabel="$Y$ [mm]", ylim=(-0.46 * height, 0.54 * height))
     axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
-    limit = axis.add_patch(Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":"))
+    limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
 
     def line(style: str = "-", **how: Any) -> Line2D:
         return axis.plot([], [], style, **how)[0]
@@ -237,7 +237,9 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
     trail = line(color=PURPLE, linewidth=0.8, alpha=0.5)
     half, angle = 0.13 * unit, np.degrees(math.atan2(soft[1], soft[0]))
     style: Any = {"rotation_point": "center", "facecolor": "0.85", "edgecolor": BLACK, "zorder": 3}
-    body = axis.add_patch(Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style))
+    body = Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style)
+    for patch in (limit, body):
+        axis.add_patch(patch)
     arrow: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006, "zorder": 4}
     vector = axis.quiver(*np.zeros((4, 1)), color=PURPLE, label="friction on the object", **arrow)
     clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")

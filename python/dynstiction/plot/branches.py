@@ -98,5 +98,5 @@ def put_branches(axis: Axes, found: Branches, quantity: str) -> None:
             axis.plot(factor * each.values[part], values[part], color=colour, linewidth=0.9, linestyle=style)
         for point in each.points:
             if point.kind in MARKS and quantity in point._fields:
-                style: Any = {"color": colour, "zorder": 3.0, **MARK}
-                axis.plot(factor * point.value, getattr(point, quantity), MARKS[point.kind], **style)
+                place = factor * point.value, getattr(point, quantity)
+                axis.plot(*place, MARKS[point.kind], color=colour, zorder=3.0, **MARK)

@@ -251,7 +251,7 @@ def _enlarge(axis: Axes, u: Floats, next_u: Floats, title: str) -> None:
         exponent = _exponent(np.array([low, high]) - origin)
         places = np.asarray(MaxNLocator(nbins=bins, min_n_ticks=2).tick_values(low - origin, high - origin))
         words = [f"{place / 10.0**exponent:.4g}".replace("-", "−") for place in places]
-        side.set_major_locator(FixedLocator(origin + places))
+        side.set_major_locator(FixedLocator(list(origin + places)))
         side.set_major_formatter(FixedFormatter(words))
         sign = "-" if origin >= 0.0 else "+"
         difference = f"{name} {sign} {abs(origin):.10g}" if origin else name

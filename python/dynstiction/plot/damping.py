@@ -78,8 +78,7 @@ def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> Non
     plain_ticks(axis.yaxis, FixedLocator([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 90]))
     ticks_outside(axis)
     # Above the axes, where nothing is covered.
-    above: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
-    axis.legend(ncols=2, handlelength=1.2, columnspacing=0.6, **above)
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handlelength=1.2, columnspacing=0.6)
 
 
 def _slider(result: Result) -> dict[str, float]:

@@ -21,17 +21,7 @@ from .._output import put
 from ..errors import Error, FileError, UsageError
 
 # Besides the names of the colours; the others are for the figures of this folder.
-__all__ = [
-    "COLUMN_WIDTH",
-    "DOTS_PER_INCH",
-    "MM",
-    "PALETTE",
-    "STYLE",
-    "format_of",
-    "new_figure",
-    "panels",
-    "write",
-]
+__all__ = ["COLUMN_WIDTH", "DOTS_PER_INCH", "MM", "STYLE", "format_of", "new_figure", "panels", "write"]
 
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
@@ -47,22 +37,16 @@ ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#661100"
 PALETTE = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, BROWN)
 """Colours of lines and marks."""
 
+TICKS = {"labelsize": 7.5, "major.width": 0.6, "minor.width": 0.4, "direction": "in"}
 STYLE: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.0,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
     "legend.fontsize": 7.5,
     "legend.frameon": False,
     "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
-    "ytick.minor.width": 0.4,
-    "xtick.direction": "in",
+    **{f"{side}tick.{name}": value for side in "xy" for name, value in TICKS.items()},
     # The numbers of both axes must not touch in a corner at 0.
     "xtick.major.pad": 4.5,
-    "ytick.direction": "in",
     "xtick.top": True,
     "ytick.right": True,
     "lines.linewidth": 0.7,

@@ -72,7 +72,9 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
                 panel.plot(x[here], y[here], "o", fillstyle="full" if filled else "none", **style)
         panel.set_xscale("log")
     theory = _finish(axes, number, angles)
-    marks = [] if slow.all() else [("0.4", "full", "$V < v_f/2$"), ("0.4", "none", r"$V \geq v_f/2$")]
+    marks: list[Any] = (
+        [] if slow.all() else [("0.4", "full", "$V < v_f/2$"), ("0.4", "none", r"$V \geq v_f/2$")]
+    )
     if angles.size <= MOST_NAMED:
         named = [rf"{MISALIGNMENT} = {angle:.4g}°" for angle in angles]
         marks = [*((_colour(i, angles), "full", name) for i, name in enumerate(named)), *marks]

@@ -152,7 +152,7 @@ def _draw_colours(
         up, right, values, irregular, decay = right, up, values.T, irregular.T, decay.T
         absent = [(text, cases.T, colour) for text, cases, colour in absent]
     colours, extend = COLOURS, "neither"
-    lowest, highest = min(0.0, np.nanmin(values)), np.nanmax(values)
+    lowest, highest = min(0.0, float(np.nanmin(values))), float(np.nanmax(values))
     usual = float(np.nanpercentile(values, USUAL_SHARE))
     if quantity in SIGNED:
         colours, extend, lowest, highest = SIGNED_COLOURS, "both", -SIGNED[quantity], SIGNED[quantity]
@@ -204,7 +204,8 @@ def _draw_stability(axis: Axes, table: Table, right: Axis) -> None:
     slider = slider_at(table, right, right.fine)
     # Constant friction leaves steady sliding stable.
     if slider is not None and "v_f" in slider and "mu_inf" in slider:
-        critical, limit = critical_of(slider), {"color": VERMILION, "linewidth": 1.2}
+        critical = critical_of(slider)
+        limit: Any = {"color": VERMILION, "linewidth": 1.2}
         slow, fast = critical.angle.T if "stiffness_y" in slider else (critical.limit, None)
         axis.plot(shown, slow, label="stability limit, slow mode", **limit)
         if fast is not None:

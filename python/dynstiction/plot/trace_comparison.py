@@ -39,29 +39,31 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
     Bands are two standard errors wide to either side.
     """
-    lateral = [
-        each for each in (comparison.measured_lateral, comparison.simulated_lateral) if each is not None
-    ]
-    heights = [3.0, 3.0, *([2.2] if lateral else []), 0.3 * len(comparison.statistics)]
-    sized(figure, 18.0 * sum(heights))
-    *panels, table = figure.subplots(len(heights), 1, height_ratios=heights)
     longest = float(np.max(np.abs(comparison.measured_slip.phase)))
     scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
-    about = (
-        "phase from slip to slip",
-        f"time from the middle of the slip [{unit}]",
-        "phase from slip to slip",
-    )
-    waves = (
-        (comparison.measured_waveform, comparison.simulated_waveform),
-        (comparison.measured_slip, comparison.simulated_slip),
-    )
-    for i, (axis, both) in enumerate(zip(panels, (*waves, lateral), strict=False)):
-        _draw(axis, *both, scale if i == 1 else 1.0)
-        axis.set(xlabel=about[i], ylabel="lateral force [N]" if i == 2 else "force along the pull [N]")
-        axis.set_xlim(scale * both[0].phase[[0, -1]] if i == 1 else (0.0, 1.0))
-        axis.text(-0.17, 1.0, f"({'abc'[i]})", transform=axis.transAxes, va="top", fontweight="bold")
-    panels[0].legend(loc="lower right")
+    over_cycle, around = "phase from slip to slip", f"time from the middle of the slip [{unit}]"
+    rows: list[tuple[Any, ...]] = [
+        (
+            3.0,
+            comparison.measured_waveform,
+            comparison.simulated_waveform,
+            over_cycle,
+            "force along the pull [N]",
+        ),
+        (3.0, comparison.measured_slip, comparison.simulated_slip, around, "force along the pull [N]"),
+        (2.2, comparison.measured_lateral, comparison.simulated_lateral, over_cycle, "lateral force [N]"),
+    ]
+    rows = [row for row in rows if row[1] is not None and row[2] is not None]
+    heights = [*(row[0] for row in rows), 0.3 * len(comparison.statistics)]
+    sized(figure, 18.0 * sum(heights))
+    *axes, table = figure.subplots(len(heights), 1, height_ratios=heights)
+    for axis, letter, (_, measured, simulated, xlabel, ylabel) in zip(axes, "abc", rows, strict=False):
+        is_slip = xlabel == around
+        _draw(axis, measured, simulated, scale if is_slip else 1.0)
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        axis.set_xlim(scale * measured.phase[[0, -1]] if is_slip else (0.0, 1.0))
+        axis.text(-0.17, 1.0, f"({letter})", transform=axis.transAxes, va="top", fontweight="bold")
+    axes[0].legend(loc="lower right")
     _draw_table(table, comparison.statistics)
 
 
