@@ -30,7 +30,7 @@ from .notation import the_nearest, thin
 from .path import draw_path
 from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
-from .style import DOTS_PER_INCH, in_figure, in_style, new_figure, write
+from .style import DOTS_PER_INCH, drawn, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
 from .time_series import (
@@ -189,19 +189,17 @@ def draw(
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
-            in_style(partial(fill, str(kind)), axes[0])
-        else:
-            in_style(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
-        return _root(axes[0])
+            return drawn(partial(fill, str(kind)), axes[0])
+        return drawn(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
     try:
-        return _filled(partial(fill, kind or usual), figure)
+        return drawn(partial(fill, kind or usual), figure)
     except UsageError:
         if kind is not None or not isinstance(result, Result):
             raise
     # The default kind cannot be drawn: all columns.
     if figure is not None:
         figure.clear()
-    return _filled(partial(fill, "columns"), figure)
+    return drawn(partial(fill, "columns"), figure)
 
 
 def _names(columns: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -242,21 +240,6 @@ def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list
     if kind in IN_AXES and len(axes) != 1:
         raise UsageError(f"the kind '{kind}' takes one pair of axes, not {len(axes)}")
     return axes
-
-
-def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Figure:
-    if figure is None:
-        return new_figure(fill)
-    in_figure(fill, figure)
-    return _root(figure)
-
-
-def _root(part: Figure | SubFigure | Axes) -> Figure:
-    """The figure that contains a subfigure or axes."""
-    root = part.get_figure(root=True)
-    if root is None:
-        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
-    return root
 
 
 def _kinds_of(result: Drawable, kind: str | None) -> tuple[dict[str, Callable[..., None]], str]:
@@ -360,7 +343,7 @@ def _of_several(
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    return new_figure(partial(fill, results, names=_names(columns), **how))
+    return drawn(partial(fill, results, names=_names(columns), **how))
 
 
 def save(

@@ -51,7 +51,12 @@ def draw_bifurcation(
     """Draw a dot for each cycle, steady sliding as a line, broken where it is unstable, other cases as marks below, and branches."""
     table = table_of(data)
     cycles = _cycles(table, quantity)
-    sides = _sides(table)
+    # Along the axis, and a second one, if there is one, in colours.
+    sides = [side for side in table.axes if group_of(side.name) not in CONSEQUENCES] or list(table.axes[:1])
+    if len(sides) > 2:
+        raise UsageError(
+            f"a bifurcation diagram has one or two parameters, not {len(sides)}: select some with xarray"
+        )
     axis, side = one_axes(figure, 72.0), sides[0]
     there = np.isfinite(cycles)
     shown = np.broadcast_to(_in_cases(table, side)[:, np.newaxis], cycles.shape)[there]
@@ -91,16 +96,6 @@ def _cycles(table: Table, quantity: str) -> Floats:
     cases = table.data["result_code"]
     values = table.data[f"cycle_{quantity}"].where(cases == 0).transpose(*cases.dims, "cycle").values
     return np.asarray(values, dtype=float).reshape(cases.size, -1)
-
-
-def _sides(table: Table) -> list[Axis]:
-    """The parameters of the diagram: along the axis, and a second one, if there is one, in colours."""
-    sides = [side for side in table.axes if group_of(side.name) not in CONSEQUENCES] or list(table.axes[:1])
-    if len(sides) > 2:
-        raise UsageError(
-            f"a bifurcation diagram has one or two parameters, not {len(sides)}: select some with xarray"
-        )
-    return sides
 
 
 def _in_cases(table: Table, side: Axis) -> Floats:

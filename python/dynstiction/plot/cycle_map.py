@@ -79,17 +79,18 @@ def draw_cycle_map(view: View, figure: FigureBase) -> None:
     if far:
         axes += [figure.add_subplot(grid[3, place]) for place in (0, 1)]
         _draw_stairs(axes[3], releases, colours)
-        _draw_excursions(axes[4], releases, colours)
+        u, next_u = releases.u[:-1][releases.excursion], releases.u[1:][releases.excursion]
+        times = releases.time[:-1][releases.excursion]
+        axes[4].scatter(u, next_u, c=times, norm=colours, s=6.0, **DOTS)
+        _enlarge(axes[4], u, next_u, "excursions")
     for axis, name in zip(axes, "abcde", strict=False):
         # On the left of a panel, or above its left end.
         shift, vertical = ((-34.0, 0.0), "top") if name in "abc" else ((-27.0, 3.0), "bottom")
         style: Any = {"textcoords": "offset points", "va": vertical, "fontweight": "bold"}
         axis.annotate(f"({name})", (0.0, 1.0), shift, xycoords="axes fraction", **style)
     if releases.total > releases.time.size:
-        above.set_title(
-            f"the first {releases.time.size} of {releases.total} releases, up to {releases.time[-1]:.4g} s",
-            fontsize=7.5,
-        )
+        count, end = releases.time.size, releases.time[-1]
+        above.set_title(f"the first {count} of {releases.total} releases, up to {end:.4g} s", fontsize=7.5)
     figure.colorbar(web, ax=axes, label="$t$ [s]", pad=0.02, aspect=50.0)
 
 
@@ -230,14 +231,6 @@ def _draw_stairs(axis: Axes, releases: Releases, colours: Normalize) -> None:
     axis.plot(u[:-1], u[1:], "o", color="0.2", markersize=2.0)
     axis.plot(u[-1], u[-1], "v", color=VERMILION, markersize=3.0)
     _enlarge(axis, u, u, "before an excursion")
-
-
-def _draw_excursions(axis: Axes, releases: Releases, colours: Normalize) -> None:
-    """The map of the excursions."""
-    far = releases.excursion
-    u, next_u = releases.u[:-1][far], releases.u[1:][far]
-    axis.scatter(u, next_u, c=releases.time[:-1][far], norm=colours, s=6.0, **DOTS)
-    _enlarge(axis, u, next_u, "excursions")
 
 
 def _enlarge(axis: Axes, u: Floats, next_u: Floats, title: str) -> None:

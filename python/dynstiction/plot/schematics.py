@@ -113,13 +113,8 @@ def _text(axis: Axes, place: Floats, text: str, **style: Any) -> None:
 
 def _arrow(axis: Axes, start: Floats, end: Floats, colour: str, width: float, zorder: float = 3.0) -> None:
     head: Any = {"arrowstyle": "-|>,head_length=0.4,head_width=0.16", "shrinkA": 0, "shrinkB": 0}
-    axis.annotate(
-        "",
-        (end[0], end[1]),
-        (start[0], start[1]),
-        zorder=zorder,
-        arrowprops={"color": colour, "linewidth": width, **head},
-    )
+    head |= {"color": colour, "linewidth": width}
+    axis.annotate("", end.tolist(), start.tolist(), zorder=zorder, arrowprops=head)
 
 
 def _axis_line(axis: Axes, start: Floats, end: Floats, label: str) -> None:
@@ -137,7 +132,7 @@ def _angle(axis: Axes, radius: float, start: float, end: float, label: str) -> N
 
 def _load(axis: Axes, centre: Floats) -> None:
     """The normal load, into the plane."""
-    axis.add_patch(Circle((centre[0], centre[1]), 0.11, fill=False, linewidth=0.8))
+    axis.add_patch(Circle(centre.tolist(), 0.11, fill=False, linewidth=0.8))
     for sign in (1.0, -1.0):
         ends = centre + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])
         axis.plot(*ends.T, color=BLACK, linewidth=0.8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -60,21 +61,27 @@ def draw_spectrogram(view: View, figure: FigureBase, *, length: float | None = N
     top = stiff_axis or soft or 1.0
     axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff or np.inf)
-    ridge = None
+    # Wide gaps, so that the ridge below is visible.
+    style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
+    ridges: list[Line2D] = []
     for i, name in enumerate(names):
-        draw_column(axes[2 * i], shown, name, 0.05, tuple(shown[each] for each in names))
-        image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest, length)
-        ridge = _draw_ridge(axes[2 * i + 1], view.whole) or ridge
-        axes[2 * i + 1].set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
+        trace, density = axes[2 * i : 2 * i + 2]
+        draw_column(trace, shown, name, 0.05, tuple(shown[each] for each in names))
+        image = _draw_density(density, spectra[name], 10.0 * np.log10(top), highest, length)
+        # The prediction needs more data than the spectrogram, which is useful without it.
+        with suppress(UsageError):
+            times, frequency = predicted_ridge(view.whole)
+            ridges += density.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
+        density.set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
     show_time(axes[-1], shown)
     label = "power density [dB re 1 (mm/s)$^2$/Hz]"
     beyond = ["slips exceed the scale of colours"] if soft > top else []
     figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
     note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *folds))
-    if ridge is not None:
+    if ridges:
         # The legend is outside the spectrogram, in which there are lines everywhere, on the dark background that the line needs.
         dark: Any = {"frameon": True, "facecolor": "0.25", "edgecolor": "none", "labelcolor": "white"}
-        figure.legend(handles=[ridge], loc="outside lower center", handlelength=2.6, **dark)
+        figure.legend(handles=ridges[:1], loc="outside lower center", handlelength=2.6, **dark)
 
 
 def _length(view: View, stiff: float | None) -> float:
@@ -114,17 +121,6 @@ def _edges(middles: Floats, length: float) -> tuple[float, float]:
     """First and last edge of equal cells with these middles."""
     half = 0.5 * (middles[1] - middles[0]) if middles.size > 1 else 0.5 * length
     return float(middles[0] - half), float(middles[-1] + half)
-
-
-def _draw_ridge(axis: Axes, result: Result) -> Line2D | None:
-    try:
-        times, frequency = predicted_ridge(result)
-    except UsageError:
-        return None  # the prediction needs more data than the spectrogram, which is useful without it
-    # Wide gaps, so that the ridge below is visible.
-    style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
-    (line,) = axis.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
-    return line
 
 
 def _folds(result: Result, stiff: float | None) -> list[str]:

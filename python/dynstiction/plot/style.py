@@ -62,24 +62,25 @@ STYLE: dict[Any, Any] = {
 
 def new_figure(draw: Callable[[Figure], None]) -> Figure:
     """Figure that `draw` has filled, in this style and not attached to any window."""
-    figure = Figure(layout="constrained")
-    in_style(draw, figure)
-    return figure
+    return drawn(draw)
 
 
-def in_figure(draw: Callable[[FigureBase], None], figure: Figure | SubFigure) -> None:
-    """Let `draw` fill a figure of the user, which keeps its size; if it has no layout engine, it gets ours."""
-    if isinstance(figure, Figure):
-        if figure.get_layout_engine() is None:
-            figure.set_layout_engine("constrained")
-        figure = figure.add_subfigure(figure.add_gridspec()[0, 0])
-    in_style(draw, figure)
+def drawn(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
+    """The figure in which `draw` has filled a canvas of the user, or a new one.
 
-
-def in_style(draw: Callable[[Any], None], canvas: FigureBase | Axes) -> None:
-    """Let `draw` fill a figure or axes."""
+    A figure of the user keeps its size; if it has no layout engine, it gets ours.
+    """
+    root = Figure(layout="constrained") if canvas is None else canvas.get_figure(root=True)
+    if root is None:
+        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
+    part = canvas or root
+    if isinstance(canvas, Figure):
+        if root.get_layout_engine() is None:
+            root.set_layout_engine("constrained")
+        part = root.add_subfigure(root.add_gridspec()[0, 0])
     with rc_context(STYLE), rendering():
-        draw(canvas)
+        draw(part)
+    return root
 
 
 def sized(figure: FigureBase, height: float, width: float = COLUMN_WIDTH / MM) -> None:

@@ -125,13 +125,9 @@ def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     below = np.flatnonzero(np.diff(np.sign(excess(angles))))
     if below.size == 0:
         return float("nan")
-    low, high = float(angles[below[0] + 1]), float(angles[below[0]])
-    is_below = excess(low) < 0.0
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return middle
-        low, high = (middle, high) if (excess(middle) < 0.0) == is_below else (low, middle)
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    return float(brentq(excess, angles[below[0] + 1], angles[below[0]], xtol=1e-15))
 
 
 def _held(result: Result, *names: str) -> dict[str, float] | None:

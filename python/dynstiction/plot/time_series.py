@@ -30,10 +30,7 @@ VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "psi", "X")
 """Default columns of several runs in the same panels."""
 COLOURS = PALETTE[:7]
-DASHES: tuple[Any, ...] = (
-    "-",
-    *((0, dashes) for dashes in ((5, 1.5), (1, 1), (5, 1, 1, 1), (8, 2), (3, 1, 1, 1, 1, 1))),
-)
+DASHES: Any = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
 """Dashes of lines in the same panel: colours alone are not distinguishable in print."""
 
 AT_START = ("friction", "theta", "theta_deg", "psi")
@@ -108,7 +105,12 @@ def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -
     axes = panels(figure, count, 28.0 * count + 20.0, sharex=True)
     note(axes[0], view.notes)
     if profile is not None:
-        _draw_drive(axes[0], profile, view.result)
+        # V(t) as a line through the corners of the drive.
+        factor, unit = scaled("m/s", profile[1])
+        time = np.append(profile[0], max(profile[0][-1], view.result.time[-1]))
+        axes[0].plot(time, factor * np.append(profile[1], profile[1][-1]), color=BLACK)
+        axes[0].set_ylabel(with_unit("$V$", unit))
+        axes[0].margins(y=0.12)
     named: dict[str, Artist] = {}
     for axis, name in zip(axes[count - len(names) :], names, strict=True):
         draw_column(axis, view.result, name)
@@ -143,16 +145,6 @@ def _line(result: Result, name: str, factor: float) -> tuple[Floats, Floats]:
     """Samples of a column that are drawn: without that at t = 0 if it would show a jump that takes no time."""
     first = int(name in AT_START and result.time[0] == 0.0 and result.time.size > 2)
     return thin(result.time[first:], factor * result[name][first:])
-
-
-def _draw_drive(axis: Axes, profile: tuple[Floats, Floats], result: Result) -> None:
-    """V(t) as a line through the corners of the drive."""
-    corners, velocity = profile
-    factor, unit = scaled("m/s", velocity)
-    time = np.append(corners, max(corners[-1], result.time[-1]))
-    axis.plot(time, factor * np.append(velocity, velocity[-1]), color=BLACK)
-    axis.set_ylabel(with_unit("$V$", unit))
-    axis.margins(y=0.12)
 
 
 def _draw_limits(axis: Axes, view: View, name: str) -> list[Line2D]:

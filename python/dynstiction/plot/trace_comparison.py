@@ -42,16 +42,11 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
     longest = float(np.max(np.abs(comparison.measured_slip.phase)))
     scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
     over_cycle, around = "phase from slip to slip", f"time from the middle of the slip [{unit}]"
+    force, lateral = "force along the pull [N]", "lateral force [N]"
     rows: list[tuple[Any, ...]] = [
-        (
-            3.0,
-            comparison.measured_waveform,
-            comparison.simulated_waveform,
-            over_cycle,
-            "force along the pull [N]",
-        ),
-        (3.0, comparison.measured_slip, comparison.simulated_slip, around, "force along the pull [N]"),
-        (2.2, comparison.measured_lateral, comparison.simulated_lateral, over_cycle, "lateral force [N]"),
+        (3.0, comparison.measured_waveform, comparison.simulated_waveform, over_cycle, force),
+        (3.0, comparison.measured_slip, comparison.simulated_slip, around, force),
+        (2.2, comparison.measured_lateral, comparison.simulated_lateral, over_cycle, lateral),
     ]
     rows = [row for row in rows if row[1] is not None and row[2] is not None]
     heights = [*(row[0] for row in rows), 0.3 * len(comparison.statistics)]

@@ -97,12 +97,7 @@ def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -
     A run whose drive changes, and one whose cycles end, is shown as a whole.
     """
     last = float(result.time[-1])
-    if (
-        cycles is None
-        or len(cycles) <= most
-        or not np.any(cycles.settled)
-        or drive_profile(result) is not None
-    ):
+    if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
         return last
     peaks = cycles["peak_time"]
     return float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
@@ -124,19 +119,18 @@ def coarseness(result: Result) -> str | None:
     step = float(np.median(np.diff(result.time)))
     if not step * frequency > COARSE:
         return None
-    apart, oscillation = (_short(*each) for each in ((step, "s"), (frequency, "Hz")))
-    return f"samples {apart} apart do not show the oscillation of {oscillation}"
+    prefixes = ("M", "k", "", "m", "µ")
+    (apart, second), (fast, hertz) = (
+        prefixed("s", step, 1.0, prefixes),
+        prefixed("Hz", frequency, 1.0, prefixes),
+    )
+    oscillation = f"the oscillation of {fast * frequency:.3g} {hertz}"
+    return f"samples {apart * step:.3g} {second} apart do not show {oscillation}"
 
 
 def coarse_notes(result: Result) -> list[str]:
     """The note of `coarseness`, if there is one."""
     return [note for note in [coarseness(result)] if note is not None]
-
-
-def _short(value: float, unit: str) -> str:
-    """A number with three digits and a prefix."""
-    factor, unit = prefixed(unit, value, 1.0, ("M", "k", "", "m", "µ"))
-    return f"{factor * value:.3g} {unit}"
 
 
 def cycles_of(result: Result) -> StickSlip | None:
