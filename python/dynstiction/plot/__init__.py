@@ -213,7 +213,7 @@ def _kind_of_part(
     names: tuple[str, ...],
     part: tuple[float | None, float | None],
 ) -> str | None:
-    """The kind of figure for some columns or a part of a run, which are refused if it cannot show them; None is the default kind."""
+    """The kind of figure for some columns or a part of a run, refused if it cannot show them; None is the default kind."""
     if names:
         kind = kind or "history"
         if kind not in OF_COLUMNS:

@@ -203,8 +203,8 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
 
 
 def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, float], Sequence[Artist]]:
-    """The object, the spring, its driven end, the soft axis and the friction vector in the plane of the floor; the function sets them
-    to the mean of some samples.
+    """The object, the spring, its driven end, the soft axis and the friction vector in the plane of the floor; the function sets
+    them to the mean of some samples.
     """
     soft, stiff = principal_axes(np.radians(float(result.parameters.get("misalignment_deg", 0.0))))
     places = MM * np.stack([result["X"], result["Y"]], axis=1)
