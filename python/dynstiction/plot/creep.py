@@ -14,7 +14,7 @@ from ..stick_slip import first_release
 from .notation import SPEED_RATIO, Floats, columns
 from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
 from .theory import creep, scaled_time, stiff_frequency
-from .view import View, coarse_notes
+from .view import View, coarseness
 
 __all__ = ["draw_creep", "mean_velocity"]
 
@@ -55,7 +55,7 @@ def draw_creep(view: View, figure: FigureBase) -> None:
         above.plot(tau, np.where(values > 0.0, values, np.nan), **style)
         below.plot(tau, _percent(values, exact), **style)
     above.set(yscale="log", ylabel=SPEED_RATIO)
-    note(above, coarse_notes(result))
+    note(above, [coarseness(result) or ""])
     figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=2, handlelength=2.4)
     below.set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$")
     below.set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))

@@ -46,7 +46,12 @@ def draw_apparatus(figure: Figure) -> None:
     corner = wall + roof
     _arrow(axis, corner + 0.12 * ALONG_X, corner + 0.9 * ALONG_X, GREEN, 1.4)
     _text(axis, corner + 0.5 * ALONG_X + 0.2 * ALONG_Y, "$V$", color=GREEN)
-    _load(axis, np.array([-0.85, 0.75]))
+    # The normal load, into the plane.
+    load = np.array([-0.85, 0.75])
+    axis.add_patch(Circle(load.tolist(), 0.11, fill=False, linewidth=0.8))
+    for sign in (1.0, -1.0):
+        axis.plot(*(load + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])).T, color=BLACK, linewidth=0.8)
+    _text(axis, load + 0.17 * ALONG_X, "$W$", ha="left")
     note: Any = {"color": GREY, "ha": "left", "fontsize": 7.5}
     _text(axis, np.array([-1.2, -1.45]), "floor at rest, seen from above", **note)
 
@@ -128,12 +133,3 @@ def _angle(axis: Axes, radius: float, start: float, end: float, label: str) -> N
     axis.add_patch(Arc((0.0, 0.0), 2 * radius, 2 * radius, theta1=first, theta2=last, linewidth=0.7))
     middle = 0.5 * (start + end)
     _text(axis, (radius + 0.13) * np.array([np.cos(middle), np.sin(middle)]), label)
-
-
-def _load(axis: Axes, centre: Floats) -> None:
-    """The normal load, into the plane."""
-    axis.add_patch(Circle(centre.tolist(), 0.11, fill=False, linewidth=0.8))
-    for sign in (1.0, -1.0):
-        ends = centre + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])
-        axis.plot(*ends.T, color=BLACK, linewidth=0.8)
-    _text(axis, centre + 0.17 * ALONG_X, "$W$", ha="left")

@@ -125,7 +125,7 @@ def with_margin(low: float, high: float, share: float, log: bool = False) -> tup
 
 def note(axes: Axes, lines: Sequence[str]) -> None:
     """Notes on the samples of a figure, as grey lines above the axes."""
-    if lines:
+    if any(lines):
         axes.set_title("\n".join(lines), loc="right", fontsize=7.0, color=NOTE, pad=3.0)
 
 

@@ -213,7 +213,13 @@ def draw_velocities(view: View, figure: FigureBase) -> None:
     sized(figure, 80.0)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
     shown, slips = view.result, view.slips()
-    detail = _detail(shown, float(slips[0, 0]) if slips.size else float(shown.time[-1]))
+    # A few periods of the stiff axis halfway to the first slip; more if these are too few samples for a line.
+    frequency, until = stiff_frequency(shown), float(slips[0, 0]) if slips.size else float(shown.time[-1])
+    begin = int(np.searchsorted(shown.time, 0.5 * (shown.time[0] + max(until, float(shown.time[0])))))
+    begin = max(0, min(begin, shown.time.size - DETAIL_SAMPLES))
+    length = 0.0 if frequency is None else DETAIL_PERIODS / frequency
+    end = int(np.searchsorted(shown.time, shown.time[begin] + length, side="right"))
+    detail = slice(begin, max(end, begin + DETAIL_SAMPLES))
     both = tuple(shown[name] for name in VELOCITIES)
     time = 1e3 * (shown.time[detail] - shown.time[detail][0])
     for row, name in zip(axes, VELOCITIES, strict=True):
@@ -224,16 +230,6 @@ def draw_velocities(view: View, figure: FigureBase) -> None:
     show_time(axes[1, 0], shown)
     axes[1, 1].set(xlim=(0.0, time[-1]), xlabel=f"$t$ − {shown.time[detail][0]:.6g} s [ms]")
     figure.align_ylabels(axes[:, 0])
-
-
-def _detail(result: Result, until: float) -> slice:
-    """Samples of a few periods of the stiff axis, from half of a time on; more periods if these are too few samples for a line."""
-    frequency = stiff_frequency(result)
-    length = 0.0 if frequency is None else DETAIL_PERIODS / frequency
-    start = int(np.searchsorted(result.time, 0.5 * (result.time[0] + max(until, float(result.time[0])))))
-    start = max(0, min(start, result.time.size - DETAIL_SAMPLES))
-    end = int(np.searchsorted(result.time, result.time[start] + length, side="right"))
-    return slice(start, max(end, start + DETAIL_SAMPLES))
 
 
 def draw_series(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +26,7 @@ SLACK = 1e-9
 """Share of the run's length by which an end of the window may be outside the run."""
 
 
-@dataclass(frozen=True, eq=False)
-class View:
+class View(NamedTuple):
     """Some samples of a run."""
 
     whole: Result
@@ -75,7 +75,8 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
         shown = replace(result, columns=held)
         if start is None and end is None:
             notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
-    return View(result, shown, cycles, (*notes, *coarse_notes(shown)))
+    coarse = coarseness(shown)
+    return View(result, shown, cycles, (*notes, *([coarse] if coarse else [])))
 
 
 def window(result: Result, start: float | None, end: float | None) -> tuple[float, float]:
@@ -126,11 +127,6 @@ def coarseness(result: Result) -> str | None:
     )
     oscillation = f"the oscillation of {fast * frequency:.3g} {hertz}"
     return f"samples {apart * step:.3g} {second} apart do not show {oscillation}"
-
-
-def coarse_notes(result: Result) -> list[str]:
-    """The note of `coarseness`, if there is one."""
-    return [note for note in [coarseness(result)] if note is not None]
 
 
 def cycles_of(result: Result) -> StickSlip | None:
