@@ -58,19 +58,20 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
 
     axes = panels(figure, 4, 190.0)
     angles = np.unique(degrees)
+    turned, angle_label, unit = np.isfinite(slip), r"$\theta$ at slip [deg]", mu_0 * load
     shown = (
-        (number, slip, np.isfinite(slip)),
-        (number**2 * slope, slip, np.isfinite(slip)),
-        (number, creep, visible),
-        (number, peak / (mu_0 * load), visible),
+        (number, slip, turned, r"$\Lambda$", angle_label, "log"),
+        (number**2 * slope, slip, turned, r"$\Lambda^2\tan\varphi$", angle_label, "log"),
+        (number, creep, visible, r"$\Lambda$", "creep share", "linear"),
+        (number, peak / unit, visible, r"$\Lambda$", "first peak / $F_0$", "log"),
     )
-    for panel, (x, y, chosen) in zip(axes, shown, strict=True):
+    for panel, (x, y, chosen, xlabel, ylabel, yscale) in zip(axes, shown, strict=True):
+        panel.set(xscale="log", yscale=yscale, xlabel=xlabel, ylabel=ylabel)
         for i, angle in enumerate(angles):
             for filled in (True, False):
                 here = chosen & (degrees == angle) & (slow == filled) & np.isfinite(x)
                 style: Any = {"markersize": 2.5, "markeredgewidth": 0.6, "color": _colour(i, angles)}
                 panel.plot(x[here], y[here], "o", fillstyle="full" if filled else "none", **style)
-        panel.set_xscale("log")
     theory = _finish(axes, number, angles)
     marks: list[Any] = (
         [] if slow.all() else [("0.4", "full", "$V < v_f/2$"), ("0.4", "none", r"$V \geq v_f/2$")]
@@ -94,21 +95,15 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
 
 
 def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> list[Line2D]:
-    """Set labels and scales, and draw the lines of theory, which are returned."""
+    """Draw the lines of theory, which are returned, and set ticks."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
-    for panel in axes[[0, 2, 3]]:
-        panel.set_xlabel(r"$\Lambda$")
-    for panel in axes[:2]:
-        panel.set(yscale="log", ylabel=r"$\theta$ at slip [deg]")
-    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
     style: Any = {"color": BLACK, "zorder": 1.5}
     slip = np.degrees(slip_angle_of_creep(large)), np.degrees(np.arctan2(1.0, 2.0 * small))
     (creep,) = axes[1].plot(large, slip[0], linestyle="--", label="(b) slip out of creep", **style)
     (inertia,) = axes[1].plot(small, slip[1], linestyle=":", label="(b) slip at once", **style)
     free = axes[2].axhline(FREE_OSCILLATION, linestyle="-.", label="(c) free oscillation", **style)
-    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share")
-    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$")
+    axes[2].set_ylim(-0.03, 1.03)
     for i, angle in enumerate(angles):
         if angle > 0.0:
             beyond = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
