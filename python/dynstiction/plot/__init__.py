@@ -1,19 +1,18 @@
 """Figures of results, drawn for one journal column (86 mm).
 
-A kind of figure is a function of a result and an empty figure, in a file of its own, and one line in `KINDS`.
+A kind of figure is a function of a view of a run, or of another result, and an empty figure, and one line in a table of kinds.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure, FigureBase, SubFigure
 
 from .._plotting import make_callable
 from ..branches import Branches
@@ -26,16 +25,15 @@ from .branches import draw_branches
 from .creep import draw_creep
 from .cycle_map import draw_cycle_map
 from .damping import draw_damping
+from .notation import columns as refuse_lacking
+from .notation import the_nearest, thin
 from .path import draw_path
-from .samples import columns as needed_columns
-from .samples import thin
 from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
-from .style import DOTS_PER_INCH, in_axes, in_figure, new_figure, write
+from .style import DOTS_PER_INCH, drawn, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
 from .time_series import (
-    MOST_RESULTS,
     draw_comparison,
     draw_history,
     draw_in_axes,
@@ -43,7 +41,7 @@ from .time_series import (
     draw_series,
     draw_velocities,
 )
-from .view import coarseness, window
+from .view import coarseness, view_of, window
 
 if TYPE_CHECKING:
     import xarray
@@ -54,7 +52,6 @@ __all__ = [
     "KINDS",
     "SENSITIVITY",
     "SWEEP_KINDS",
-    "WORK_PRECISION",
     "Drawable",
     "coarseness",
     "compare",
@@ -84,6 +81,9 @@ SWEEP_KINDS: dict[str, Callable[..., None]] = {
 }
 """Kinds of figure of a sweep by name."""
 
+MOST_RESULTS = 6
+"""Largest number of results side by side; more would be too narrow to read."""
+
 WITH_QUANTITY = (None, "map", "bifurcation", "branches")
 """Kinds of figure, of a sweep or of branches, for which a quantity can be chosen."""
 
@@ -93,11 +93,8 @@ KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequenc
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 
-SENSITIVITY = "sensitivity"
-"""The kind of figure of the derivatives of a cycle."""
-
-BRANCHES = "branches"
-"""The kind of figure of branches of cycles."""
+SENSITIVITY, BRANCHES = "sensitivity", "branches"
+"""The kinds of figure of the derivatives of a cycle, and of branches of cycles."""
 
 make_callable(__name__)
 
@@ -163,125 +160,101 @@ def draw(
         If there is no such kind, the result lacks a column (a `ColumnError`) or has no samples, the kind cannot show such a
         result, or the start is not before the end; the text says what would be right.
     """
-    kinds, usual = _kinds_of(result)
+    kinds, usual = _kinds_of(result, kind)
     if quantity is not None and not ({"map", BRANCHES} & set(kinds) and kind in WITH_QUANTITY):
         raise UsageError(
             "a quantity can be chosen for branches, and for the map or the bifurcation diagram of a sweep only"
         )
-    if kind is not None and kind not in kinds:
-        near = "".join(f"the nearest is '{name}', " for name in get_close_matches(str(kind), kinds, 1))
-        raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
     if figure is not None and ax is not None:
         raise UsageError("give figure= or ax=, not both")
-    names = (columns,) if isinstance(columns, str) else tuple(columns or ())
-    chosen: dict[str, Any] = {}
+    names = _names(columns)
+    chosen: dict[str, Any] = {} if quantity is None else {"quantity": quantity}
     if isinstance(result, Result):
         _refuse_undrawable(result)
-        kind, chosen = _choice(result, kind, usual, names, start, end)
+        kind = _kind_of_part(result, kind, usual, names, (start, end))
+        chosen |= {"names": names} if names else {}
     elif names or start is not None or end is not None:
         raise UsageError("columns and a part in time can be chosen for a run only: a sweep has no samples")
-    if quantity is not None:
-        chosen["quantity"] = quantity
     if branches is not None:
         if kind != "bifurcation":
             raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
         chosen["branches"] = branches
+
+    def seen() -> Any:
+        return view_of(result, start, end) if isinstance(result, Result) else result
+
+    def fill(name: str, canvas: FigureBase | Axes) -> None:
+        kinds[name](seen(), canvas, **chosen)
+
     if ax is not None:
-        return _draw_into_axes(result, kind, ax, names, start, end)
-    if kind is not None or not isinstance(result, Result):
-        return _filled(partial(kinds[kind or usual], result, **chosen), figure)
-    # The default kind, or all columns if that cannot be drawn.
+        axes = _axes(result, kind, ax)
+        if kind in IN_AXES:
+            return drawn(partial(fill, str(kind)), axes[0])
+        return drawn(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
     try:
-        windowed = chosen if usual in WINDOWED else {}
-        return _filled(partial(kinds[usual], result, **windowed), figure)
+        return drawn(partial(fill, kind or usual), figure)
     except UsageError:
-        if figure is not None:
-            figure.clear()
-        return _filled(partial(draw_series, result, **chosen), figure)
+        if kind is not None or not isinstance(result, Result):
+            raise
+    # The default kind cannot be drawn: all columns.
+    if figure is not None:
+        figure.clear()
+    return drawn(partial(fill, "columns"), figure)
 
 
-def _filled(fill: Callable[..., None], figure: Figure | SubFigure | None) -> Figure:
-    if figure is None:
-        return new_figure(fill)
-    in_figure(fill, figure)
-    return _root(figure)
+def _names(columns: str | Sequence[str] | None) -> tuple[str, ...]:
+    return (columns,) if isinstance(columns, str) else tuple(columns or ())
 
 
-def _root(part: Figure | SubFigure | Axes) -> Figure:
-    """The figure that contains a subfigure or axes."""
-    root = part.get_figure(root=True)
-    if root is None:
-        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
-    return root
-
-
-def _choice(
+def _kind_of_part(
     result: Result,
     kind: str | None,
     usual: str,
     names: tuple[str, ...],
-    start: float | None,
-    end: float | None,
-) -> tuple[str | None, dict[str, Any]]:
-    """Kind of figure of a run, and the chosen columns; a kind of None means the default kind."""
-    chosen: dict[str, Any] = {}
+    part: tuple[float | None, float | None],
+) -> str | None:
+    """The kind of figure for some columns or a part of a run, refused if it cannot show them; None is the default kind."""
     if names:
         kind = kind or "history"
         if kind not in OF_COLUMNS:
             raise UsageError(f"columns can be chosen for the kinds {', '.join(OF_COLUMNS)}, not for '{kind}'")
         # A missing column is refused here: otherwise the default kind would be replaced by another.
-        needed_columns(result, *names)
-        chosen["names"] = names
-    if start is not None or end is not None:
-        if kind is None:
-            kind = usual if usual in WINDOWED else "columns"
+        refuse_lacking(result, *names)
+    if part != (None, None):
+        kind = kind or (usual if usual in WINDOWED else "columns")
         if kind not in WINDOWED:
-            raise UsageError(
-                f"a part of the run can be chosen for the kinds {', '.join(WINDOWED)}, not for '{kind}'"
-            )
-        window(result, start, end)
-        chosen |= {"start": start, "end": end}
-    return kind, chosen
+            shown = ", ".join(WINDOWED)
+            raise UsageError(f"a part of the run can be chosen for the kinds {shown}, not for '{kind}'")
+        window(result, *part)
+    return kind
 
 
-def _draw_into_axes(
-    result: Drawable,
-    kind: str | None,
-    ax: Axes | Sequence[Axes],
-    names: tuple[str, ...],
-    start: float | None,
-    end: float | None,
-) -> Figure:
-    """Draw columns into several axes, or a kind with one panel into one."""
+def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list[Axes]:
+    """Axes of the user for columns of a run, or for a kind with one panel."""
     axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
-    if not isinstance(result, Result) or (kind not in (None, *OF_COLUMNS, *IN_AXES)):
-        raise UsageError(
-            f"ax= is for columns of a run, and the kinds {', '.join(IN_AXES)}: give figure= for others"
-        )
-    if kind in IN_AXES:
-        if len(axes) != 1:
-            raise UsageError(f"the kind '{kind}' takes one pair of axes, not {len(axes)}")
-        how = {"start": start, "end": end} if kind in WINDOWED else {}
-        in_axes(lambda axis: KINDS[str(kind)](result, axis, **how), axes[0])
-    else:
-        names = names or ("spring_force_x",)
-        if len(names) != len(axes):
-            raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
-        in_axes(lambda _: draw_in_axes(result, axes, names, start, end), axes[0])
-    return _root(axes[0])
+    if not isinstance(result, Result) or kind not in (None, *OF_COLUMNS, *IN_AXES):
+        offered = ", ".join(IN_AXES)
+        raise UsageError(f"ax= is for columns of a run, and the kinds {offered}: give figure= for others")
+    if kind in IN_AXES and len(axes) != 1:
+        raise UsageError(f"the kind '{kind}' takes one pair of axes, not {len(axes)}")
+    return axes
 
 
-def _kinds_of(result: Drawable) -> tuple[dict[str, Callable[..., None]], str]:
-    """Kinds of figure for the given object, and the default one."""
+def _kinds_of(result: Drawable, kind: str | None) -> tuple[dict[str, Callable[..., None]], str]:
+    """Kinds of figure for the given object, and the default one; a kind that is none of them is refused."""
+    kinds, usual = SWEEP_KINDS, "map"
     if isinstance(result, Sensitivity):
-        return {SENSITIVITY: draw_sensitivity}, SENSITIVITY
-    if isinstance(result, Branches):
-        return {BRANCHES: draw_branches}, BRANCHES
-    if isinstance(result, Result):
-        return KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
-    return SWEEP_KINDS, "map"
+        kinds, usual = {SENSITIVITY: draw_sensitivity}, SENSITIVITY
+    elif isinstance(result, Branches):
+        kinds, usual = {BRANCHES: draw_branches}, BRANCHES
+    elif isinstance(result, Result):
+        kinds, usual = KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
+    if kind is not None and kind not in kinds:
+        near = the_nearest(kind, kinds)
+        raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
+    return kinds, usual
 
 
 def _refuse_undrawable(result: Result) -> None:
@@ -322,7 +295,7 @@ def compare(
     UsageError
         If there are too few or too many runs, one has no samples, or they have no column in common.
     """
-    return _of_several(draw_comparison, results, columns, start, end)
+    return _of_several(draw_comparison, results, columns, start=start, end=end)
 
 
 def overlay(
@@ -357,22 +330,20 @@ def overlay(
     UsageError
         As for `compare`; also if a drive goes back.
     """
-    return _of_several(partial(draw_overlay, over_distance=over_distance), results, columns, start, end)
+    return _of_several(draw_overlay, results, columns, start=start, end=end, over_distance=over_distance)
 
 
 def _of_several(
     fill: Callable[..., None],
     results: Mapping[str, Result],
     columns: str | Sequence[str] | None,
-    start: float | None,
-    end: float | None,
+    **how: Any,
 ) -> Figure:
     if not 2 <= len(results) <= MOST_RESULTS:
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    names = (columns,) if isinstance(columns, str) else tuple(columns or ())
-    return new_figure(partial(fill, results, names=names, start=start, end=end))
+    return drawn(partial(fill, results, names=_names(columns), **how))
 
 
 def save(

@@ -7,7 +7,8 @@ import math
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -18,14 +19,14 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
 from .._output import check_outputs, make_folder, put
 from ..errors import FileError, UsageError
 from ..result import Result
-from .notation import label_of
-from .samples import Floats, columns, thin
+from .notation import Floats, columns, label_of, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
@@ -41,7 +42,6 @@ PANEL_RATIO = 2.35
 AVERAGED_PERIODS = 10.0
 TRACES = ("spring_force_x", "theta", "X")
 COLUMNS = ("X", "Y", "u_x", "u_y", "spring_force_x", "friction", "theta", "psi")
-FILMS = (".gif", ".mp4")
 MOST_TRAVEL = 6.0
 """Largest distance of the object, over the longest elongation of the spring, for which the floor is at rest in the picture."""
 CYCLES = 3
@@ -97,14 +97,16 @@ def animate(
         figure, show = view_from_above(result, times)
         pictures = _pictures(figure, show, times.size, progress)
         try:
-            if suffix == ".gif":
-                put(output, _gif(pictures, frames_per_second), overwrite=overwrite)
-            elif suffix == ".mp4":
-                put(output, _mp4(pictures, frames_per_second), overwrite=overwrite)
-            else:
-                _write_frames(outputs, pictures, overwrite=overwrite)
+            if suffix:
+                put(output, FILMS[suffix](pictures, frames_per_second), overwrite=overwrite)
+                return
         except subprocess.CalledProcessError as error:
             raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
+        make_folder(output)
+        for name, picture in zip(outputs, pictures, strict=True):
+            image = io.BytesIO()
+            picture.save(image, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
+            put(name, image.getvalue(), overwrite=overwrite)
 
 
 def _pictures(
@@ -135,18 +137,9 @@ def _gif(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     first = next(pictures)
     palette = first.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
     others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
-    duration = round(1000 / frames_per_second)
     film = io.BytesIO()
-    palette.save(
-        film,
-        "GIF",
-        save_all=True,
-        append_images=others,
-        duration=duration,
-        loop=0,
-        disposal=1,
-        optimize=False,
-    )
+    how: Any = {"duration": round(1000 / frames_per_second), "loop": 0, "disposal": 1, "optimize": False}
+    palette.save(film, "GIF", save_all=True, append_images=others, **how)
     return film.getvalue()
 
 
@@ -154,26 +147,17 @@ def _mp4(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     first = next(pictures)
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder, "film.mp4")
-        _encode(film, first, pictures, frames_per_second)
+        source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {frames_per_second} -i -"
+        command = ["ffmpeg", "-loglevel", "error", "-y", *source.split(), "-pix_fmt", "yuv420p", str(film)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as encoder:
+            assert encoder.stdin is not None
+            # If it ends early, the exit status shows that it failed.
+            with suppress(BrokenPipeError):
+                for picture in chain([first], pictures):
+                    encoder.stdin.write(picture.tobytes())
+        if encoder.returncode != 0:
+            raise subprocess.CalledProcessError(encoder.returncode, command)
         return film.read_bytes()
-
-
-def _encode(
-    output: Path, first: Image.Image, pictures: Iterator[Image.Image], frames_per_second: int
-) -> None:
-    command = [
-        "ffmpeg", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}",
-        "-r", str(frames_per_second), "-i", "-", "-pix_fmt", "yuv420p", str(output),
-    ]  # fmt: skip
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as encoder:
-        assert encoder.stdin is not None
-        try:
-            for picture in chain([first], pictures):
-                encoder.stdin.write(picture.tobytes())
-        except BrokenPipeError:
-            pass  # the exit status shows that it failed
-    if encoder.returncode != 0:
-        raise subprocess.CalledProcessError(encoder.returncode, command)
 
 
 def _frame_names(folder: Path, count: int) -> list[Path]:
@@ -186,12 +170,7 @@ def _frame_names(folder: Path, count: int) -> list[Path]:
     return names
 
 
-def _write_frames(names: Sequence[Path], pictures: Iterator[Image.Image], *, overwrite: bool) -> None:
-    make_folder(names[0].parent)
-    for name, picture in zip(names, pictures, strict=True):
-        image = io.BytesIO()
-        picture.save(image, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
-        put(name, image.getvalue(), overwrite=overwrite)
+FILMS = {".gif": _gif, ".mp4": _mp4}
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
@@ -201,20 +180,20 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     spring force, angle of friction and position against time. Oscillating quantities are drawn as means over ten periods of the
     stiff axis, at most since the last frame, and the tip of the friction vector as its path in this time.
     """
-    needed = columns(result, *COLUMNS)
+    columns(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
     part = slice(int(first), int(last) + 1)
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.subplot_mosaic([["above"] * 3, [*TRACES]], height_ratios=(2.3, 1.0))
-    scene = _Scene(axes["above"], result, needed, part)
-    traces = _draw_traces([axes[name] for name in TRACES], result.time, needed, part)
+    scene = _draw_scene(axes["above"], result, part)
+    traces = _draw_traces([axes[name] for name in TRACES], result, part)
     ends = np.clip(np.searchsorted(result.time, times, side="right"), 1, result.time.size)
     averaged = min(times[1] - times[0], AVERAGED_PERIODS / (stiff_frequency(result) or np.inf))
     begins = np.minimum(np.searchsorted(result.time, times - averaged), ends - 1)
 
     def show(frame: int) -> Sequence[Artist]:
         now = slice(int(begins[frame]), int(ends[frame]))
-        return [*scene.show(now, times[frame]), *traces(now)]
+        return [*scene(now, times[frame]), *traces(now)]
 
     show(0)
     # Later frames keep the layout of the first: they must not shift, and the layout is slow.
@@ -223,105 +202,77 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     return figure, show
 
 
-def _ends(place: Floats, driven: Floats) -> tuple[float, float]:
-    """Smallest and largest X of both."""
-    both = np.concatenate([place[:, 0], driven[:, 0]])
-    return float(both.min()), float(both.max())
+def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, float], Sequence[Artist]]:
+    """The object, the spring, its driven end, the soft axis and the friction vector in the plane of the floor; the function sets
+    them to the mean of some samples.
+    """
+    soft, stiff = principal_axes(np.radians(float(result.parameters.get("misalignment_deg", 0.0))))
+    places = MM * np.stack([result["X"], result["Y"]], axis=1)
+    ends = places + MM * (np.outer(result["u_x"], soft) + np.outer(result["u_y"], stiff))
+    # Friction acts against the slip.
+    friction = -result["friction"] * np.stack([np.cos(result["psi"]), np.sin(result["psi"])])
+    stretch = float(np.hypot(*(ends - places)[part].T).max())
+    label = "$X$ [mm]"
+    if np.ptp([places[part, 0], ends[part, 0]]) > MOST_TRAVEL * stretch > 0.0:
+        # On the scale of the distance of the object, it would hide the spring: instead the driven end is at rest.
+        along = ends * (1.0, 0.0)
+        places, ends, label = places - along, ends - along, "$X$ − driven end [mm]"
+    both = np.stack([places[part, 0], ends[part, 0]])
+    # The length of the longest friction vector, as drawn [mm].
+    unit = max(stretch, 0.05 * float(np.ptp(both))) or 1.0
+    vectors = unit / (float(result["friction"][part].max()) or 1.0) * friction.T
+    left, right = both.min() - 1.25 * unit, both.max() + 0.5 * unit
+    height = max(2.5 * unit, (right - left) / PANEL_RATIO)
+    spare = max(0.0, PANEL_RATIO * height - (right - left))
+    axis.set(aspect="equal", xlabel=label, ylabel="$Y$ [mm]", ylim=(-0.46 * height, 0.54 * height))
+    axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
+    limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
+
+    def line(style: str = "-", **how: Any) -> Line2D:
+        return axis.plot([], [], style, **how)[0]
+
+    axis_line = line(color="0.6", linewidth=0.8, dashes=(8, 3, 2, 3), label="soft axis")
+    spring = line(color=BLUE, linewidth=1.0, label="spring")
+    end = line("D", color=GREEN, markersize=5.0, label="driven end")
+    trail = line(color=PURPLE, linewidth=0.8, alpha=0.5)
+    half, angle = 0.13 * unit, np.degrees(math.atan2(soft[1], soft[0]))
+    style: Any = {"rotation_point": "center", "facecolor": "0.85", "edgecolor": BLACK, "zorder": 3}
+    body = Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style)
+    for patch in (limit, body):
+        axis.add_patch(patch)
+    arrow: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006, "zorder": 4}
+    vector = axis.quiver(*np.zeros((4, 1)), color=PURPLE, label="friction on the object", **arrow)
+    clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")
+    axis.legend(loc="upper right", ncols=4, columnspacing=1.2, handlelength=1.6, borderaxespad=0.3)
+
+    def show(now: slice, time: float) -> Sequence[Artist]:
+        place, driven = places[now].mean(axis=0), ends[now].mean(axis=0)
+        axis_line.set_data(*(place + np.array([[-1.0], [1.0]]) * 20.0 * unit * soft).T)
+        spring.set_data(*coil(place, driven, turns=10, width=0.06 * unit).T)
+        end.set_data(driven[:1], driven[1:])
+        trail.set_data(*(place + vectors[now]).T)
+        limit.center = (float(place[0]), float(place[1]))
+        body.set_xy((place[0] - half, place[1] - half))
+        vector.set_offsets(place)
+        vector.set_UVC(*vectors[now].mean(axis=0)[:, np.newaxis])
+        clock.set_text(f"$t$ = {time:.3f} s")
+        return axis_line, spring, end, trail, limit, body, vector, clock
+
+    return show
 
 
-class _Scene:
-    """The object, the spring, its driven end, the soft axis and the friction vector in the plane of the floor."""
-
-    def __init__(self, axis: Axes, result: Result, needed: Mapping[str, Floats], part: slice) -> None:
-        phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
-        soft, stiff = principal_axes(phi)
-        self.place = MM * np.stack([needed["X"], needed["Y"]], axis=1)
-        self.driven = self.place + MM * (np.outer(needed["u_x"], soft) + np.outer(needed["u_y"], stiff))
-        # Friction acts against the slip.
-        direction = np.stack([np.cos(needed["psi"]), np.sin(needed["psi"])], axis=1)
-        self.friction = -needed["friction"][:, np.newaxis] * direction
-        place, driven = self.place[part], self.driven[part]
-        stretch = float(np.hypot(*(driven - place).T).max())
-        left, right = _ends(place, driven)
-        label = "$X$ [mm]"
-        if right - left > MOST_TRAVEL * stretch > 0.0:
-            # On the scale of the distance of the object, it would hide the spring: instead the driven end is at rest.
-            along = np.stack([self.driven[:, 0], np.zeros(len(self.driven))], axis=1)
-            self.place, self.driven = self.place - along, self.driven - along
-            left, right = _ends(self.place[part], self.driven[part])
-            label = "$X$ − driven end [mm]"
-        self.length = max(stretch, 0.05 * (right - left)) or 1.0
-        """Length of the longest friction vector, as drawn [mm]."""
-        self.per_newton = self.length / (float(needed["friction"][part].max()) or 1.0)
-        self.soft = soft
-        self._draw(axis, left, right, label)
-
-    def _draw(self, axis: Axes, left: float, right: float, label: str) -> None:
-        unit = self.length
-        left, right = left - 1.25 * unit, right + 0.5 * unit
-        height = max(2.5 * unit, (right - left) / PANEL_RATIO)
-        spare = max(0.0, PANEL_RATIO * height - (right - left))
-        axis.set(aspect="equal", xlabel=label, ylabel="$Y$ [mm]", ylim=(-0.46 * height, 0.54 * height))
-        axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
-        self.half = 0.13 * unit
-        self.limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
-        axis.add_patch(self.limit)
-        (self.axis_line,) = axis.plot(
-            [], [], color="0.6", linewidth=0.8, linestyle=(0, (8, 3, 2, 3)), label="soft axis"
-        )
-        (self.spring,) = axis.plot([], [], color=BLUE, linewidth=1.0, label="spring")
-        (self.end,) = axis.plot(
-            [], [], "D", color=GREEN, markersize=5.0, linestyle="none", label="driven end"
-        )
-        (self.trail,) = axis.plot([], [], color=PURPLE, linewidth=0.8, alpha=0.5)
-        self.body = Rectangle(
-            (0.0, 0.0), 2 * self.half, 2 * self.half, facecolor="0.85", edgecolor=BLACK, zorder=3
-        )
-        self.body.set_angle(np.degrees(math.atan2(self.soft[1], self.soft[0])))
-        self.body.rotation_point = "center"
-        axis.add_patch(self.body)
-        self.vector = axis.quiver(
-            [0.0], [0.0], [0.0], [0.0], color=PURPLE, angles="xy", scale_units="xy", scale=1.0, width=0.006, zorder=4,
-            label="friction on the object",
-        )  # fmt: skip
-        self.clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")
-        axis.legend(loc="upper right", ncols=4, columnspacing=1.2, handlelength=1.6, borderaxespad=0.3)
-
-    def show(self, now: slice, time: float) -> Sequence[Artist]:
-        """Set the moving parts to the mean of some samples, and return them."""
-        place, driven = self.place[now].mean(axis=0), self.driven[now].mean(axis=0)
-        tips = place + self.per_newton * self.friction[now]
-        reach = np.array([[-1.0], [1.0]]) * 20.0 * self.length
-        self.axis_line.set_data(*(place + reach * self.soft).T)
-        self.spring.set_data(*coil(place, driven, turns=10, width=0.06 * self.length).T)
-        self.end.set_data(driven[:1], driven[1:])
-        self.trail.set_data(*tips.T)
-        self.limit.center = (float(place[0]), float(place[1]))
-        self.body.set_xy((place[0] - self.half, place[1] - self.half))
-        mean = tips.mean(axis=0) - place
-        self.vector.set_offsets(place)
-        self.vector.set_UVC(mean[:1], mean[1:])
-        self.clock.set_text(f"$t$ = {time:.3f} s")
-        return (
-            self.axis_line, self.spring, self.end, self.trail, self.limit, self.body, self.vector, self.clock,
-        )  # fmt: skip
-
-
-def _draw_traces(
-    axes: Sequence[Axes], time: Floats, needed: Mapping[str, Floats], part: slice
-) -> Callable[[slice], Sequence[Artist]]:
+def _draw_traces(axes: Sequence[Axes], result: Result, part: slice) -> Callable[[slice], Sequence[Artist]]:
     """Spring force, angle and position against time; the function moves the dots that mark a frame."""
     dots = []
+    time = result.time
     for axis, name in zip(axes, TRACES, strict=True):
-        label, scale, colour = label_of(name, "", needed[name][part])
-        values = scale * needed[name]
+        label, scale, colour = label_of(name, "", result[name][part])
+        values = scale * result[name]
         axis.plot(*thin(time[part], values[part]), color=colour)
         dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))
-        axis.set_xlim(time[part][0], time[part][-1])
+        axis.set(xlim=time[part][[0, -1]], xlabel="$t$ [s]", ylabel=label)
         axis.margins(y=0.1)
         axis.locator_params(axis="x", nbins=4)
-        axis.set_xlabel("$t$ [s]")
-        axis.set_ylabel(label)
 
     def show(now: slice) -> Sequence[Artist]:
         for dot, values in dots:
@@ -343,15 +294,14 @@ def _frame_times(
     if not (frames_per_second > 0 and 0.0 < seconds < math.inf):
         raise UsageError("frames per second and seconds must be positive")
     count = round(frames_per_second * seconds)
+    length = f"{frames_per_second} frames per second for {seconds:g} s"
     if count > MOST_FRAMES:
         raise UsageError(
-            f"{frames_per_second} frames per second for {seconds:g} s are {count} frames, at most {MOST_FRAMES} are drawn: "
+            f"{length} are {count} frames, at most {MOST_FRAMES} are drawn: "
             "give fewer frames per second, or fewer seconds"
         )
     if count < 2:
-        raise UsageError(
-            f"{frames_per_second} frames per second for {seconds:g} s: an animation has at least two frames"
-        )
+        raise UsageError(f"{length}: an animation has at least two frames")
     return np.linspace(begin, finish, count)
 
 

@@ -8,13 +8,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 
 from ..branches import Branches, cycles_in_words
 from ..errors import UsageError
-from .notation import PARAMETERS, QUANTITIES, with_unit
-from .samples import Floats
-from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, sized
+from .notation import PARAMETERS, QUANTITIES, Floats, with_unit
+from .style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    legend_above,
+    one_axes,
+    plain_ticks,
+    with_margin,
+)
+from .sweep_table import Axis
 
 __all__ = ["draw_branches", "put_branches"]
 
@@ -31,33 +43,20 @@ def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_for
     """A quantity of the cycles over the key."""
     if not found.branches:
         raise UsageError("nothing to draw: no branch was found")
-    sized(figure, 76.0)
-    axis = figure.subplots()
-    name = found.key.rpartition(".")[2]
-    symbol = PARAMETERS.get(name)
-    factor = symbol.factor if symbol else 1.0
-    put_branches(axis, found, quantity, factor)
-    unit = symbol.unit if symbol else found.units.replace("1", "")
-    axis.set_xlabel(with_unit(symbol.text if symbol else name.replace("_", " "), unit))
-    axis.set_ylabel(with_unit(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
-    values = np.concatenate([each.values for each in found.branches])
-    low, high = factor * values.min(), factor * values.max()
-    if low > 0.0 and high > 10.0 * low:
-        axis.set_xscale("log")
-        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.set_xlim(low / (high / low) ** 0.02, high * (high / low) ** 0.02)
-    else:
-        axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
-    handles = _legend(found)
-    figure.legend(
-        handles=handles,
-        loc="outside upper center",
-        ncols=min(3, len(handles)),
-        handlelength=1.8,
-        columnspacing=1.0,
+    axis = one_axes(figure, 76.0)
+    put_branches(axis, found, quantity)
+    side = Axis(
+        found.key.rpartition(".")[2], np.concatenate([each.values for each in found.branches]), found.units
     )
+    axis.set_xlabel(side.symbol.label)
+    axis.set_ylabel(with_unit(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
+    low, high = side.shown.min(), side.shown.max()
+    is_wide = low > 0.0 and high > 10.0 * low
+    if is_wide:
+        axis.set_xscale("log")
+        plain_ticks(axis.xaxis, LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_xlim(*with_margin(low, high, 0.02, is_wide))
+    legend_above(figure, _legend(found), 3)
 
 
 def _legend(found: Branches) -> list[Line2D]:
@@ -79,8 +78,10 @@ def _colour(slow_cycles: int) -> str:
     return COLOURS[min(max(slow_cycles, 1), len(COLOURS)) - 1]
 
 
-def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0) -> None:
-    """Lines and marks of branches in axes whose key is in units of `factor`."""
+def put_branches(axis: Axes, found: Branches, quantity: str) -> None:
+    """Lines and marks of branches in axes of their key."""
+    name = found.key.rpartition(".")[2]
+    factor = PARAMETERS[name].factor if name in PARAMETERS else 1.0
     for each in found.branches:
         if quantity not in each._fields or not isinstance(getattr(each, quantity), np.ndarray):
             raise UsageError(
@@ -97,11 +98,5 @@ def put_branches(axis: Axes, found: Branches, quantity: str, factor: float = 1.0
             axis.plot(factor * each.values[part], values[part], color=colour, linewidth=0.9, linestyle=style)
         for point in each.points:
             if point.kind in MARKS and quantity in point._fields:
-                axis.plot(
-                    factor * point.value,
-                    getattr(point, quantity),
-                    MARKS[point.kind],
-                    color=colour,
-                    zorder=3.0,
-                    **MARK,
-                )
+                place = factor * point.value, getattr(point, quantity)
+                axis.plot(*place, MARKS[point.kind], color=colour, zorder=3.0, **MARK)

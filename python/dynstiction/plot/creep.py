@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import FigureBase
 
@@ -9,11 +11,10 @@ from ..creep import Form, creep_asymptotic
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
-from .notation import SPEED_RATIO
-from .samples import Floats, columns
+from .notation import SPEED_RATIO, Floats, columns
 from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
 from .theory import creep, scaled_time, stiff_frequency
-from .view import coarseness
+from .view import View, coarseness
 
 __all__ = ["draw_creep", "mean_velocity"]
 
@@ -33,32 +34,31 @@ AT_REST = 0.3
 """Share of the slowest exact creep below which the object is at rest in a mean of the run, which would spoil the scale."""
 
 
-def draw_creep(result: Result, figure: FigureBase) -> None:
+def draw_creep(view: View, figure: FigureBase) -> None:
     """Mean velocity along the drive in the first creep, and its deviation from the exact creep."""
+    result = view.whole
     tau, run, smooth = mean_velocity(result)
     exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
     phi = np.radians(float(result.parameters["misalignment_deg"]))
-    axes = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
+    above, below = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
     creeps = exact > 0.0
     slowest = float(exact[creeps].min()) if creeps.any() else 0.0
-    axes[0].plot(
-        tau, np.where(run > AT_REST * slowest, run, np.nan), color=SKY, linewidth=4.0, alpha=0.6, label="run"
-    )
-    axes[0].plot(tau, np.where(creeps, exact, np.nan), color=BLACK, zorder=3, label="exact, Eq. (7)")
-    axes[1].axhline(0.0, color=BLACK)
-    axes[1].plot(tau, _percent(run, smooth), color=SKY, linewidth=4.0, alpha=0.6)
+    wide: Any = {"color": SKY, "linewidth": 4.0, "alpha": 0.6}
+    above.plot(tau, np.where(run > AT_REST * slowest, run, np.nan), label="run", **wide)
+    above.plot(tau, np.where(creeps, exact, np.nan), color=BLACK, zorder=3, label="exact, Eq. (7)")
+    below.axhline(0.0, color=BLACK)
+    below.plot(tau, _percent(run, smooth), **wide)
     for name, (label, colour, dashes) in FORMS.items():
-        values = _form(tau, phi, name)
-        axes[0].plot(
-            tau, np.where(values > 0.0, values, np.nan), dashes, color=colour, linewidth=1.0, label=label
-        )
-        axes[1].plot(tau, _percent(values, exact), dashes, color=colour, linewidth=1.0)
-    axes[0].set(yscale="log", ylabel=SPEED_RATIO)
-    coarse = coarseness(result)
-    note(axes[0], [coarse] if coarse else [])
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, handlelength=2.4)
-    axes[1].set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$")
-    axes[1].set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
+        # Up to where the forms are valid.
+        values = np.where(tau < LAST_TAU, creep_asymptotic(np.minimum(tau, LAST_TAU), phi, name), np.nan)
+        style: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.0, "label": label}
+        above.plot(tau, np.where(values > 0.0, values, np.nan), **style)
+        below.plot(tau, _percent(values, exact), **style)
+    above.set(yscale="log", ylabel=SPEED_RATIO)
+    note(above, [coarseness(result) or ""])
+    figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=2, handlelength=2.4)
+    below.set(ylim=(-12.0, 12.0), ylabel="deviation [%]", xlabel=r"$\tau = V t\, k_x/(\mu_0 W)$")
+    below.set_xlim(0.0, max(tau[-1], min(1.0, 1.02 * tau[-1])))
 
 
 def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
@@ -67,8 +67,8 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     It is a difference of means of X, so that the oscillation is not visible and the samples need not resolve it. A `UsageError`
     is raised if the closed form of creep does not apply to the run, or the run has no creep.
     """
-    needed = columns(result, "X", "spring_force_x")
-    end = first_release(needed["spring_force_x"]) + 1
+    columns(result, "X", "spring_force_x")
+    end = first_release(result["spring_force_x"]) + 1
     tau = scaled_time(result, result.time[:end])
     if end < 2 * AVERAGED or np.sin(np.radians(float(result.parameters["misalignment_deg"]))) == 0.0:
         raise UsageError(
@@ -79,18 +79,12 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     # X' = w.(cos phi, sin phi) changes sign with the drive; the closed form is for a drive with V > 0.
     drive = float(result.parameters["velocity"])
     length = drive * result.time[1:2] / scaled_time(result, result.time[1:2])
-    least = _averaged(result, end)
-    middle, run = _mean_slope(tau, needed["X"][:end] / length, least)
-    return middle, run, _mean_slope(tau, exact.X, least)[1]
-
-
-def _averaged(result: Result, end: int) -> int:
-    """Number of samples in `PERIODS` periods of the stiff axis, if the first creep has so many."""
-    frequency = stiff_frequency(result)
-    if frequency is None:
-        return AVERAGED
+    least, frequency = AVERAGED, stiff_frequency(result)
     step = float(np.median(np.diff(result.time[:end])))
-    return int(min(end // 4, np.ceil(PERIODS / (frequency * step)))) if step > 0.0 else AVERAGED
+    if frequency is not None and step > 0.0:
+        least = int(min(end // 4, np.ceil(PERIODS / (frequency * step))))
+    middle, run = _mean_slope(tau, result["X"][:end] / length, least)
+    return middle, run, _mean_slope(tau, exact.X, least)[1]
 
 
 def _mean_slope(x: Floats, y: Floats, least: int) -> tuple[Floats, Floats]:
@@ -104,14 +98,7 @@ def _mean_slope(x: Floats, y: Floats, least: int) -> tuple[Floats, Floats]:
     return (left + middle + right) / 3.0, 2.0 * (means[1] - means[0]) / (right - left)
 
 
-def _form(tau: Floats, phi: float, form: Form) -> Floats:
-    """A form of Eq. (8); NaN where it is not valid."""
-    values = creep_asymptotic(np.minimum(tau, LAST_TAU), phi, form)
-    return np.where(tau < LAST_TAU, values, np.nan)
-
-
 def _percent(values: Floats, exact: Floats) -> Floats:
     """Deviation [%]; NaN at rest."""
-    return np.asarray(
-        100.0 * np.divide(values - exact, exact, out=np.full_like(exact, np.nan), where=exact > 0.0)
-    )
+    nothing = np.full_like(exact, np.nan)
+    return np.asarray(100.0 * np.divide(values - exact, exact, out=nothing, where=exact > 0.0))

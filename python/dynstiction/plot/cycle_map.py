@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import FigureBase
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from ..errors import Error, UsageError
@@ -19,9 +17,10 @@ from ..record import SLIP_BEGINS
 from ..result import Result
 from ..scene import Scene
 from ..simulation import Simulation
-from .samples import Floats
+from .notation import Floats, prefixed
 from .style import VERMILION, sized
 from .theory import slider
+from .view import View
 
 __all__ = ["Releases", "draw_cycle_map", "releases_of"]
 
@@ -39,54 +38,38 @@ STAIRS = 6
 NARROWEST = 1e-6
 """Least width of a view of u; smaller differences are ignored."""
 
+DOTS: Any = {"linewidths": 0.0, "rasterized": True}
+ZERO: Any = {"color": "0.6", "linewidth": 0.6, "linestyle": ":", "zorder": 0}
+"""Lines where the next release is at the same place."""
+
 INSTEAD = "draw the kind 'history' or 'path' instead"
 
 
-@dataclass(frozen=True)
-class Releases:
-    """Releases of a run in the order of time; of a run with too many, the first ones.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        When slip begins [s].
-    u : ndarray, shape (n,)
-        ``k_x u_x/F_0`` there.
-    excursion : ndarray of bool, shape (n - 1,)
-        Whether u decreases by more than `FAR` fast cycles until the next release.
-    total : int
-        Releases of the whole run.
-    """
+class Releases(NamedTuple):
+    """Releases of a run in the order of time; of a run with too many, the first ones."""
 
     time: Floats
+    """When slip begins [s], shape (n,)."""
     u: Floats
+    """``k_x u_x/F_0`` there, shape (n,)."""
     excursion: NDArray[np.bool_]
+    """Whether u decreases by more than `FAR` fast cycles until the next release, shape (n - 1,)."""
     total: int
-
-    @property
-    def step(self) -> Floats:
-        """P(u) - u of each release except the last."""
-        return np.diff(self.u)
-
-    @property
-    def duration(self) -> Floats:
-        """T(u) of each release except the last [s]."""
-        return np.diff(self.time)
+    """Releases of the whole run."""
 
 
-def draw_cycle_map(result: Result, figure: FigureBase) -> None:
+def draw_cycle_map(view: View, figure: FigureBase) -> None:
     """P(u) - u and T(u) of the fast cycles, and the iterates of the whole run, coloured by time.
 
     The run is repeated in memory to obtain the state at each release; only the beginning of a long run is drawn.
     """
-    releases = releases_of(result)
+    releases = releases_of(view.whole)
     far = bool(releases.excursion.any())
     sized(figure, 186.0 if far else 140.0)
     heights = [31.0, 31.0, 60.0, *([32.0] if far else [])]
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     above = figure.add_subplot(grid[0, :])
-    middle = figure.add_subplot(grid[1, :], sharex=above)
-    whole = figure.add_subplot(grid[2, :], sharex=above)
+    middle, whole = (figure.add_subplot(grid[row, :], sharex=above) for row in (1, 2))
     axes = [above, middle, whole]
     colours = Normalize(releases.time[0], releases.time[-1])
     _draw_fast_cycles(above, middle, releases, colours)
@@ -94,17 +77,20 @@ def draw_cycle_map(result: Result, figure: FigureBase) -> None:
     web = _draw_cobweb(whole, releases, colours, slice(None))
     whole.set(xlim=_around(releases.u), ylim=_around(releases.u))
     if far:
-        near, jumps = (figure.add_subplot(grid[3, place]) for place in (0, 1))
-        _draw_stairs(near, releases, colours)
-        _draw_excursions(jumps, releases, colours)
-        axes += [near, jumps]
+        axes += [figure.add_subplot(grid[3, place]) for place in (0, 1)]
+        _draw_stairs(axes[3], releases, colours)
+        u, next_u = releases.u[:-1][releases.excursion], releases.u[1:][releases.excursion]
+        times = releases.time[:-1][releases.excursion]
+        axes[4].scatter(u, next_u, c=times, norm=colours, s=6.0, **DOTS)
+        _enlarge(axes[4], u, next_u, "excursions")
     for axis, name in zip(axes, "abcde", strict=False):
-        _letter(axis, name, outside=axis in axes[:3])
+        # On the left of a panel, or above its left end.
+        shift, vertical = ((-34.0, 0.0), "top") if name in "abc" else ((-27.0, 3.0), "bottom")
+        style: Any = {"textcoords": "offset points", "va": vertical, "fontweight": "bold"}
+        axis.annotate(f"({name})", (0.0, 1.0), shift, xycoords="axes fraction", **style)
     if releases.total > releases.time.size:
-        above.set_title(
-            f"the first {releases.time.size} of {releases.total} releases, up to {releases.time[-1]:.4g} s",
-            fontsize=7.5,
-        )
+        count, end = releases.time.size, releases.time[-1]
+        above.set_title(f"the first {count} of {releases.total} releases, up to {end:.4g} s", fontsize=7.5)
     figure.colorbar(web, ax=axes, label="$t$ [s]", pad=0.02, aspect=50.0)
 
 
@@ -165,10 +151,7 @@ def _parameters(result: Result) -> dict[str, float]:
 def _repeat(result: Result, stop: float) -> tuple[Floats, Floats]:
     """Times [s] and u_x [m] of the releases of a run up to `stop`, from the states of the same run at these times."""
     end = float(result.parameters["t_end"])
-    scene = Scene(
-        result.resolved_deck,
-        output={"interval": end, "fields": ["u_x"], "wall_limit": 0.0},
-    )
+    scene = Scene(result.resolved_deck, output={"interval": end, "fields": ["u_x"], "wall_limit": 0.0})
     with Simulation(scene) as simulation:
         simulation.step_to(min(stop, end))
         events = simulation.events
@@ -183,31 +166,24 @@ def _repeat(result: Result, stop: float) -> tuple[Floats, Floats]:
 
 def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Normalize) -> None:
     """P(u) - u and T(u); triangles at the edge mark excursions, which are far beyond it."""
-    fast = ~releases.excursion
-    drawn: Any = {
-        "c": releases.time[:-1][fast],
-        "norm": colours,
-        "s": 2.0,
-        "linewidths": 0.0,
-        "rasterized": True,
-    }
-    exponent = _exponent(releases.step[fast])
-    above.scatter(releases.u[:-1][fast], releases.step[fast] / 10.0**exponent, **drawn)
-    unit, seconds = _time_unit(releases.duration[fast])
-    below.scatter(releases.u[:-1][fast], releases.duration[fast] / seconds, **drawn)
-    above.set_ylabel(r"$P(u) - u$" if exponent == 0 else rf"$P(u) - u$ [$10^{{{exponent}}}$]")
+    far = releases.excursion
+    u, step, duration = releases.u[:-1], np.diff(releases.u), np.diff(releases.time)
+    drawn = {"c": releases.time[:-1][~far], "norm": colours, "s": 2.0, **DOTS}
+    exponent = _exponent(step[~far])
+    above.scatter(u[~far], step[~far] / 10.0**exponent, **drawn)
+    factor, unit = _time_unit(duration[~far])
+    below.scatter(u[~far], factor * duration[~far], **drawn)
+    above.set_ylabel("$P(u) - u$" + _power(exponent))
     below.set_ylabel(f"$T(u)$ [{unit}]")
-    above.axhline(0.0, color="0.6", linewidth=0.6, linestyle=":", zorder=0)
+    above.axhline(0.0, **ZERO)
     for axis in (above, below):
         axis.tick_params(labelbottom=False)
-    far = releases.excursion
-    if not far.any():
-        return
-    place = np.unique(releases.u[:-1][far])
-    unit, seconds = _time_unit(releases.duration[far])
-    downward = bool(np.median(releases.step[far]) < 0.0)
-    _mark(above, place, _range(releases.step[far], "excursions: {}"), bottom=downward)
-    _mark(below, place, _range(releases.duration[far] / seconds, f"excursions: {{}} {unit}"), bottom=False)
+    if far.any():
+        place = np.unique(u[far])
+        factor, unit = _time_unit(duration[far])
+        downward = bool(np.median(step[far]) < 0.0)
+        _mark(above, place, _range(step[far], "excursions: {}"), bottom=downward)
+        _mark(below, place, _range(factor * duration[far], f"excursions: {{}} {unit}"), bottom=False)
 
 
 def _mark(axis: Axes, place: Floats, text: str, bottom: bool) -> None:
@@ -215,20 +191,12 @@ def _mark(axis: Axes, place: Floats, text: str, bottom: bool) -> None:
     low, high = axis.get_ylim()
     room = 0.22 * (high - low)
     axis.set_ylim(low - room * bottom, high + room * (not bottom))
-    height, marker = (0.06, "v") if bottom else (0.94, "^")
-    across = axis.get_xaxis_transform()
-    axis.plot(
-        place,
-        np.full(place.size, height),
-        marker,
-        color=VERMILION,
-        markersize=3.0,
-        transform=across,
-        rasterized=True,
-    )
-    left = float(np.median(place)) >= 0.0
-    style: Any = {"ha": "left" if left else "right", "va": "center", "fontsize": 7.5, "color": VERMILION}
-    axis.text(0.03 if left else 0.97, 0.09 if bottom else 0.91, text, transform=axis.transAxes, **style)
+    height, marker, level = (0.06, "v", 0.09) if bottom else (0.94, "^", 0.91)
+    across: Any = {"transform": axis.get_xaxis_transform(), "rasterized": True}
+    axis.plot(place, np.full(place.size, height), marker, color=VERMILION, markersize=3.0, **across)
+    start, side = (0.03, "left") if float(np.median(place)) >= 0.0 else (0.97, "right")
+    style: Any = {"ha": side, "va": "center", "fontsize": 7.5, "color": VERMILION}
+    axis.text(start, level, text, transform=axis.transAxes, **style)
 
 
 def _range(values: Floats, text: str) -> str:
@@ -246,7 +214,7 @@ def _draw_cobweb(axis: Axes, releases: Releases, colours: Normalize, shown: slic
     web = LineCollection(list(segments), array=np.repeat(time[:-1], 2), norm=colours, linewidths=0.6)
     web.set_rasterized(True)
     ends = np.array([u.min(), u.max()]) + np.array([-1.0, 1.0]) * max(np.ptp(u), NARROWEST)
-    axis.plot(ends, ends, color="0.6", linewidth=0.6, linestyle=":", zorder=0)
+    axis.plot(ends, ends, **ZERO)
     axis.add_collection(web)
     far = releases.excursion[shown][: u.size - 1]
     axis.plot(u[:-1][far], u[1:][far], "o", color=VERMILION, markersize=2.5, rasterized=True)
@@ -257,54 +225,30 @@ def _draw_stairs(axis: Axes, releases: Releases, colours: Normalize) -> None:
     """The last fast cycles before the last excursion, enlarged."""
     last = int(np.flatnonzero(releases.excursion)[-1])
     before = np.flatnonzero(releases.excursion[:last])
-    first = max(last - STAIRS, int(before[-1]) + 1 if before.size else 0)
-    stairs = slice(first, last + 1)
+    stairs = slice(max(last - STAIRS, int(before[-1]) + 1 if before.size else 0), last + 1)
     u = releases.u[stairs]
     _draw_cobweb(axis, releases, colours, stairs)
     axis.plot(u[:-1], u[1:], "o", color="0.2", markersize=2.0)
     axis.plot(u[-1], u[-1], "v", color=VERMILION, markersize=3.0)
-    axis.set(xlim=_around(u), ylim=_around(u))
-    axis.set_title("before an excursion", fontsize=7.5)
-    _label_finely(axis)
+    _enlarge(axis, u, u, "before an excursion")
 
 
-def _draw_excursions(axis: Axes, releases: Releases, colours: Normalize) -> None:
-    """The map of the excursions."""
-    far = releases.excursion
-    u, next_u = releases.u[:-1][far], releases.u[1:][far]
-    axis.scatter(u, next_u, c=releases.time[:-1][far], norm=colours, s=6.0, linewidths=0.0, rasterized=True)
+def _enlarge(axis: Axes, u: Floats, next_u: Floats, title: str) -> None:
+    """Limits around some releases, with ticks as differences from a round number if the view is narrow."""
     axis.set(xlim=_around(u), ylim=_around(next_u))
-    axis.set_title("excursions", fontsize=7.5)
-    _label_finely(axis)
-
-
-def _label_finely(axis: Axes) -> None:
-    """Ticks as differences from a round number, if the view is narrow."""
+    axis.set_title(title, fontsize=7.5)
     for side, name, bins in ((axis.xaxis, "u", 3), (axis.yaxis, "P(u)", 4)):
         low, high = side.get_view_interval()
         round_to = -int(np.floor(np.log10(high - low)))
         origin = round(0.5 * (low + high), round_to) if round_to > 1 else 0.0
         exponent = _exponent(np.array([low, high]) - origin)
-        side.set_major_locator(_Shifted(origin, bins))
-        side.set_major_formatter(FuncFormatter(partial(_difference, origin, exponent)))
+        places = np.asarray(MaxNLocator(nbins=bins, min_n_ticks=2).tick_values(low - origin, high - origin))
+        words = [f"{place / 10.0**exponent:.4g}".replace("-", "−") for place in places]
+        side.set_major_locator(FixedLocator(list(origin + places)))
+        side.set_major_formatter(FixedFormatter(words))
         sign = "-" if origin >= 0.0 else "+"
         difference = f"{name} {sign} {abs(origin):.10g}" if origin else name
-        side.set_label_text(f"${difference}$" if exponent == 0 else rf"${difference}$ [$10^{{{exponent}}}$]")
-
-
-def _difference(origin: float, exponent: int, value: float, _: object) -> str:
-    return f"{(value - origin) / 10.0**exponent:.4g}".replace("-", "−")
-
-
-class _Shifted(MaxNLocator):
-    """A few ticks at round distances from an origin."""
-
-    def __init__(self, origin: float, bins: int) -> None:
-        super().__init__(nbins=bins, min_n_ticks=2)
-        self._origin = origin
-
-    def tick_values(self, vmin: float, vmax: float) -> Any:
-        return self._origin + np.asarray(super().tick_values(vmin - self._origin, vmax - self._origin))
+        side.set_label_text(f"${difference}$" + _power(exponent))
 
 
 def _around(values: Floats) -> tuple[float, float]:
@@ -312,18 +256,6 @@ def _around(values: Floats) -> tuple[float, float]:
     low, high = float(values.min()), float(values.max())
     margin = max(0.06 * (high - low), 0.5 * NARROWEST, 1e-6 * max(abs(low), abs(high)))
     return low - margin, high + margin
-
-
-def _letter(axis: Axes, name: str, outside: bool) -> None:
-    """Letter of a panel, on its left or above its left end."""
-    shift, vertical = ((-34.0, 0.0), "top") if outside else ((-27.0, 3.0), "bottom")
-    style: Any = {
-        "xycoords": "axes fraction",
-        "textcoords": "offset points",
-        "va": vertical,
-        "fontweight": "bold",
-    }
-    axis.annotate(f"({name})", (0.0, 1.0), shift, **style)
 
 
 def _exponent(values: Floats) -> int:
@@ -334,9 +266,10 @@ def _exponent(values: Floats) -> int:
     return 3 * int(np.floor((np.log10(largest) + 1.0) / 3.0))
 
 
-def _time_unit(duration: Floats) -> tuple[str, float]:
+def _power(exponent: int) -> str:
+    return "" if exponent == 0 else rf" [$10^{{{exponent}}}$]"
+
+
+def _time_unit(duration: Floats) -> tuple[float, str]:
     typical = float(np.median(duration)) if duration.size else 1.0
-    for unit, seconds in (("s", 1.0), ("ms", 1e-3)):
-        if typical >= 0.3 * seconds:
-            return unit, seconds
-    return "µs", 1e-6
+    return prefixed("s", typical, 0.3, ("", "m", "µ"))

@@ -1,25 +1,26 @@
-"""Symbols, units and colours: each quantity has one symbol and one notation in all figures."""
+"""Columns and other quantities: their samples, symbols, units and colours, the same in all figures."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .samples import Floats
-from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from .._names import nearest
+from .._native import catalogue
+from ..errors import ColumnError
+from ..result import Result
+from ..thinning import extremes
+from .style import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
-__all__ = [
-    "COLUMNS",
-    "MISALIGNMENT",
-    "PARAMETERS",
-    "QUANTITIES",
-    "SPEED_RATIO",
-    "Symbol",
-    "label_of",
-    "scaled",
-    "with_unit",
-]
+__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "columns", "label_of", "thin"]
+
+Floats: TypeAlias = NDArray[np.float64]
+
+# Twice the number of dots in a column's width, so that no bin is wider than a dot.
+BINS = 2 * int(COLUMN_WIDTH * DOTS_PER_INCH)
 
 MISALIGNMENT = r"$\varphi$"
 SPEED_RATIO = r"$\dot X/V$"
@@ -104,7 +105,7 @@ PARAMETERS = {
 }
 """Keys of a deck, in the order in which figures name them."""
 
-PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+PREFIXES = {"M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
 WITH_PREFIX = ("m", "m/s", "N")
 LEAST = 0.5
 """A unit with a prefix is chosen so that the largest value is at least this."""
@@ -115,19 +116,19 @@ def with_unit(text: str, unit: str) -> str:
     return text if unit in ("", "1", "–") else f"{text} [{unit}]"
 
 
+def prefixed(unit: str, size: float, least: float, prefixes: tuple[str, ...]) -> tuple[float, str]:
+    """Factor to the unit with the first of these prefixes in which a size is at least `least`, or the last one, and this unit."""
+    prefix = next((each for each in prefixes if size >= least * PREFIXES[each]), prefixes[-1])
+    # Not 1/size, which is not exact.
+    return float(f"{1.0 / PREFIXES[prefix]:.0e}"), prefix + unit
+
+
 def scaled(unit: str, *values: Floats) -> tuple[float, str]:
     """Factor from a unit of `WITH_PREFIX` to the unit in which values are short numbers, and this unit."""
-    if unit not in WITH_PREFIX:
-        return 1.0, unit
     largest = max((float(np.nanmax(np.abs(each), initial=0.0)) for each in values), default=0.0)
-    if not largest > 0.0:
+    if unit not in WITH_PREFIX or not largest > 0.0:
         return 1.0, unit
-    for size, prefix in PREFIXES:
-        if largest >= LEAST * size:
-            # Not 1/size, which is not exact.
-            return float(f"{1.0 / size:.0e}"), prefix + unit
-    size, prefix = PREFIXES[-1]
-    return float(f"{1.0 / size:.0e}"), prefix + unit
+    return prefixed(unit, largest, LEAST, ("k", "", "m", "µ", "n"))
 
 
 def label_of(name: str, units: str, *values: Floats) -> tuple[str, float, str]:
@@ -137,3 +138,30 @@ def label_of(name: str, units: str, *values: Floats) -> tuple[str, float, str]:
         return with_unit(name.replace("_", " "), units), 1.0, BLACK
     factor, unit = scaled(symbol.unit, *values)
     return with_unit(symbol.text, unit), factor * symbol.factor, symbol.colour
+
+
+def the_nearest(name: str, known: Iterable[str]) -> str:
+    """The part of a refusal that names what was probably meant; empty if nothing is similar."""
+    near = nearest(name, known)
+    return f"the nearest is '{near}', " if near else ""
+
+
+def columns(result: Result, *names: str) -> None:
+    """Refuse a result that lacks one of these columns: a `ColumnError` says how to get it, or that no run has it."""
+    missing = [name for name in names if name not in result]
+    known = [column["name"] for column in catalogue()["columns"]] if missing else []
+    for name in missing:
+        if name not in known:
+            near = nearest(name, known)
+            meant = f"did you mean '{near}'? " if near else ""
+            raise ColumnError(f"no column '{name}': {meant}The columns are {', '.join(known)}")
+    if missing:
+        listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))
+        raise ColumnError(
+            f"the result lacks {', '.join(missing)}: run the deck again with output.fields = {listed}"
+        )
+
+
+def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
+    """Smallest and largest value in each interval of time that is drawn as one dot: see `extremes`."""
+    return extremes(time, values, bins)

@@ -19,6 +19,7 @@ from . import KINDS
 from .damping import draw_damping_of
 from .schematics import draw_angles, draw_apparatus
 from .style import new_figure, write
+from .view import view_of
 
 __all__ = ["FIGURES", "PaperFigure", "deck", "draw_paper"]
 
@@ -36,7 +37,9 @@ FIG4_WINDOW = 0.1
 
 
 def _of_kind(title: str, name: str, kind: str, **how: float) -> PaperFigure:
-    return PaperFigure(title, (name,), lambda results, figure: KINDS[kind](results[0], figure, **how))
+    return PaperFigure(
+        title, (name,), lambda results, figure: KINDS[kind](view_of(results[0]), figure, **how)
+    )
 
 
 FIGURES: dict[str, PaperFigure] = {

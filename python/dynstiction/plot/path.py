@@ -6,12 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import FigureBase
-from numpy.typing import NDArray
 
-from ..result import Result
-from .samples import BINS, Floats, columns
+from .notation import BINS, Floats, columns
 from .style import note, one_axes
-from .view import view_of
+from .view import View
 
 __all__ = ["draw_path"]
 
@@ -24,17 +22,17 @@ FINEST = 1e-9
 ARC_POINTS = 2000
 
 
-def draw_path(
-    result: Result, canvas: FigureBase | Axes, *, start: float | None = None, end: float | None = None
-) -> None:
+def draw_path(view: View, canvas: FigureBase | Axes) -> None:
     """Path of the tip of the friction vector in the plane of the principal axes, over a circle."""
-    columns(result, "friction", "theta")
-    view = view_of(result, start, end)
+    columns(view.whole, "friction", "theta")
     # At t = 0 the object has its start velocity; friction jumps when the object comes to rest, which takes no time.
     first = int(view.result.time[0] == 0.0 and view.result.time.size > 2)
     time, force, theta = (view.result[name][first:] for name in ("time", "friction", "theta"))
     tip = np.stack([force * np.cos(theta), force * np.sin(theta)], axis=1)
-    kept = _visible_steps(tip)
+    # Samples that are in a different dot than the one before.
+    dots = np.rint((tip - tip.min(axis=0)) * (BINS / max(np.ptp(tip, axis=0).max(), 1e-300)))
+    moved = np.any(dots[1:] != dots[:-1], axis=1)
+    kept = np.flatnonzero(np.concatenate([[True], moved[:-1], [True]]))
     axis = one_axes(canvas, 70.0)
     segments = np.stack([tip[kept[:-1]], tip[kept[1:]]], axis=1)
     # The friction force jumps when a stick begins; a thin line joins both ends of a jump.
@@ -50,13 +48,6 @@ def draw_path(
     axis.set(xlim=shown[:, 0], ylim=shown[:, 1], aspect="equal", xlabel="$F_x$ [N]", ylabel="$F_y$ [N]")
     axis.figure.colorbar(lines, ax=axis, label="$t$ [s]", pad=0.02)
     note(axis, (*view.notes, "dotted: a circle with the largest $|F|$"))
-
-
-def _visible_steps(points: Floats) -> NDArray[np.intp]:
-    """Indices of the points (n, 2) that are in a different dot than the point before."""
-    dots = np.rint((points - points.min(axis=0)) * (BINS / max(np.ptp(points, axis=0).max(), 1e-300)))
-    moved = np.any(dots[1:] != dots[:-1], axis=1)
-    return np.flatnonzero(np.concatenate([[True], moved[:-1], [True]]))
 
 
 def _view(points: Floats) -> Floats:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon
 
-from .samples import Floats
+from .notation import Floats
 from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, PURPLE, VERMILION
 
 __all__ = ["coil", "draw_angles", "draw_apparatus", "principal_axes"]
@@ -37,10 +37,8 @@ def draw_apparatus(figure: Figure) -> None:
     axis.plot(*coil(0.33 * soft, wall, turns=9, width=0.13).T, color=BLUE, linewidth=1.0)
     axis.plot(*coil(0.33 * stiff, roof, turns=4, width=0.13).T, color=VERMILION, linewidth=1.0)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.33
-    object_ = Polygon(
-        corners @ np.stack([soft, stiff]), facecolor="0.85", edgecolor=BLACK, linewidth=0.8, zorder=4
-    )
-    axis.add_patch(object_)
+    style: Any = {"facecolor": "0.85", "edgecolor": BLACK, "linewidth": 0.8, "zorder": 4}
+    axis.add_patch(Polygon(corners @ np.stack([soft, stiff]), **style))
     _text(axis, ORIGIN, "$m$", zorder=5)
     _angle(axis, 2.9, -PHI, 0.0, r"$\varphi$")
     _text(axis, 1.35 * soft - 0.26 * stiff, "$k_x$", color=BLUE)
@@ -48,10 +46,14 @@ def draw_apparatus(figure: Figure) -> None:
     corner = wall + roof
     _arrow(axis, corner + 0.12 * ALONG_X, corner + 0.9 * ALONG_X, GREEN, 1.4)
     _text(axis, corner + 0.5 * ALONG_X + 0.2 * ALONG_Y, "$V$", color=GREEN)
-    _load(axis, np.array([-0.85, 0.75]))
-    _text(
-        axis, np.array([-1.2, -1.45]), "floor at rest, seen from above", color=GREY, ha="left", fontsize=7.5
-    )
+    # The normal load, into the plane.
+    load = np.array([-0.85, 0.75])
+    axis.add_patch(Circle(load.tolist(), 0.11, fill=False, linewidth=0.8))
+    for sign in (1.0, -1.0):
+        axis.plot(*(load + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])).T, color=BLACK, linewidth=0.8)
+    _text(axis, load + 0.17 * ALONG_X, "$W$", ha="left")
+    note: Any = {"color": GREY, "ha": "left", "fontsize": 7.5}
+    _text(axis, np.array([-1.2, -1.45]), "floor at rest, seen from above", **note)
 
 
 def draw_angles(figure: Figure) -> None:
@@ -111,23 +113,13 @@ def _canvas(figure: Figure, across: tuple[float, float], up: tuple[float, float]
 
 
 def _text(axis: Axes, place: Floats, text: str, **style: Any) -> None:
-    axis.text(float(place[0]), float(place[1]), text, **{"ha": "center", "va": "center", **style})
+    axis.text(place[0], place[1], text, **{"ha": "center", "va": "center", **style})
 
 
 def _arrow(axis: Axes, start: Floats, end: Floats, colour: str, width: float, zorder: float = 3.0) -> None:
-    axis.annotate(
-        "",
-        xy=(float(end[0]), float(end[1])),
-        xytext=(float(start[0]), float(start[1])),
-        zorder=zorder,
-        arrowprops={
-            "arrowstyle": "-|>,head_length=0.4,head_width=0.16",
-            "color": colour,
-            "linewidth": width,
-            "shrinkA": 0,
-            "shrinkB": 0,
-        },
-    )
+    head: Any = {"arrowstyle": "-|>,head_length=0.4,head_width=0.16", "shrinkA": 0, "shrinkB": 0}
+    head |= {"color": colour, "linewidth": width}
+    axis.annotate("", end.tolist(), start.tolist(), zorder=zorder, arrowprops=head)
 
 
 def _axis_line(axis: Axes, start: Floats, end: Floats, label: str) -> None:
@@ -141,12 +133,3 @@ def _angle(axis: Axes, radius: float, start: float, end: float, label: str) -> N
     axis.add_patch(Arc((0.0, 0.0), 2 * radius, 2 * radius, theta1=first, theta2=last, linewidth=0.7))
     middle = 0.5 * (start + end)
     _text(axis, (radius + 0.13) * np.array([np.cos(middle), np.sin(middle)]), label)
-
-
-def _load(axis: Axes, centre: Floats) -> None:
-    """The normal load, into the plane."""
-    axis.add_patch(Circle((float(centre[0]), float(centre[1])), 0.11, fill=False, linewidth=0.8))
-    for sign in (1.0, -1.0):
-        ends = centre + 0.078 * np.array([[-1.0, -sign], [1.0, sign]])
-        axis.plot(*ends.T, color=BLACK, linewidth=0.8)
-    _text(axis, centre + 0.17 * ALONG_X, "$W$", ha="left")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,11 @@ from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
 from ..stick_slip import first_release
-from .notation import COLUMNS
-from .samples import Floats, columns
+from .notation import COLUMNS, Floats, columns
 from .style import note, panels
 from .theory import creep, slider, stiff_frequency
 from .time_series import VELOCITIES, draw_column, show_time
-from .view import View, view_of
+from .view import View
 
 __all__ = ["draw_spectrogram", "predicted_ridge"]
 
@@ -44,47 +44,44 @@ FOLDING = 10.0
 """Number of samples in a period of the stiff axis below which overtones fold back into the figure."""
 
 
-def draw_spectrogram(
-    result: Result,
-    figure: FigureBase,
-    *,
-    start: float | None = None,
-    end: float | None = None,
-    length: float | None = None,
-) -> None:
+def draw_spectrogram(view: View, figure: FigureBase, *, length: float | None = None) -> None:
     """Both elongation rates, their spectrograms and the predicted ridge of the first creep (Fig. 4).
 
     A file without the rates shows the slip velocities, which are the drive's velocity minus the rates. The length of the sliding
     window [s] follows from the scene if it is not given.
     """
-    names = RATES if all(name in result for name in RATES) else VELOCITIES
-    columns(result, *names)
-    view = view_of(result, start, end)
-    stiff = stiff_frequency(result)
-    _refuse_aliases(view.result, stiff)
-    length = length or _length(view, stiff)
-    shown = view.result
+    names = RATES if all(name in view.whole for name in RATES) else VELOCITIES
+    columns(view.whole, *names)
+    stiff = stiff_frequency(view.whole)
+    folds = _folds(view.result, stiff)
+    length, shown = length or _length(view, stiff), view.result
     spectra = {name: spectrogram(shown.time, 1e3 * shown[name], length) for name in names}
     # The slips, which are visible only along the soft axis, may exceed the scale.
     soft, stiff_axis = (float(spectra[name].density.max()) for name in names)
     top = stiff_axis or soft or 1.0
     axes = panels(figure, 4, 165.0, sharex=True, height_ratios=(2.5, 3.0, 2.5, 3.0))
     highest = HIGHEST_FREQUENCY * (stiff or np.inf)
-    ridge = None
+    # Wide gaps, so that the ridge below is visible.
+    style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
+    ridges: list[Line2D] = []
     for i, name in enumerate(names):
-        draw_column(axes[2 * i], shown, name, 0.05, tuple(shown[each] for each in names))
-        image = _draw_density(axes[2 * i + 1], spectra[name], 10.0 * np.log10(top), highest, length)
-        ridge = _draw_ridge(axes[2 * i + 1], result) or ridge
-        axes[2 * i + 1].set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
+        trace, density = axes[2 * i : 2 * i + 2]
+        draw_column(trace, shown, name, 0.05, tuple(shown[each] for each in names))
+        image = _draw_density(density, spectra[name], 10.0 * np.log10(top), highest, length)
+        # The prediction needs more data than the spectrogram, which is useful without it.
+        with suppress(UsageError):
+            times, frequency = predicted_ridge(view.whole)
+            ridges += density.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
+        density.set_ylabel(f"$f$ of {COLUMNS[name].text} [kHz]")
     show_time(axes[-1], shown)
     label = "power density [dB re 1 (mm/s)$^2$/Hz]"
     beyond = ["slips exceed the scale of colours"] if soft > top else []
     figure.colorbar(image, ax=axes, location="top", aspect=40, pad=0.01, extend="both", label=label)
-    note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *_folds(shown, stiff)))
-    if ridge is not None:
+    note(axes[0], (*view.notes, f"Hamming window of {1e3 * length:.3g} ms", *beyond, *folds))
+    if ridges:
         # The legend is outside the spectrogram, in which there are lines everywhere, on the dark background that the line needs.
         dark: Any = {"frameon": True, "facecolor": "0.25", "edgecolor": "none", "labelcolor": "white"}
-        figure.legend(handles=[ridge], loc="outside lower center", handlelength=2.6, **dark)
+        figure.legend(handles=ridges[:1], loc="outside lower center", handlelength=2.6, **dark)
 
 
 def _length(view: View, stiff: float | None) -> float:
@@ -101,11 +98,10 @@ def _length(view: View, stiff: float | None) -> float:
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
     """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them, if it applies to the run."""
     system = slider(result)
-    end = result.time[first_release(columns(result, "spring_force_x")["spring_force_x"])]
-    times = np.linspace(0.0, end, 500)
-    theta = creep(result, times).theta
+    columns(result, "spring_force_x")
+    times = np.linspace(0.0, result.time[first_release(result["spring_force_x"])], 500)
     stiffness = {name: system[name] for name in ("mass", "stiffness_x", "stiffness_y")}
-    return times, oscillation_frequency(theta, **stiffness)
+    return times, oscillation_frequency(creep(result, times).theta, **stiffness)
 
 
 def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float, length: float) -> AxesImage:
@@ -113,16 +109,9 @@ def _draw_density(axis: Axes, spectrum: Spectrogram, top: float, highest: float,
     shown = spectrum.frequency <= highest
     frequency = 1e-3 * spectrum.frequency[shown]
     decibels = 10.0 * np.log10(np.maximum(spectrum.density[shown], np.finfo(np.float64).tiny))
-    image = axis.imshow(
-        decibels,
-        cmap="viridis",
-        vmin=top - DECIBELS,
-        vmax=top,
-        origin="lower",
-        aspect="auto",
-        interpolation="nearest",
-        extent=(*_edges(spectrum.time, length), *_edges(frequency, length)),
-    )
+    style: Any = {"cmap": "viridis", "origin": "lower", "aspect": "auto", "interpolation": "nearest"}
+    extent = (*_edges(spectrum.time, length), *_edges(frequency, length))
+    image = axis.imshow(decibels, vmin=top - DECIBELS, vmax=top, extent=extent, **style)
     axis.set_facecolor("0.9")
     axis.set_ylim(0.0, frequency[-1])
     return image
@@ -134,30 +123,15 @@ def _edges(middles: Floats, length: float) -> tuple[float, float]:
     return float(middles[0] - half), float(middles[-1] + half)
 
 
-def _draw_ridge(axis: Axes, result: Result) -> Line2D | None:
-    try:
-        times, frequency = predicted_ridge(result)
-    except UsageError:
-        return None  # the prediction needs more data than the spectrogram, which is useful without it
-    # Wide gaps, so that the ridge below is visible.
-    style: Any = {"color": "white", "linewidth": 0.9, "linestyle": (0, (4, 6))}
-    (line,) = axis.plot(times, 1e-3 * frequency, label="predicted in slow creep", **style)
-    return line
-
-
-def _refuse_aliases(result: Result, stiff: float | None) -> None:
-    """Check that the samples show every frequency of the axis: faster oscillations would fold back into the figure."""
+def _folds(result: Result, stiff: float | None) -> list[str]:
+    """A note that overtones above half the sampling rate appear as rising lines; samples that miss a frequency of the axis itself,
+    which would fold back into the figure, are refused.
+    """
     step = float(np.median(np.diff(result.time)))
     if stiff is not None and step * stiff * HIGHEST_FREQUENCY > 0.5 * (1.0 + ROUNDING):
         raise UsageError(
             f"samples {step:.6g} s apart cannot show the oscillation of {stiff:.6g} Hz and its overtones up to "
             f"{HIGHEST_FREQUENCY * stiff:.4g} Hz: run again with output.interval = {0.05 / stiff:.1g}"
         )
-
-
-def _folds(result: Result, stiff: float | None) -> list[str]:
-    """A note that overtones above half the sampling rate appear as rising lines."""
-    step = float(np.median(np.diff(result.time)))
-    if stiff is None or step * stiff * FOLDING < 1.0:
-        return []
-    return [f"overtones above {0.5e-3 / step:.3g} kHz fold back: rising lines"]
+    is_fine = stiff is None or step * stiff * FOLDING < 1.0
+    return [] if is_fine else [f"overtones above {0.5e-3 / step:.3g} kHz fold back: rising lines"]

@@ -9,40 +9,19 @@ from contextlib import contextmanager
 from typing import Any
 
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure, FigureBase, SubFigure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import Locator, MultipleLocator, NullFormatter
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from .._output import put
 from ..errors import Error, FileError, UsageError
 
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "BROWN",
-    "COLUMN_WIDTH",
-    "DOTS_PER_INCH",
-    "GREEN",
-    "MM",
-    "ORANGE",
-    "PALETTE",
-    "PURPLE",
-    "SKY",
-    "STYLE",
-    "VERMILION",
-    "degree_ticks",
-    "in_axes",
-    "in_figure",
-    "new_figure",
-    "note",
-    "one_axes",
-    "panels",
-    "rendering",
-    "sized",
-    "write",
-]
+# Besides the names of the colours; the others are for the figures of this folder.
+__all__ = ["COLUMN_WIDTH", "DOTS_PER_INCH", "MM", "STYLE", "format_of", "new_figure", "panels", "write"]
 
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
@@ -58,22 +37,16 @@ ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#661100"
 PALETTE = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, BROWN)
 """Colours of lines and marks."""
 
+TICKS = {"labelsize": 7.5, "major.width": 0.6, "minor.width": 0.4, "direction": "in"}
 STYLE: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.labelsize": 8.0,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
     "legend.fontsize": 7.5,
     "legend.frameon": False,
     "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
-    "ytick.minor.width": 0.4,
-    "xtick.direction": "in",
+    **{f"{side}tick.{name}": value for side in "xy" for name, value in TICKS.items()},
     # The numbers of both axes must not touch in a corner at 0.
     "xtick.major.pad": 4.5,
-    "ytick.direction": "in",
     "xtick.top": True,
     "ytick.right": True,
     "lines.linewidth": 0.7,
@@ -89,27 +62,25 @@ STYLE: dict[Any, Any] = {
 
 def new_figure(draw: Callable[[Figure], None]) -> Figure:
     """Figure that `draw` has filled, in this style and not attached to any window."""
+    return drawn(draw)
+
+
+def drawn(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
+    """The figure in which `draw` has filled a canvas of the user, or a new one.
+
+    A figure of the user keeps its size; if it has no layout engine, it gets ours.
+    """
+    root = Figure(layout="constrained") if canvas is None else canvas.get_figure(root=True)
+    if root is None:
+        raise UsageError("ax belongs to no figure: make it with figure.subplots()")
+    part = canvas or root
+    if isinstance(canvas, Figure):
+        if root.get_layout_engine() is None:
+            root.set_layout_engine("constrained")
+        part = root.add_subfigure(root.add_gridspec()[0, 0])
     with rc_context(STYLE), rendering():
-        figure = Figure(layout="constrained")
-        draw(figure)
-    return figure
-
-
-def in_figure(draw: Callable[[FigureBase], None], figure: Figure | SubFigure) -> None:
-    """Let `draw` fill a figure of the user, which keeps its size; if it has no layout engine, it gets ours."""
-    with rc_context(STYLE), rendering():
-        if isinstance(figure, Figure):
-            if figure.get_layout_engine() is None:
-                figure.set_layout_engine("constrained")
-            draw(figure.add_subfigure(figure.add_gridspec()[0, 0]))
-        else:
-            draw(figure)
-
-
-def in_axes(draw: Callable[[Axes], None], axes: Axes) -> None:
-    """Let `draw` fill axes of the user."""
-    with rc_context(STYLE), rendering():
-        draw(axes)
+        draw(part)
+    return root
 
 
 def sized(figure: FigureBase, height: float, width: float = COLUMN_WIDTH / MM) -> None:
@@ -126,9 +97,35 @@ def one_axes(canvas: FigureBase | Axes, height: float) -> Axes:
     return canvas.subplots()
 
 
+def legend_above(figure: FigureBase, handles: Sequence[Artist], most: int = 9) -> None:
+    """Legend above all panels, with at most so many columns; none without handles."""
+    if handles:
+        columns = min(most, len(handles))
+        how: Any = {"loc": "outside upper center", "handlelength": 1.8, "columnspacing": 1.0}
+        figure.legend(handles=handles, ncols=columns, **how)
+
+
+def ticks_outside(axis: Axes) -> None:
+    """Ticks outside, for colours on which they would not be visible inside."""
+    axis.tick_params(which="both", direction="out", top=False, right=False)
+
+
+def plain_ticks(side: Axis, locator: Locator) -> None:
+    """Numbers like 0.5 and 20 on a logarithmic axis, at these places and no others."""
+    side.set_major_locator(locator)
+    side.set_major_formatter("{x:g}")
+    side.set_minor_formatter(NullFormatter())
+
+
+def with_margin(low: float, high: float, share: float, log: bool = False) -> tuple[float, float]:
+    """Limits of an axis with a margin, as a share of its length."""
+    room = (high / low) ** share if log else share * (high - low)
+    return (low / room, high * room) if log else (low - room, high + room)
+
+
 def note(axes: Axes, lines: Sequence[str]) -> None:
     """Notes on the samples of a figure, as grey lines above the axes."""
-    if lines:
+    if any(lines):
         axes.set_title("\n".join(lines), loc="right", fontsize=7.0, color=NOTE, pad=3.0)
 
 
@@ -151,11 +148,8 @@ def write(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = Tru
     image = io.BytesIO()
     with rc_context(STYLE), rendering():
         figure.savefig(image, format=suffix, dpi=DOTS_PER_INCH)
-    put(
-        path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}",
-        image.getvalue(),
-        overwrite=overwrite,
-    )
+    target = path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}"
+    put(target, image.getvalue(), overwrite=overwrite)
 
 
 def format_of(path: str | os.PathLike[str]) -> str:
@@ -169,13 +163,12 @@ def format_of(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def degree_ticks(axis: Axes) -> None:
-    """Ticks at round angles along y, as many as there is room for."""
+def degree_ticks(axis: Axes, column: str) -> None:
+    """Ticks at round angles along y, as many as there is room for, if a column is an angle."""
     low, high = axis.get_ylim()
-    for step in DEGREE_STEPS:
-        if (high - low) / step <= MOST_DEGREE_TICKS:
-            axis.yaxis.set_major_locator(MultipleLocator(step))
-            return
+    steps = [step for step in DEGREE_STEPS if (high - low) / step <= MOST_DEGREE_TICKS]
+    if steps and ("theta" in column or column == "psi"):
+        axis.yaxis.set_major_locator(MultipleLocator(steps[0]))
 
 
 def panels(
@@ -184,14 +177,10 @@ def panels(
     """Axes one above the other in a column of `height` mm, named by letters; `how` as for `Figure.subplots`."""
     sized(figure, height)
     axes: NDArray[Any] = figure.subplots(count, 1, squeeze=False, **how)[:, 0]
+    # A letter is at the left edge of the figure, left of the numbers of the axis, however wide they are.
     for axis, name in zip(axes, letters, strict=False):
-        _letter(axis, name)
+        place = blended_transform_factory(axis.get_figure(root=False).transSubfigure, axis.transAxes)
+        text = axis.text(0.005, 1.0, f"({name})", transform=place, va="top", fontweight="bold")
+        text.set_in_layout(False)
     figure.align_ylabels(axes)
     return axes
-
-
-def _letter(axis: Axes, name: str) -> None:
-    """The letter of a panel at the left edge of the figure, left of the numbers of the axis, however wide they are."""
-    place = blended_transform_factory(axis.get_figure(root=False).transSubfigure, axis.transAxes)  # type: ignore[union-attr]
-    text = axis.text(0.005, 1.0, f"({name})", transform=place, va="top", fontweight="bold")
-    text.set_in_layout(False)

@@ -6,18 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
-from matplotlib.typing import ColorType, FillStyleType
+from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from .notation import MISALIGNMENT, PARAMETERS
-from .samples import Floats
-from .style import BLACK, panels
+from .notation import MISALIGNMENT, PARAMETERS, Floats
+from .style import BLACK, panels, plain_ticks
 from .sweep_table import table_of
 
 if TYPE_CHECKING:
@@ -61,99 +58,66 @@ def draw_lambda(data: xarray.Dataset, figure: FigureBase) -> None:
 
     axes = panels(figure, 4, 190.0)
     angles = np.unique(degrees)
+    turned, angle_label, unit = np.isfinite(slip), r"$\theta$ at slip [deg]", mu_0 * load
     shown = (
-        (number, slip, np.isfinite(slip)),
-        (number**2 * slope, slip, np.isfinite(slip)),
-        (number, creep, visible),
-        (number, peak / (mu_0 * load), visible),
+        (number, slip, turned, r"$\Lambda$", angle_label, "log"),
+        (number**2 * slope, slip, turned, r"$\Lambda^2\tan\varphi$", angle_label, "log"),
+        (number, creep, visible, r"$\Lambda$", "creep share", "linear"),
+        (number, peak / unit, visible, r"$\Lambda$", "first peak / $F_0$", "log"),
     )
-    for panel, (x, y, chosen) in zip(axes, shown, strict=True):
+    for panel, (x, y, chosen, xlabel, ylabel, yscale) in zip(axes, shown, strict=True):
+        panel.set(xscale="log", yscale=yscale, xlabel=xlabel, ylabel=ylabel)
         for i, angle in enumerate(angles):
             for filled in (True, False):
                 here = chosen & (degrees == angle) & (slow == filled) & np.isfinite(x)
-                fill = "full" if filled else "none"
-                panel.plot(
-                    x[here], y[here], "o", markersize=2.5, color=_colour(i, angles), fillstyle=fill,
-                    markeredgewidth=0.6,
-                )  # fmt: skip
-        panel.set_xscale("log")
+                style: Any = {"markersize": 2.5, "markeredgewidth": 0.6, "color": _colour(i, angles)}
+                panel.plot(x[here], y[here], "o", fillstyle="full" if filled else "none", **style)
     theory = _finish(axes, number, angles)
-    handles = _fills(bool(slow.all()))
+    marks: list[Any] = (
+        [] if slow.all() else [("0.4", "full", "$V < v_f/2$"), ("0.4", "none", r"$V \geq v_f/2$")]
+    )
     if angles.size <= MOST_NAMED:
-        handles = [*_marks(angles), *handles]
+        named = [rf"{MISALIGNMENT} = {angle:.4g}°" for angle in angles]
+        marks = [*((_colour(i, angles), "full", name) for i, name in enumerate(named)), *marks]
     else:
         # The marks are evenly spaced in colour: the numbers at the bar are the values.
         scale = ScalarMappable(Normalize(0.0, (angles.size - 1) / LIGHTEST), VIRIDIS)
-        bar = figure.colorbar(
-            scale,
-            ax=list(axes),
-            location="top",
-            aspect=40,
-            pad=0.01,
-            label=PARAMETERS["misalignment_deg"].label,
-        )
-        named = np.unique(np.linspace(0, angles.size - 1, TICKS).astype(int))
-        bar.set_ticks(list(named), labels=[f"{angles[i]:.3g}" for i in named])
+        above: Any = {"location": "top", "aspect": 40, "pad": 0.01}
+        bar = figure.colorbar(scale, ax=list(axes), label=PARAMETERS["misalignment_deg"].label, **above)
+        ticks = np.unique(np.linspace(0, angles.size - 1, TICKS).astype(int))
+        bar.set_ticks(list(ticks), labels=[f"{angles[i]:.3g}" for i in ticks])
         bar.ax.set_xlim(0.0, angles.size - 1)
+    dot: Any = {"marker": "o", "linestyle": "none", "markersize": 3.0}
+    handles = [
+        Line2D([], [], color=colour, fillstyle=fill, label=label, **dot) for colour, fill, label in marks
+    ]
     figure.legend(handles=[*handles, *theory], loc="outside lower center", ncols=2, columnspacing=1.2)
 
 
 def _finish(axes: NDArray[Any], number: Floats, angles: Floats) -> list[Line2D]:
-    """Set labels and scales, and draw the lines of theory, which are returned."""
+    """Draw the lines of theory, which are returned, and set ticks."""
     ends = np.geomspace(np.nanmin(number), np.nanmax(number[np.isfinite(number)]), 50)
-    for panel in axes[[0, 2, 3]]:
-        panel.set_xlabel(r"$\Lambda$")
-    for panel in axes[:2]:
-        panel.set(yscale="log", ylabel=r"$\theta$ at slip [deg]")
-    axes[1].set_xlabel(r"$\Lambda^2\tan\varphi$")
     large, small = np.geomspace(1.0, 1e7), np.geomspace(1e-5, 1.0)
     style: Any = {"color": BLACK, "zorder": 1.5}
-    (creep,) = axes[1].plot(large, np.degrees(slip_angle_of_creep(large)), linestyle="--", **style)
-    creep.set_label("(b) slip out of creep")
-    (inertia,) = axes[1].plot(small, np.degrees(np.arctan2(1.0, 2.0 * small)), linestyle=":", **style)
-    inertia.set_label("(b) slip at once")
+    slip = np.degrees(slip_angle_of_creep(large)), np.degrees(np.arctan2(1.0, 2.0 * small))
+    (creep,) = axes[1].plot(large, slip[0], linestyle="--", label="(b) slip out of creep", **style)
+    (inertia,) = axes[1].plot(small, slip[1], linestyle=":", label="(b) slip at once", **style)
     free = axes[2].axhline(FREE_OSCILLATION, linestyle="-.", label="(c) free oscillation", **style)
-    axes[2].set(ylim=(-0.03, 1.03), ylabel=r"creep share")
-    axes[3].set(yscale="log", ylabel=r"first peak / $F_0$")
+    axes[2].set_ylim(-0.03, 1.03)
     for i, angle in enumerate(angles):
         if angle > 0.0:
             beyond = 1.0 / (2.0 * ends * np.sin(np.radians(angle)))
             axes[3].plot(ends, 1.0 + beyond, color=_colour(i, angles), linewidth=0.5)
-    for panel in axes:
-        for side in (panel.xaxis, panel.yaxis):
-            if side.get_scale() == "log":
-                _plain_ticks(side)
+    for side in (side for panel in axes for side in (panel.xaxis, panel.yaxis)):
+        low, high = side.get_view_interval()
+        # A short logarithmic axis would otherwise have numbers like 8 x 10^0.
+        if side.get_scale() == "log" and 0.0 < low < high < PLAIN * low and low > 1e-3 and high < 1e4:
+            # It may contain only one of 1, 2 and 5.
+            is_short = high < SHORT * low
+            plain_ticks(side, MaxNLocator(4) if is_short else LogLocator(subs=(1.0, 2.0, 5.0)))
     overshoot = Line2D([], [], color="0.4", linewidth=0.5, label=r"(d) $1+1/(2\Lambda\sin\varphi)$")
     return [creep, inertia, free, overshoot]
 
 
-def _plain_ticks(side: Axis) -> None:
-    """Numbers like 0.5 and 20 on a short logarithmic axis, which would otherwise have numbers like 8 x 10^0."""
-    low, high = side.get_view_interval()
-    if 0.0 < low < high < PLAIN * low and low > 1e-3 and high < 1e4:
-        # A short axis may contain only one of 1, 2 and 5.
-        side.set_major_locator(MaxNLocator(4) if high < SHORT * low else LogLocator(subs=(1.0, 2.0, 5.0)))
-        side.set_major_formatter("{x:g}")
-        side.set_minor_formatter(NullFormatter())
-
-
 def _colour(i: int, angles: Floats) -> tuple[float, float, float, float]:
     return VIRIDIS(LIGHTEST * i / max(1, angles.size - 1))
-
-
-def _marks(angles: Floats) -> list[Line2D]:
-    return [
-        _mark(_colour(i, angles), "full", f"{MISALIGNMENT} = {angle:.4g}°") for i, angle in enumerate(angles)
-    ]
-
-
-def _fills(all_slow: bool) -> list[Line2D]:
-    if all_slow:
-        return []
-    return [_mark("0.4", "full", "$V < v_f/2$"), _mark("0.4", "none", r"$V \geq v_f/2$")]
-
-
-def _mark(colour: ColorType, fill: FillStyleType, label: str) -> Line2D:
-    return Line2D(
-        [], [], color=colour, marker="o", fillstyle=fill, linestyle="none", markersize=3.0, label=label
-    )

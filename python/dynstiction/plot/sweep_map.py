@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import FigureBase
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from ..errors import UsageError
-from ..stability import critical_misalignment
-from .bifurcation import draw_vertical_lines, mark_below, slides_steadily, span_of
-from .notation import QUANTITIES, scaled, with_unit
-from .samples import Floats
-from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, sized
+from .bifurcation import critical_of, draw_vertical_lines, mark_below, slider_at
+from .notation import QUANTITIES, Floats, scaled, with_unit
+from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, legend_above, one_axes, ticks_outside
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -57,14 +53,6 @@ SIGNED = {"lyapunov_exponent": 5.0}
 """Quantities whose sign matters, and the limit of the colours on either side of 0."""
 SIGNED_COLOURS = "RdBu_r"
 
-SLIDER = ("mass", "stiffness_x", "stiffness_y", "mu_0", "mu_inf", "v_f", "normal_load", "velocity")
-"""Parameters of the lines of stability, besides the misalignment."""
-DAMPERS = ("damping_x", "damping_y")
-"""Additional parameters if there are dampers."""
-
-FINE = 2000
-"""Number of points of a line of stability."""
-
 
 def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") -> None:
     """A quantity in colours over a grid, as a line over one parameter, or as marks for a list."""
@@ -72,8 +60,7 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
     values, label = _values(table, quantity)
     if not np.isfinite(values).any():
         raise UsageError(f"nothing to draw: no case has a value of '{quantity}': name another quantity")
-    sized(figure, 72.0)
-    axis = figure.subplots()
+    axis = one_axes(figure, 72.0)
     if len(table.axes) == 1:
         _draw_line(axis, table, quantity, values, label)
     elif table.is_grid and len(table.axes) == 2:
@@ -81,16 +68,20 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
     elif table.is_grid:
         raise UsageError(f"a map has one or two parameters, not {len(table.axes)}: select some with xarray")
     else:
-        _draw_marks(figure, axis, table, values, label)
+        # Marks against the first parameter of a list, in colours of the second.
+        first, second = table.axes[:2]
+        marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=second.norm)
+        figure.colorbar(marks, ax=axis, label=second.symbol.label)
+        axis.set(xscale=first.scale, xlabel=first.symbol.label, ylabel=label)
 
 
 def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     """Values as they are drawn, and their label."""
     values = table.quantity(quantity)
     if _of_cycles(quantity):
-        values = np.where(_slides(table, values.shape), np.nan, values)
+        values = np.where(_slides(table), np.nan, values)
     elif quantity in LASTING:
-        values = np.where(_is(RINGING_DOWN, table, values.shape), np.nan, values)
+        values = np.where(_is(RINGING_DOWN, table), np.nan, values)
     about = table.data[quantity].attrs
     if quantity in RELATIVE:
         label, unit = RELATIVE[quantity]
@@ -115,54 +106,38 @@ def _absent(table: Table, quantity: str, values: Floats) -> list[tuple[str, NDAr
     done = missing & (codes == 0)
     rows = [("failed", missing & (codes > 0), PURPLE), ("not run", missing & ~(codes >= 0), GREEN)]
     if not _of_cycles(quantity):
-        rings_down = done & (quantity in LASTING) & _is(RINGING_DOWN, table, values.shape)
+        rings_down = done & (quantity in LASTING) & _is(RINGING_DOWN, table)
         return [*rows, ("rings down", rings_down, SKY), ("no value", done & ~rings_down, NOTHING)]
-    steady = done & _slides(table, values.shape)
+    steady = done & _slides(table)
     cycled = done & ~steady & (table.quantity("cycles") > 0.0)
     return [
         *rows, ("no stick-slip", steady, NOTHING), ("rings down", cycled, SKY), ("no cycle yet", done & ~steady & ~cycled, BROWN)
     ]  # fmt: skip
 
 
-def _is(verdict: float, table: Table, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _is(verdict: float, table: Table) -> NDArray[np.bool_]:
     """Whether the regularity of each case is this one."""
     if "regularity" not in table.data:
-        return np.zeros(shape, dtype=bool)
-    return np.asarray(table.quantity("regularity").reshape(shape) == verdict)
+        return np.zeros(table.data["result_code"].shape, dtype=bool)
+    return np.asarray(table.quantity("regularity") == verdict)
 
 
-def _slides(table: Table, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _slides(table: Table) -> NDArray[np.bool_]:
     """Whether each case slides steadily: its swing is so small that earlier cycles did not persist."""
-    if "swing" in table.data and table.has("mu_0") and table.has("normal_load"):
-        return slides_steadily(table).reshape(shape)
-    return np.zeros(shape, dtype=bool)
+    is_known = "swing" in table.data and table.has("mu_0") and table.has("normal_load")
+    return table.slides() if is_known else np.zeros(table.data["result_code"].shape, dtype=bool)
 
 
 def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: str) -> None:
     (side,) = table.axes
     order = np.argsort(side.values)
     axis.plot(side.shown[order], values[order], ".-", color=BLUE, markersize=3.0)
-    axis.set(xscale=side.scale, xlabel=side.label, ylabel=label)
-    # Also if no case has a value.
-    axis.set_xlim(*span_of(side))
-    rows = [
-        (text, cases, "0.35" if colour == NOTHING else colour)
-        for text, cases, colour in [
-            *_absent(table, quantity, values),
-            ("irregular", _is(IRREGULAR, table, values.shape), BLACK),
-        ]
-    ]
-    mark_below(axis, side.shown, rows)
+    # The limits are those of all cases, also if no case has a value.
+    axis.set(xscale=side.scale, xlim=side.span, xlabel=side.symbol.label, ylabel=label)
+    rows = [*_absent(table, quantity, values), ("irregular", _is(IRREGULAR, table), BLACK)]
+    # The words are in a colour that is visible on paper.
+    mark_below(axis, side.shown, [(*row[:2], "0.35" if row[2] == NOTHING else row[2]) for row in rows])
     draw_vertical_lines(axis, table, side)
-
-
-def _draw_marks(figure: FigureBase, axis: Axes, table: Table, values: Floats, label: str) -> None:
-    """Draw marks against the first parameter, in colours of the second."""
-    first, second = table.axes[:2]
-    norm = LogNorm() if second.scale == "log" else Normalize()
-    marks = axis.scatter(first.shown, values, c=second.shown, s=6.0, cmap=COLOURS, norm=norm)
-    figure.colorbar(marks, ax=axis, label=second.label)
-    axis.set(xscale=first.scale, xlabel=first.label, ylabel=label)
 
 
 def _draw_colours(
@@ -171,56 +146,43 @@ def _draw_colours(
     """Draw the first parameter upwards and the second to the right, or vice versa if the second is the misalignment."""
     up, right = table.axes
     absent = [row for row in _absent(table, quantity, values) if row[1].any()]
-    is_turned = right.name == "misalignment_deg"
-    if is_turned:
-        up, right, values = right, up, values.T
-    extend = "both" if quantity in SIGNED else "neither"
+    irregular = _is(IRREGULAR, table)
+    decay = table.quantity("fast_decay") if "fast_decay" in table.data else np.ones_like(values)
+    if right.name == "misalignment_deg":
+        up, right, values, irregular, decay = right, up, values.T, irregular.T, decay.T
+        absent = [(text, cases.T, colour) for text, cases, colour in absent]
+    colours, extend = COLOURS, "neither"
+    lowest, highest = min(0.0, float(np.nanmin(values))), float(np.nanmax(values))
+    usual = float(np.nanpercentile(values, USUAL_SHARE))
     if quantity in SIGNED:
-        colours, highest = SIGNED_COLOURS, SIGNED[quantity]
-        lowest = -highest
-    else:
-        colours, highest = COLOURS, np.nanmax(values)
-        lowest = min(0.0, np.nanmin(values))
-        usual = float(np.nanpercentile(values, USUAL_SHARE))
-        if highest > CROWDED * usual > 0.0:
-            # Otherwise a few cases would leave one colour for all others.
-            highest, extend = usual, "max"
-    picture = axis.pcolormesh(
-        _edges(right), _edges(up), values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True
-    )
+        colours, extend, lowest, highest = SIGNED_COLOURS, "both", -SIGNED[quantity], SIGNED[quantity]
+    elif highest > CROWDED * usual > 0.0:
+        # Otherwise a few cases would leave one colour for all others.
+        extend, highest = "max", usual
+    cells: Any = (_edges(right), _edges(up))
+    picture = axis.pcolormesh(*cells, values, cmap=colours, vmin=lowest, vmax=highest, rasterized=True)
     figure.colorbar(picture, ax=axis, label=label, extend=extend)
     for _, cases, colour in absent:
-        cells = np.ma.masked_equal(cases.T if is_turned else cases, False)
-        axis.pcolormesh(_edges(right), _edges(up), cells, cmap=ListedColormap([colour]), rasterized=True)
-    if quantity == "lyapunov_exponent" and "fast_decay" in table.data:
-        decay = table.quantity("fast_decay")
-        _draw_decay(axis, up, right, decay.T if is_turned else decay)
-    irregular = _is(IRREGULAR, table, table.quantity(quantity).shape)
-    if irregular.any():
-        rows, columns = np.nonzero(irregular.T if is_turned else irregular)
-        axis.plot(
-            right.shown[columns],
-            up.shown[rows],
-            ".",
-            color=BLACK,
-            markersize=1.2,
-            label="irregular",
-            rasterized=True,
-        )
-    if up.name == "misalignment_deg":
-        _draw_stability(axis, table, up, right)
-    axis.set(xscale=right.scale, xlim=_edges(right)[[0, -1]], xlabel=right.label)
-    axis.set(yscale=up.scale, ylim=_edges(up)[[0, -1]], ylabel=up.label)
-    _draw_legend(figure, axis, [Patch(color=colour, label=text) for text, _, colour in absent])
-    # Ticks inside would not be visible on the colours.
-    axis.tick_params(which="both", direction="out", top=False, right=False)
-
-
-def _draw_decay(axis: Axes, up: Axis, right: Axis, decay: Floats) -> None:
-    """Draw the curve D = 1, beyond which the fast oscillation decays before slip."""
-    if min(decay.shape) > 1 and np.nanmin(decay) < 1.0 < np.nanmax(decay):
+        there = np.ma.masked_equal(cases, False)
+        axis.pcolormesh(*cells, there, cmap=ListedColormap([colour]), rasterized=True)
+    if quantity == "lyapunov_exponent" and min(decay.shape) > 1 and np.nanmin(decay) < 1.0 < np.nanmax(decay):
+        # The curve beyond which the fast oscillation decays before slip.
         line = axis.contour(right.shown, up.shown, decay, levels=[1.0], colors=BLACK, linewidths=1.2)
         axis.clabel(line, fmt={1.0: "$D=1$"}, fontsize="small")
+    if irregular.any():
+        rows, columns = np.nonzero(irregular)
+        style: Any = {"color": BLACK, "markersize": 1.2, "label": "irregular", "rasterized": True}
+        axis.plot(right.shown[columns], up.shown[rows], ".", **style)
+    if up.name == "misalignment_deg":
+        _draw_stability(axis, table, right)
+    axis.set(xscale=right.scale, xlim=cells[0][[0, -1]], xlabel=right.symbol.label)
+    axis.set(yscale=up.scale, ylim=cells[1][[0, -1]], ylabel=up.symbol.label)
+    # Above the map: the lines that it shows, and the colours of cases without a value.
+    low, high = axis.get_ylim()
+    named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
+    seen = [line for line in named if any(low < y < high for y in np.asarray(line.get_ydata()))]
+    legend_above(figure, [*seen, *(Patch(color=colour, label=text) for text, _, colour in absent)], 2)
+    ticks_outside(axis)
 
 
 def _edges(side: Axis) -> Floats:
@@ -228,7 +190,7 @@ def _edges(side: Axis) -> Floats:
     values = np.log(side.shown) if side.scale == "log" else side.shown
     half = 0.5 * np.diff(values) if values.size > 1 else np.array([0.5])
     edges = np.concatenate(
-        ([values[0] - half[0]], values[:-1] + half[: values.size - 1], [values[-1] + half[-1]])
+        [values[:1] - half[0], values[:-1] + half[: values.size - 1], values[-1:] + half[-1]]
     )
     if side.scale == "log":
         return np.asarray(np.exp(edges))
@@ -236,55 +198,23 @@ def _edges(side: Axis) -> Floats:
     return np.maximum(edges, 0.0) if np.min(side.shown) > 0.0 else np.asarray(edges)
 
 
-def _draw_stability(axis: Axes, table: Table, up: Axis, right: Axis) -> None:
+def _draw_stability(axis: Axes, table: Table, right: Axis) -> None:
     """Lines between which steady sliding is stable, and, if k_y is varied, the crossover tan(phi) = k_x/k_y."""
-    spaced = np.geomspace if right.scale == "log" else np.linspace
-    values = spaced(right.values.min(), right.values.max(), FINE)
-    shown = right._replace(values=values).shown
-    if table.has_theory and all(
-        name in table.numbers or name == right.name for name in SLIDER if name != "stiffness_y"
-    ):
-        # Without a stiff axis only the limit for a rigid one is drawn, which does not depend on k_y.
-        given = {"stiffness_y": 1e6 * table.numbers.get("stiffness_x", 1.0)}
-        given |= {name: table.numbers[name] for name in (*SLIDER, *DAMPERS) if name in table.numbers}
-        critical = critical_misalignment(**(given | {right.name: values}))
-        (slow, fast), rigid = critical.angle.T, critical.limit
-        if table.has("stiffness_y"):
-            axis.plot(shown, slow, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
-            axis.plot(shown, fast, color=VERMILION, linewidth=1.2, linestyle="--", label="fast mode")
-            if right.name != "stiffness_y":
-                (line,) = axis.plot(
-                    shown,
-                    rigid,
-                    color="white",
-                    linewidth=1.0,
-                    linestyle=(0, (1, 1.5)),
-                    label="rigid stiff axis",
-                )
-                # A dark edge, so that the line is also visible on the paper of the legend.
-                line.set_path_effects([Stroke(linewidth=2.2, foreground="0.2"), Normal()])
-        else:
-            axis.plot(shown, rigid, color=VERMILION, linewidth=1.2, label="stability limit, slow mode")
+    shown = right.at(right.fine)
+    slider = slider_at(table, right, right.fine)
+    # Constant friction leaves steady sliding stable.
+    if slider is not None and "v_f" in slider and "mu_inf" in slider:
+        critical = critical_of(slider)
+        limit: Any = {"color": VERMILION, "linewidth": 1.2}
+        slow, fast = critical.angle.T if "stiffness_y" in slider else (critical.limit, None)
+        axis.plot(shown, slow, label="stability limit, slow mode", **limit)
+        if fast is not None:
+            axis.plot(shown, fast, linestyle="--", label="fast mode", **limit)
+        if fast is not None and right.name != "stiffness_y":
+            # A dark edge, so that the line is also visible on the paper of the legend.
+            style: Any = {"color": "white", "linestyle": (0, (1, 1.5)), "label": "rigid stiff axis"}
+            edge = [Stroke(linewidth=2.2, foreground="0.2"), Normal()]
+            axis.plot(shown, critical.limit, linewidth=1.0, path_effects=edge, **style)
     if right.name == "stiffness_y" and table.has("stiffness_x"):
-        crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / values))
+        crossover = np.degrees(np.arctan(table.numbers["stiffness_x"] / right.fine))
         axis.plot(shown, crossover, color=BLACK, linewidth=1.0, linestyle=":", label=r"$\tan\varphi=k_x/k_y$")
-
-
-def _draw_legend(figure: FigureBase, axis: Axes, absent: Sequence[Patch]) -> None:
-    """Legend above the map: lines, and the colours of cases without a value."""
-    low, high = axis.get_ylim()
-    handles: list[Artist] = [
-        line
-        for line in axis.lines
-        if not str(line.get_label()).startswith("_")
-        and np.any((np.asarray(line.get_ydata()) > low) & (np.asarray(line.get_ydata()) < high))
-    ]
-    handles += absent
-    if handles:
-        figure.legend(
-            handles=handles,
-            loc="outside upper center",
-            ncols=min(2, len(handles)),
-            handlelength=1.8,
-            columnspacing=1.0,
-        )

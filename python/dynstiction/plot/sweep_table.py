@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from matplotlib.colors import LogNorm, Normalize
+from numpy.typing import NDArray
 
 from ..errors import UsageError
 from ..scene import Scene
-from .notation import PARAMETERS, Symbol, with_unit
-from .samples import Floats
+from .notation import PARAMETERS, Floats, Symbol, the_nearest
+from .style import with_margin
 from .theory import is_exponential
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["Axis", "Table", "table_of"]
+
+FINE = 2000
+"""Number of values of a parameter at which a theory is drawn."""
+LEAST_SWING = 0.01
+"""Least swing of a cycle as a share of F_0, as in src/results/cycles.f90: below it the object slides steadily."""
 
 
 class Axis(NamedTuple):
@@ -36,12 +41,28 @@ class Axis(NamedTuple):
     @property
     def shown(self) -> Floats:
         """Values in the unit of a figure."""
-        return self.values * self.symbol.factor
+        return self.at(self.values)
+
+    def at(self, values: Floats) -> Floats:
+        """Other values in the unit of a figure."""
+        return values * self.symbol.factor
 
     @property
-    def label(self) -> str:
-        """Symbol and unit."""
-        return with_unit(self.symbol.text, self.symbol.unit)
+    def fine(self) -> Floats:
+        """Many values from the least to the largest, in the unit of the deck."""
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        return np.asarray(spaced(self.values.min(), self.values.max(), FINE))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Limits from the first value to the last, with a margin."""
+        low, high = float(np.nanmin(self.shown)), float(np.nanmax(self.shown))
+        return with_margin(low, high, 0.01, self.scale == "log") if high > low else (low - 1.0, high + 1.0)
+
+    @property
+    def norm(self) -> Normalize:
+        """Scale of the colours of this parameter."""
+        return LogNorm() if self.scale == "log" else Normalize()
 
     @property
     def scale(self) -> str:
@@ -80,12 +101,14 @@ class Table(NamedTuple):
     def quantity(self, name: str) -> Floats:
         """Values of a quantity in every case, NaN where a case failed; a `UsageError` if there is no such quantity."""
         if name not in self.data or self.data[name].dtype.kind != "f":
-            known = sorted(n for n, values in self.data.data_vars.items() if values.dtype.kind == "f")  # type: ignore[type-var]
-            near = "".join(
-                f"the nearest is '{each}', " for each in get_close_matches(name, map(str, known), 1)
-            )
-            raise UsageError(f"no quantity '{name}': {near}there are {', '.join(map(str, known))}")
+            known = sorted(str(n) for n, values in self.data.data_vars.items() if values.dtype.kind == "f")
+            raise UsageError(f"no quantity '{name}': {the_nearest(name, known)}there are {', '.join(known)}")
         return np.asarray(self.data[name].values)
+
+    def slides(self) -> NDArray[np.bool_]:
+        """Whether the load of each case hardly oscillates in the second half of the run."""
+        limit = self.parameter("mu_0") * self.parameter("normal_load")
+        return np.asarray(self.quantity("swing") <= LEAST_SWING * limit)
 
 
 def table_of(data: xarray.Dataset) -> Table:
@@ -107,18 +130,9 @@ def table_of(data: xarray.Dataset) -> Table:
         Axis(str(key), np.asarray(data[key].values, dtype=float), units[key])
         for key in (dims if is_grid else data.coords)
     )
-    values = values_of(str(data.attrs.get("deck", "")))
-    varied = list(map(str, data.coords))
-    has_theory = is_exponential(values) and not {"exponent", "viscous"}.intersection(varied)
-    return Table(data, axes, is_grid, numbers_of(values), has_theory)
-
-
-def values_of(deck: str) -> dict[str, object]:
-    """Values of the deck's keys by name."""
+    deck = str(data.attrs.get("deck", ""))
     groups = Scene(deck).groups().values() if deck else ()
-    return {name: value for group in groups for name, value in group.items()}
-
-
-def numbers_of(values: Mapping[str, object]) -> dict[str, float]:
-    """Values of the keys with one number."""
-    return {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}
+    values: dict[str, object] = {name: value for group in groups for name, value in group.items()}
+    numbers = {name: float(value) for name, value in values.items() if isinstance(value, (int, float))}
+    has_theory = is_exponential(values) and not {"exponent", "viscous"}.intersection(map(str, data.coords))
+    return Table(data, axes, is_grid, numbers, has_theory)

@@ -12,20 +12,9 @@ from ..result import Result
 from ..scene import Scene
 from ..spectrum import oscillation_frequency
 from ..stability import damping_ratio
-from .samples import Floats
+from .notation import Floats
 
-__all__ = [
-    "creep",
-    "damping_crossing",
-    "drive_profile",
-    "driven_length",
-    "is_exponential",
-    "scaled_time",
-    "slider",
-    "static_limit",
-    "steady_friction",
-    "stiff_frequency",
-]
+__all__ = ["creep", "damping_crossing", "driven_length", "is_exponential", "slider", "stiff_frequency"]
 
 ALWAYS = ("mass", "stiffness_x", "stiffness_y", "mu_0", "normal_load", "velocity")
 WEAKENING = ("mu_inf", "v_f")
@@ -49,11 +38,8 @@ def slider(result: Result) -> dict[str, float]:
 
 def stiff_frequency(result: Result) -> float | None:
     """Frequency [Hz] of the stiff axis, the highest of the motion; None for a model without transverse motion."""
-    try:
-        system = _numbers(result, "mass", "stiffness_x", "stiffness_y")
-    except UsageError:
-        return None
-    return float(max(oscillation_frequency([0.0, 0.5 * np.pi], **system)))
+    system = _held(result, "mass", "stiffness_x", "stiffness_y")
+    return None if system is None else float(max(oscillation_frequency([0.0, 0.5 * np.pi], **system)))
 
 
 def scaled_time(result: Result, time: Floats) -> Floats:
@@ -78,33 +64,24 @@ def creep(result: Result, time: Floats) -> Creep:
 
 def static_limit(result: Result) -> float | None:
     """F_0 = mu_0 W [N]; None if the run does not contain it."""
-    try:
-        given = _numbers(result, "mu_0", "normal_load")
-    except UsageError:
-        return None
-    return given["mu_0"] * given["normal_load"]
+    given = _held(result, "mu_0", "normal_load")
+    return None if given is None else given["mu_0"] * given["normal_load"]
 
 
 def steady_friction(result: Result) -> float | None:
     """F(V) [N], the friction in steady sliding; None where the drive is not constant, or the law is a table."""
-    limit = static_limit(result)
-    if limit is None or result.parameters.get("law", "constant") not in ("constant", "weakening", "stribeck"):
+    given, limit = _held(result, "velocity", "normal_load"), static_limit(result)
+    is_known = result.parameters.get("law", "constant") in ("constant", "weakening", "stribeck")
+    if given is None or limit is None or not is_known or given["velocity"] == 0.0:
         return None
-    try:
-        speed = abs(_numbers(result, "velocity")["velocity"])
-    except UsageError:
-        return None
-    if speed == 0.0:
-        return None
-    if any(name not in result.parameters for name in WEAKENING):
+    falling = _held(result, *WEAKENING)
+    if falling is None:
         return limit
-    given = _numbers(result, "mu_0", "normal_load", *WEAKENING)
-    least = given["mu_inf"] * given["normal_load"]
-    exponent, viscous = (
-        float(result.parameters.get(*each)) for each in (("exponent", 1.0), ("viscous", 0.0))
-    )
-    fall = np.exp(-((speed / given["v_f"]) ** exponent))
-    return float(least + (limit - least) * fall + viscous * speed * given["normal_load"])
+    speed, load = abs(given["velocity"]), given["normal_load"]
+    exponent, viscous = (float(result.parameters.get(*key)) for key in (("exponent", 1.0), ("viscous", 0.0)))
+    least = falling["mu_inf"] * load
+    fall = np.exp(-((speed / falling["v_f"]) ** exponent))
+    return float(least + (limit - least) * fall + viscous * speed * load)
 
 
 def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
@@ -125,10 +102,8 @@ def driven_length(result: Result, time: Floats) -> Floats | None:
     """Integral of V [m] from 0 to some times [s]; None if the run does not contain V."""
     profile = drive_profile(result)
     if profile is None:
-        try:
-            return _numbers(result, "velocity")["velocity"] * time
-        except UsageError:
-            return None
+        given = _held(result, "velocity")
+        return None if given is None else given["velocity"] * time
     corners, velocity = profile
     length = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(corners))])
     here = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
@@ -150,22 +125,26 @@ def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
     below = np.flatnonzero(np.diff(np.sign(excess(angles))))
     if below.size == 0:
         return float("nan")
-    low, high = float(angles[below[0] + 1]), float(angles[below[0]])
-    is_below = excess(low) < 0.0
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return middle
-        low, high = (middle, high) if (excess(middle) < 0.0) == is_below else (low, middle)
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    return float(brentq(excess, angles[below[0] + 1], angles[below[0]], xtol=1e-15))
+
+
+def _held(result: Result, *names: str) -> dict[str, float] | None:
+    """Parameters of a run that are numbers, by name; None if it lacks one."""
+    try:
+        return _numbers(result, *names)
+    except UsageError:
+        return None
 
 
 def _numbers(result: Result, *names: str) -> dict[str, float]:
-    missing = [
-        name for name in names if np.ndim(result.parameters.get(name, "")) or name not in result.parameters
-    ]
+    """The same, but a lack is refused."""
+    held = result.parameters
+    missing = [name for name in names if name not in held or np.ndim(held[name])]
     if missing:
         raise UsageError(
             f"the result lacks a value of {', '.join(missing)}, which this figure needs: "
             "run a deck with a constant drive velocity and a model that has it"
         )
-    return {name: float(result.parameters[name]) for name in names}
+    return {name: float(held[name]) for name in names}

@@ -2,68 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import Bbox
 
 from ..errors import ColumnError, UsageError
 from ..record import Described
 from ..result import Result
 from ..stick_slip import first_release
-from .notation import COLUMNS, PARAMETERS, label_of, scaled, with_unit
-from .samples import Floats, columns, thin
-from .style import (
-    BLACK,
-    BLUE,
-    COLUMN_WIDTH,
-    GREEN,
-    MM,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    degree_ticks,
-    note,
-    panels,
-    sized,
-)
+from .notation import COLUMNS, PARAMETERS, Floats, columns, label_of, scaled, thin, with_unit
+from .style import BLACK, COLUMN_WIDTH, MM, PALETTE, degree_ticks, legend_above, note, panels, sized
 from .theory import drive_profile, driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
-__all__ = [
-    "HISTORY",
-    "MOST_RESULTS",
-    "VELOCITIES",
-    "draw_column",
-    "draw_comparison",
-    "draw_history",
-    "draw_in_axes",
-    "draw_overlay",
-    "draw_series",
-    "draw_velocities",
-    "show_time",
-    "what_differs",
-]
+__all__ = ["draw_comparison", "draw_history", "draw_overlay", "draw_series", "draw_velocities"]
 
 HISTORY = ("spring_force_x", "spring_force_y", "pull_force", "friction", "psi", "X")
 VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "psi", "X")
 """Default columns of several runs in the same panels."""
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY)
-DASHES: tuple[Any, ...] = (
-    "-",
-    (0, (5, 1.5)),
-    (0, (1, 1)),
-    (0, (5, 1, 1, 1)),
-    (0, (8, 2)),
-    (0, (3, 1, 1, 1, 1, 1)),
-)
+COLOURS = PALETTE[:7]
+DASHES: Any = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1, 1, 1)))
 """Dashes of lines in the same panel: colours alone are not distinguishable in print."""
 
 AT_START = ("friction", "theta", "theta_deg", "psi")
@@ -74,13 +41,11 @@ DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 FEW = 6
 """Number of columns above which the panels are lower, so that they fit on a page."""
 
-MOST_RESULTS = 6
-"""Largest number of results side by side; more would be too narrow to read."""
-
 ADDED_WIDTH = 46.0
 """Width of each result after the first [mm]."""
 
-FORCE, TEXT = "0.45", "0.25"
+GUIDE: Any = {"color": "0.45", "linewidth": 0.6, "zorder": 1.5}
+"""Lines that are not of the run."""
 SLIP = "0.85"
 """Grey of the intervals of time in which the object slips."""
 MOST_SLIPS = 60
@@ -106,8 +71,8 @@ INSETS = (
     (0.64, 0.60, 0.33, 0.34),
 )
 """Possible places of an inset: left, bottom, width, height in shares of the panel."""
-INSET_LABELS = (0.115, 0.15)
-"""Space of the numbers of an inset, on its left and below it."""
+AROUND = (0.115, 0.15, 0.01, 0.03)
+"""Space of an inset on its left and below it, for its numbers, on its right and above it."""
 LEAST_CREEP, MOST_CREEP = 20, 0.6
 """Samples of the first creep that an inset needs, and the share of the panel's height above which the panel itself shows it."""
 
@@ -128,53 +93,48 @@ def show_time(axis: Axes, result: Result) -> None:
     axis.set_xlabel("$t$ [s]")
 
 
-def draw_history(
-    result: Result,
-    figure: FigureBase,
-    *,
-    names: Sequence[str] = (),
-    start: float | None = None,
-    end: float | None = None,
-) -> None:
+def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
     """Spring forces, the force of the load cell, friction force and angle, position against time (Fig. 3), or other columns; above
     them V(t) of a profile.
     """
     # A file of an earlier version has no pull_force.
-    names = names or [name for name in HISTORY if name != "pull_force" or name in result]
-    columns(result, *names)
-    view = view_of(result, start, end)
-    profile = drive_profile(result)
+    names = names or [name for name in HISTORY if name != "pull_force" or name in view.whole]
+    columns(view.whole, *names)
+    profile = drive_profile(view.whole)
     count = len(names) + (profile is not None)
     axes = panels(figure, count, 28.0 * count + 20.0, sharex=True)
     note(axes[0], view.notes)
     if profile is not None:
-        _draw_drive(axes[0], profile, view.result)
-    lines: dict[str, Line2D | Patch] = {}
+        # V(t) as a line through the corners of the drive.
+        factor, unit = scaled("m/s", profile[1])
+        time = np.append(profile[0], max(profile[0][-1], view.result.time[-1]))
+        axes[0].plot(time, factor * np.append(profile[1], profile[1][-1]), color=BLACK)
+        axes[0].set_ylabel(with_unit("$V$", unit))
+        axes[0].margins(y=0.12)
+    named: dict[str, Artist] = {}
     for axis, name in zip(axes[count - len(names) :], names, strict=True):
         draw_column(axis, view.result, name)
-        lines |= _draw_limits(axis, view, name)
-        if "theta" in name or name == "psi":
-            degree_ticks(axis)
-    lines |= _mark_slips(axes, view)
+        for line in _draw_limits(axis, view, name):
+            named[str(line.get_label())] = line
+        degree_ticks(axis, name)
+    slips = view.slips()
+    if 0 < len(slips) <= MOST_SLIPS:
+        # From each peak of the load to its valley.
+        for axis in axes:
+            for begin, end in slips:
+                axis.axvspan(begin, end, color=SLIP, linewidth=0.0, zorder=0.5)
+        named["slip"] = Patch(color=SLIP, label="slip")
     show_time(axes[-1], view.result)
     if "X" in names:
         _draw_creep_inset(axes[count - len(names) + list(names).index("X")], view)
-    if lines:
-        figure.legend(
-            handles=list(lines.values()),
-            loc="outside upper center",
-            ncols=len(lines),
-            handlelength=1.8,
-            columnspacing=1.0,
-        )
+    legend_above(figure, list(named.values()))
 
 
-def draw_in_axes(
-    result: Result, axes: Sequence[Axes], names: Sequence[str], start: float | None, end: float | None
-) -> None:
+def draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
     """Draw one column into each of several axes."""
-    columns(result, *names)
-    view = view_of(result, start, end)
+    if len(names) != len(axes):
+        raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
+    columns(view.whole, *names)
     for axis, name in zip(axes, names, strict=True):
         draw_column(axis, view.result, name)
         show_time(axis, view.result)
@@ -187,83 +147,43 @@ def _line(result: Result, name: str, factor: float) -> tuple[Floats, Floats]:
     return thin(result.time[first:], factor * result[name][first:])
 
 
-def _draw_drive(axis: Axes, profile: tuple[Floats, Floats], result: Result) -> None:
-    """V(t) as a line through the corners of the drive."""
-    corners, velocity = profile
-    factor, unit = scaled("m/s", velocity)
-    ends = result.time[[0, -1]]
-    time = np.concatenate([corners, [max(corners[-1], ends[1])]])
-    axis.plot(time, factor * np.append(velocity, velocity[-1]), color=BLACK)
-    axis.set_ylabel(with_unit("$V$", unit))
-    axis.margins(y=0.12)
-
-
-def _draw_limits(axis: Axes, view: View, name: str) -> dict[str, Line2D | Patch]:
+def _draw_limits(axis: Axes, view: View, name: str) -> list[Line2D]:
     """Draw the static limit and steady sliding in the panels that have them, and the driven end in that of the position."""
-    drawn: dict[str, Line2D | Patch] = {}
+    parameters = view.whole.parameters
     if name == "X":
         driven = driven_length(view.whole, view.result.time)
-        if driven is not None:
-            factor = label_of("X", "m", view.result["X"])[1]
-            low, high = axis.get_ylim()
-            (drawn["driven"],) = axis.plot(
-                view.result.time,
-                factor * driven,
-                color=FORCE,
-                linewidth=0.6,
-                linestyle=":",
-                label="driven end",
-                zorder=1.5,
-            )
-            # Before the first slip it is far ahead; so the position remains readable.
-            axis.set_ylim(
-                low, max(high, min(float(np.max(factor * driven)) * 1.05, high + 0.5 * (high - low)))
-            )
-    if name not in ("spring_force_x", "friction"):
-        return drawn
+        if driven is None:
+            return []
+        driven = label_of("X", "m", view.result["X"])[1] * driven
+        low, high = axis.get_ylim()
+        (line,) = axis.plot(view.result.time, driven, linestyle=":", label="driven end", **GUIDE)
+        # Before the first slip it is far ahead; so the position remains readable.
+        axis.set_ylim(low, max(high, min(float(np.max(driven)) * 1.05, high + 0.5 * (high - low))))
+        return [line]
     limit, steady = static_limit(view.whole), steady_friction(view.whole)
-    if not limit:
-        return drawn
-    phi = np.radians(float(view.whole.parameters.get("misalignment_deg", 0.0)))
-    velocity = float(view.whole.parameters.get("velocity", 1.0))
-    along = np.cos(phi) * np.sign(velocity) if name == "spring_force_x" else 1.0
+    if name not in ("spring_force_x", "friction") or not limit:
+        return []
+    phi = np.radians(float(parameters.get("misalignment_deg", 0.0)))
+    along = np.cos(phi) * np.sign(float(parameters.get("velocity", 1.0))) if name == "spring_force_x" else 1.0
     factor = label_of(name, "N", view.result[name])[1]
     side = np.sign(along) or 1.0
-    style: Any = {"color": FORCE, "linewidth": 0.6, "zorder": 1.5}
-    drawn["limit"] = axis.axhline(factor * side * limit, linestyle=(0, (5, 2)), label="$F_0$", **style)
+    lines = [axis.axhline(factor * side * limit, linestyle=(0, (5, 2)), label="$F_0$", **GUIDE)]
     if steady is not None and abs(steady * abs(along) - limit) > VISIBLE * limit:
-        drawn["steady"] = axis.axhline(
-            factor * along * steady, linestyle=(0, (5, 1.5, 1, 1.5)), label="steady sliding", **style
-        )
-    return drawn
-
-
-def _mark_slips(axes: Iterable[Axes], view: View) -> dict[str, Line2D | Patch]:
-    """Grey intervals from each peak of the load to its valley."""
-    slips = view.slips()
-    if not 0 < len(slips) <= MOST_SLIPS:
-        return {}
-    for axis in axes:
-        for begin, end in slips:
-            axis.axvspan(begin, end, color=SLIP, linewidth=0.0, zorder=0.5)
-    return {"slip": Patch(color=SLIP, label="slip")}
+        style: Any = {"linestyle": (0, (5, 1.5, 1, 1.5)), "label": "steady sliding"}
+        lines.append(axis.axhline(factor * along * steady, **style, **GUIDE))
+    return lines
 
 
 def _draw_creep_inset(axis: Axes, view: View) -> None:
     """Inset with the slow creep of the first stick phase, which is not visible in the whole history, if the panel has room."""
-    if not view.starts_the_run or "spring_force_x" not in view.whole or "X" not in view.whole:
+    shown, whole = view.result, view.whole
+    if shown.time[0] != whole.time[0] or "spring_force_x" not in whole:
         return
-    first = slice(0, first_release(view.whole["spring_force_x"]) + 1)
-    time, place = view.whole.time[first], view.whole["X"][first]
-    height = float(np.ptp(view.result["X"]))
-    if (
-        time.size < LEAST_CREEP
-        or time[-1] > view.result.time[-1]
-        or not 0.0 < np.ptp(place) < MOST_CREEP * height
-    ):
-        return
+    first = slice(0, first_release(whole["spring_force_x"]) + 1)
+    time, place = whole.time[first], whole["X"][first]
+    is_hidden = 0.0 < np.ptp(place) < MOST_CREEP * float(np.ptp(shown["X"]))
     corner = _free_corner(axis)
-    if corner is None:
+    if time.size < LEAST_CREEP or time[-1] > shown.time[-1] or not is_hidden or corner is None:
         return
     factor, unit = scaled("m", place)
     inset = axis.inset_axes(corner)
@@ -277,41 +197,29 @@ def _draw_creep_inset(axis: Axes, view: View) -> None:
 
 def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
     """The first place of an inset that no line of the panel crosses, its numbers included."""
-    (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
-    lines = [line for line in axis.lines if line.get_transform() == axis.transData]
-    for place in INSETS:
-        x, y = place[0] - INSET_LABELS[0], place[1] - INSET_LABELS[1]
-        crossed = False
-        for line in lines:
-            across = (np.asarray(line.get_xdata(), dtype=float) - left) / (right - left)
-            up = (np.asarray(line.get_ydata(), dtype=float) - low) / (high - low)
-            # A line with few points may cross the inset between two points.
-            fine = np.linspace(across.min(), across.max(), 500)
-            across, up = np.append(across, fine), np.append(up, np.interp(fine, across, up))
-            crossed |= bool(
-                np.any(
-                    (across > x)
-                    & (across < place[0] + place[2] + 0.01)
-                    & (up > y)
-                    & (up < place[1] + place[3] + 0.03)
-                )
-            )
-        if not crossed:
-            return place
+    axis.autoscale_view()
+    paths = [line.get_path().transformed(axis.transLimits) for line in axis.lines]
+    left, below, right, above = AROUND
+    for x, y, width, height in INSETS:
+        box = Bbox.from_extents(x - left, y - below, x + width + right, y + height + above)
+        if not any(path.intersects_bbox(box, filled=False) for path in paths):
+            return x, y, width, height
     return None
 
 
-def draw_velocities(
-    result: Result, figure: FigureBase, *, start: float | None = None, end: float | None = None
-) -> None:
+def draw_velocities(view: View, figure: FigureBase) -> None:
     """Both slip velocities: left in the part shown, right in five periods of the stiff axis halfway to the first slip."""
-    columns(result, *VELOCITIES)
-    view = view_of(result, start, end)
+    columns(view.whole, *VELOCITIES)
     sized(figure, 80.0)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
-    shown = view.result
-    slips = view.slips()
-    detail = _detail(shown, float(slips[0, 0]) if slips.size else float(shown.time[-1]))
+    shown, slips = view.result, view.slips()
+    # A few periods of the stiff axis halfway to the first slip; more if these are too few samples for a line.
+    frequency, until = stiff_frequency(shown), float(slips[0, 0]) if slips.size else float(shown.time[-1])
+    begin = int(np.searchsorted(shown.time, 0.5 * (shown.time[0] + max(until, float(shown.time[0])))))
+    begin = max(0, min(begin, shown.time.size - DETAIL_SAMPLES))
+    length = 0.0 if frequency is None else DETAIL_PERIODS / frequency
+    end = int(np.searchsorted(shown.time, shown.time[begin] + length, side="right"))
+    detail = slice(begin, max(end, begin + DETAIL_SAMPLES))
     both = tuple(shown[name] for name in VELOCITIES)
     time = 1e3 * (shown.time[detail] - shown.time[detail][0])
     for row, name in zip(axes, VELOCITIES, strict=True):
@@ -320,47 +228,25 @@ def draw_velocities(
         row[1].plot(time, factor * shown[name][detail], color=colour)
     note(axes[0, 1], view.notes)
     show_time(axes[1, 0], shown)
-    axes[1, 1].set_xlim(0.0, time[-1])
-    axes[1, 1].set_xlabel(f"$t$ − {shown.time[detail][0]:.6g} s [ms]")
+    axes[1, 1].set(xlim=(0.0, time[-1]), xlabel=f"$t$ − {shown.time[detail][0]:.6g} s [ms]")
     figure.align_ylabels(axes[:, 0])
 
 
-def _detail(result: Result, until: float) -> slice:
-    """Samples of a few periods of the stiff axis, from half of a time on; more periods if these are too few samples for a line."""
-    frequency = stiff_frequency(result)
-    length = 0.0 if frequency is None else DETAIL_PERIODS / frequency
-    start = int(np.searchsorted(result.time, 0.5 * (result.time[0] + max(until, float(result.time[0])))))
-    start = max(0, min(start, result.time.size - DETAIL_SAMPLES))
-    end = int(np.searchsorted(result.time, result.time[start] + length, side="right"))
-    return slice(start, max(end, start + DETAIL_SAMPLES))
-
-
-def draw_series(
-    result: Result,
-    figure: FigureBase,
-    *,
-    names: Sequence[str] = (),
-    start: float | None = None,
-    end: float | None = None,
-) -> None:
+def draw_series(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
     """All columns, or some, one in each panel: for files with too few columns for another kind."""
-    held = [name for name in result if name != "time"]
+    held = [name for name in view.whole if name != "time"]
     if not held:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
     # Known columns in the order of the figures, the others in the order of the file.
-    names = names or sorted(
-        held, key=lambda name: list(COLUMNS).index(name) if name in COLUMNS else len(COLUMNS)
-    )
-    columns(result, *names)
-    view = view_of(result, start, end)
-    axes = panels(
-        figure, len(names), (26.0 if len(names) <= FEW else 18.0) * len(names) + 12.0, letters="", sharex=True
-    )
+    order = {name: place for place, name in enumerate(COLUMNS)}
+    names = names or sorted(held, key=lambda name: order.get(name, len(order)))
+    columns(view.whole, *names)
+    height = 26.0 if len(names) <= FEW else 18.0
+    axes = panels(figure, len(names), height * len(names) + 12.0, letters="", sharex=True)
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
         draw_column(axis, view.result, name)
         axis.lines[0].set_color(COLOURS[i % len(COLOURS)])
-        if "theta" in name or name == "psi":
-            degree_ticks(axis)
+        degree_ticks(axis, name)
     note(axes[0], view.notes)
     show_time(axes[-1], view.result)
 
@@ -398,12 +284,12 @@ def draw_comparison(
         for axis, view in zip(row, views, strict=True):
             draw_column(axis, view.result, name, scale=scale)
             axis.label_outer()
-        if "theta" in name or name == "psi":
-            degree_ticks(row[0])
-    for axis, view in zip(axes[-1], views, strict=True):
-        show_time(axis, view.result)
-    for axis, title, view in zip(axes[0], what_differs(results), views, strict=True):
-        axis.set_title("\n".join([title, *map(_folded, view.notes)]), fontsize=7.5)
+        degree_ticks(row[0], name)
+    for column, title, view in zip(axes.T, what_differs(results), views, strict=True):
+        show_time(column[-1], view.result)
+        # A note has two lines, because columns of panels are narrow.
+        notes = [line.replace(" apart ", " apart\n") for line in view.notes]
+        column[0].set_title("\n".join([title, *notes]), fontsize=7.5)
     figure.align_ylabels(axes[:, 0])
 
 
@@ -419,23 +305,19 @@ def draw_overlay(
     """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
     shown = _shared(results, names, OVERLAID)
     notes: list[str] = []
-    if over_distance and start is None and end is None:
+    ends: list[float | None] = [end] * len(results)
+    lasts = [float(result.time[-1]) for result in results.values()]
+    if start is None and end is None and over_distance:
         # Up to the distance that all have reached.
-        driven = [_distance(name, result, result.time) for name, result in results.items()]
-        reach = min(float(length[-1]) for length in driven)
-        ends = [
-            float(np.interp(reach, length, result.time))
-            for length, result in zip(driven, results.values(), strict=True)
-        ]
-        views = [view_of(result, None, last) for result, last in zip(results.values(), ends, strict=True)]
+        driven = [(_distance(name, result, result.time), result.time) for name, result in results.items()]
+        reach = min(float(length[-1]) for length, _ in driven)
+        ends = [float(np.interp(reach, length, time)) for length, time in driven]
     elif start is None and end is None:
         # One window for all results: the longest of their windows.
-        ends = [float(view_of(result).result.time[-1]) for result in results.values()]
-        views = [view_of(result, None, min(max(ends), float(result.time[-1]))) for result in results.values()]
-        longest = max(float(result.time[-1]) for result in results.values())
-        notes = [f"first {max(ends):.3g} s of {longest:.4g} s"] if max(ends) < longest else []
-    else:
-        views = [view_of(result, start, end) for result in results.values()]
+        window = max(float(view_of(result).result.time[-1]) for result in results.values())
+        ends = [min(window, last) for last in lasts]
+        notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
+    views = [view_of(result, start, until) for result, until in zip(results.values(), ends, strict=True)]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
     for axis, name in zip(axes, shown, strict=True):
         units = views[0].result.columns.units[name]
@@ -446,19 +328,16 @@ def draw_overlay(
             axis.plot(along, values, color=COLOURS[i], linestyle=DASHES[i])
         axis.set_ylabel(label)
         axis.margins(y=0.12)
-        if "theta" in name or name == "psi":
-            degree_ticks(axis)
+        degree_ticks(axis, name)
     if over_distance:
         axes[-1].set_xlabel("distance of the driven end [mm]")
         axes[-1].margins(x=0.0)
     else:
-        axes[-1].set_xlim(
-            min(view.result.time[0] for view in views), max(view.result.time[-1] for view in views)
-        )
-        axes[-1].set_xlabel("$t$ [s]")
-    names_of = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
+        times = [view.result.time for view in views]
+        axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
+    titles = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
     handles = [
-        Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(names_of)
+        Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(titles)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=1, handlelength=2.8)
     note(axes[0], [*notes, *dict.fromkeys(line for view in views for line in view.notes)])
@@ -472,18 +351,11 @@ def _distance(name: str, result: Result, time: Floats) -> Floats:
     return np.abs(length)
 
 
-def _folded(line: str) -> str:
-    """A note in two lines, because columns of panels are narrow."""
-    return line.replace(" apart ", " apart\n")
-
-
 def what_differs(results: Mapping[str, Result]) -> list[str]:
     """Title of each result: its name, and the parameters in which the results differ, those of the physics first."""
     parameters = [result.parameters for result in results.values()]
-    known = [
-        *PARAMETERS,
-        *dict.fromkeys(name for each in parameters for name in each if name not in PARAMETERS),
-    ]
+    # Each once, those of the figures first.
+    known = dict.fromkeys([*PARAMETERS, *(name for each in parameters for name in each)])
     differing = [
         name for name in known if name not in NEVER_SHOWN and len({each.get(name) for each in parameters}) > 1
     ]
@@ -499,9 +371,7 @@ def _value(name: str, parameters: Described[float | str]) -> str:
     text, factor = name.removesuffix("_deg").replace("_", " "), 1.0
     if name in PARAMETERS:
         text, units, factor = PARAMETERS[name][:3]
-    shown = (
-        f"{factor * value:.6g}".replace("e+0", "e").replace("e-0", "e-")
-        if isinstance(value, float)
-        else str(value)
-    )
+    shown = str(value)
+    if isinstance(value, float):
+        shown = f"{factor * value:.6g}".replace("e+0", "e").replace("e-0", "e-")
     return f"{text} = {shown}{'' if units in ('', '1') else '°' if units == 'deg' else f' {units}'}"

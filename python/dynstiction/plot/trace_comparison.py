@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .style import BLUE, COLUMN_WIDTH, MM, VERMILION
+from .notation import prefixed
+from .style import BLUE, VERMILION, sized
 
 if TYPE_CHECKING:
     from ..trace_comparison import Statistic, TraceComparison
@@ -19,7 +20,6 @@ __all__ = ["draw_trace_comparison"]
 ERRORS = 2.0
 """Half width of a band in standard errors."""
 MOST_DIGITS = 8
-MILLI = (1e3, "ms")
 SYMBOLS = {
     "period": "period [s]",
     "peak_force": "peak [N]",
@@ -39,29 +39,26 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
     Bands are two standard errors wide to either side.
     """
-    lateral = (comparison.measured_lateral, comparison.simulated_lateral)
-    heights = [3.0, 3.0, 0.3 * len(comparison.statistics)]
-    if lateral[0] is not None:
-        heights.insert(2, 2.2)
-    figure.set_size_inches(COLUMN_WIDTH, 18.0 * MM * sum(heights))
-    cycle, slip, *others, table = figure.subplots(len(heights), 1, height_ratios=heights)
-    _draw(cycle, comparison.measured_waveform, comparison.simulated_waveform, 1.0)
-    cycle.set_xlim(0.0, 1.0)
-    cycle.set_xlabel("phase from slip to slip")
-    cycle.legend(loc="lower right")
-    scale, unit = _time_scale(comparison.measured_slip.phase)
-    _draw(slip, comparison.measured_slip, comparison.simulated_slip, scale)
-    slip.set_xlim(scale * comparison.measured_slip.phase[[0, -1]])
-    slip.set_xlabel(f"time from the middle of the slip [{unit}]")
-    for axis in others:
-        if lateral[0] is not None and lateral[1] is not None:
-            _draw(axis, lateral[0], lateral[1], 1.0)
-        axis.set_xlim(0.0, 1.0)
-        axis.set_xlabel("phase from slip to slip")
-    names = ["force along the pull [N]"] * 2 + ["lateral force [N]"] * len(others)
-    for axis, letter, name in zip((cycle, slip, *others), "abc", names, strict=False):
-        axis.set_ylabel(name)
+    longest = float(np.max(np.abs(comparison.measured_slip.phase)))
+    scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
+    over_cycle, around = "phase from slip to slip", f"time from the middle of the slip [{unit}]"
+    force, lateral = "force along the pull [N]", "lateral force [N]"
+    rows: list[tuple[Any, ...]] = [
+        (3.0, comparison.measured_waveform, comparison.simulated_waveform, over_cycle, force),
+        (3.0, comparison.measured_slip, comparison.simulated_slip, around, force),
+        (2.2, comparison.measured_lateral, comparison.simulated_lateral, over_cycle, lateral),
+    ]
+    rows = [row for row in rows if row[1] is not None and row[2] is not None]
+    heights = [*(row[0] for row in rows), 0.3 * len(comparison.statistics)]
+    sized(figure, 18.0 * sum(heights))
+    *axes, table = figure.subplots(len(heights), 1, height_ratios=heights)
+    for axis, letter, (_, measured, simulated, xlabel, ylabel) in zip(axes, "abc", rows, strict=False):
+        is_slip = xlabel == around
+        _draw(axis, measured, simulated, scale if is_slip else 1.0)
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        axis.set_xlim(scale * measured.phase[[0, -1]] if is_slip else (0.0, 1.0))
         axis.text(-0.17, 1.0, f"({letter})", transform=axis.transAxes, va="top", fontweight="bold")
+    axes[0].legend(loc="lower right")
     _draw_table(table, comparison.statistics)
 
 
@@ -71,24 +68,12 @@ def _draw(axis: Axes, measured: Waveform, simulated: Waveform, scale: float) -> 
         (measured, BLUE, "measured", 1.6),
         (simulated, VERMILION, "simulated", 0.7),
     ):
-        band = ERRORS * np.nan_to_num(form.error)
-        axis.fill_between(
-            scale * form.phase, form.force - band, form.force + band, color=colour, alpha=0.25, linewidth=0.0
-        )
-        axis.plot(
-            scale * form.phase,
-            form.force,
-            color=colour,
-            linewidth=width,
-            label=f"{name}, {form.cycles} cycles" if scale == 1.0 else name,
-        )
+        phase, band = scale * form.phase, ERRORS * np.nan_to_num(form.error)
+        ends = (form.force - band, form.force + band)
+        axis.fill_between(phase, *ends, color=colour, alpha=0.25, linewidth=0.0)
+        label = f"{name}, {form.cycles} cycles" if scale == 1.0 else name
+        axis.plot(phase, form.force, color=colour, linewidth=width, label=label)
     axis.margins(y=0.08)
-
-
-def _time_scale(time: object) -> tuple[float, str]:
-    """Scale of times, and their unit."""
-    longest = float(np.max(np.abs(np.asarray(time))))
-    return (1.0, "s") if longest >= 1.0 else MILLI if longest >= 1e-3 else (1e6, "µs")
 
 
 def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
@@ -109,16 +94,8 @@ def _draw_table(axis: Axes, statistics: tuple[Statistic, ...]) -> None:
         y = 1.0 - height * (0.9 if i == 0 else i + 1.2)
         for j, text in enumerate(row):
             differs = i > 0 and j == 3 and statistics[i - 1].differs
-            axis.text(
-                places[j],
-                y,
-                text,
-                ha="left" if j == 0 else "right",
-                va="center",
-                fontsize=7.0,
-                fontweight="bold" if differs else "normal",
-                transform=axis.transAxes,
-            )
+            how: Any = {"ha": "left" if j == 0 else "right", "fontweight": "bold" if differs else "normal"}
+            axis.text(places[j], y, text, va="center", fontsize=7.0, transform=axis.transAxes, **how)
 
 
 def _with_error(value: float, error: float) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..errors import Error, UsageError
 from ..record import Described
 from ..result import Result
 from ..stick_slip import StickSlip, stick_slip_statistics
-from .samples import Floats
+from .notation import Floats, prefixed
 from .theory import drive_profile, stiff_frequency
 
 __all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
@@ -25,8 +26,7 @@ SLACK = 1e-9
 """Share of the run's length by which an end of the window may be outside the run."""
 
 
-@dataclass(frozen=True, eq=False)
-class View:
+class View(NamedTuple):
     """Some samples of a run."""
 
     whole: Result
@@ -37,11 +37,6 @@ class View:
     """Cycles of the whole run; None if it lacks the columns for them."""
     notes: tuple[str, ...]
     """Notes of the figure on its samples."""
-
-    @property
-    def starts_the_run(self) -> bool:
-        """Whether the first sample of the run is shown."""
-        return bool(self.result.time[0] == self.whole.time[0])
 
     def slips(self) -> Floats:
         """Begin and end [s] of the slips, shape (n, 2)."""
@@ -76,9 +71,8 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
             raise UsageError(
                 f"from {begin:g} to {finish:g} s: the run has fewer than two samples there: choose a longer part"
             )
-        shown = replace(
-            result, columns=Described((info, values[part]) for info, values in result.columns.info())
-        )
+        held = Described((info, values[part]) for info, values in result.columns.info())
+        shown = replace(result, columns=held)
         if start is None and end is None:
             notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
     coarse = coarseness(shown)
@@ -104,9 +98,7 @@ def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -
     A run whose drive changes, and one whose cycles end, is shown as a whole.
     """
     last = float(result.time[-1])
-    if cycles is None or len(cycles) <= most or not np.any(cycles.settled):
-        return last
-    if drive_profile(result) is not None:
+    if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
         return last
     peaks = cycles["peak_time"]
     return float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
@@ -115,37 +107,26 @@ def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -
 def coarseness(result: Result) -> str | None:
     """A note that the samples are too far apart for the fast oscillation; None if they are not, or there is no such oscillation."""
     frequency = stiff_frequency(result)
-    if frequency is None or result.time.size < 2 or not _oscillates(result):
+    names = ("mass", "stiffness_y", "damping_y", "misalignment_deg", "elongation_y")
+    mass, stiffness, damping, angle, elongation = (float(result.parameters.get(name, 0.0)) for name in names)
+    model = result.attributes.get("model", "full")
+    # Nothing excites it, or a damper removes it.
+    is_aligned = angle % 180.0 == 0.0 and "misalignment_deg" in result.parameters
+    is_still = model == "full" and is_aligned and elongation == 0.0
+    is_damped = damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
+    has_oscillation = model in ("full", "high_frequency") and not (is_still or is_damped)
+    if frequency is None or result.time.size < 2 or not has_oscillation:
         return None
     step = float(np.median(np.diff(result.time)))
     if not step * frequency > COARSE:
         return None
-    return f"samples {_short(step, 's')} apart do not show the oscillation of {_short(frequency, 'Hz')}"
-
-
-def _oscillates(result: Result) -> bool:
-    """Whether there is an oscillation across the soft axis: the model has it, something excites it, and no damper removes it."""
-    model = result.attributes.get("model", "full")
-    mass, stiffness, damping, angle, elongation = (
-        float(result.parameters.get(name, 0.0))
-        for name in ("mass", "stiffness_y", "damping_y", "misalignment_deg", "elongation_y")
+    prefixes = ("M", "k", "", "m", "µ")
+    (apart, second), (fast, hertz) = (
+        prefixed("s", step, 1.0, prefixes),
+        prefixed("Hz", frequency, 1.0, prefixes),
     )
-    if (
-        model == "full"
-        and angle % 180.0 == 0.0
-        and elongation == 0.0
-        and "misalignment_deg" in result.parameters
-    ):
-        return False
-    return model in ("full", "high_frequency") and not damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
-
-
-def _short(value: float, unit: str) -> str:
-    """A number with three digits and a prefix."""
-    for size, prefix in ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")):
-        if value >= size:
-            return f"{value / size:.3g} {prefix}{unit}"
-    return f"{value:.3g} {unit}"
+    oscillation = f"the oscillation of {fast * frequency:.3g} {hertz}"
+    return f"samples {apart * step:.3g} {second} apart do not show {oscillation}"
 
 
 def cycles_of(result: Result) -> StickSlip | None:

@@ -11,7 +11,6 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from .. import plot
 from .._native import catalogue
@@ -39,8 +38,6 @@ MOST_VALUES = 12
 SAME = 1e-9
 """Share of a mean below which its scatter is due to rounding."""
 MOST_DIGITS = 9
-
-HEAD = ("", "value", "unit", "")
 
 SOURCES = (
     "The model: K. Nakano and V. L. Popov, Dynamic stiction without static friction: The role of friction vector rotation, "
@@ -80,8 +77,8 @@ def report(result: Result, name: str) -> str:
         given=_given(result),
         summary=_described(result.summary),
         samples=_samples(result),
-        figures="\n".join(figures) or "<p>Too few samples for a figure.</p>",
-        missing=_missing(missing),
+        figures=figures,
+        missing=missing,
         cycles=_cycles(result),
         parameters=_described(result.parameters),
         statistics=_described(result.statistics),
@@ -101,26 +98,30 @@ def write_report(result: Result, path: str | os.PathLike[str], name: str, *, ove
 def _heading(result: Result) -> str:
     model, method = (str(result.attributes.get(key, "")) for key in ("model", "method"))
     end = f"{result.time[-1]:g} s" if result.time.size else "no samples"
-    irregular = ""
+    about = f"Model {model}, method {method}, {end}, the object came to rest {result.sticks()} times"
     if result.summary.get("regularity") == -1.0:
-        irregular = (
+        about += (
             ". The motion is irregular: its cycles have a distribution; the page shows its means and scatters"
         )
-    return (
-        f"Model {model}, method {method}, {end}, the object came to rest {result.sticks()} times{irregular}"
-    )
+    return about
 
 
 def _given(result: Result) -> str:
     """Keys that the user has set, in the deck or by settings, in the order of the deck, with the values used."""
     # The keys of the deck; a list is not a parameter of a run, because parameters are numbers and texts.
     known = {(key["group"], key["name"]): (key["units"], key["meaning"]) for key in catalogue()["keys"]}
-    rows = []
-    for group, keys in _set_keys(result).items():
-        for key, value in keys.items():
-            units, meaning = known.get((group, key), ("1", ""))
-            rows.append((f"{group}.{key}", _shown(value), "" if units == "1" else units, meaning))
-    return table(HEAD, rows) if rows else "<p>The file does not contain the deck.</p>"
+    rows = [
+        (f"{group}.{key}", _shown(value), *known.get((group, key), ("1", "")))
+        for group, keys in _set_keys(result).items()
+        for key, value in keys.items()
+    ]
+    return _table(rows) or "<p>The file does not contain the deck.</p>"
+
+
+def _table(rows: list[tuple[str, str, str, str]]) -> str:
+    """Names, values, units and meanings; nothing without rows."""
+    head = ("", "value", "unit", "")
+    return table(head, [(*row[:2], "" if row[2] == "1" else row[2], row[3]) for row in rows]) if rows else ""
 
 
 def _set_keys(result: Result) -> dict[str, dict[str, object]]:
@@ -156,11 +157,8 @@ def _shown(value: Any) -> str:
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
-    rows = [
-        (info.name, _shown(value), "" if info.units == "1" else info.units, info.long_name)
-        for info, value in values.info()
-    ]
-    return table(HEAD, rows) if rows else "<p>None.</p>"
+    rows = [(info.name, _shown(value), info.units, info.long_name) for info, value in values.info()]
+    return _table(rows) or "<p>None.</p>"
 
 
 def _samples(result: Result) -> str:
@@ -172,30 +170,30 @@ def _samples(result: Result) -> str:
     return f'<p class="{kind}">In the figures: {escape("; ".join(notes))}.</p>' if notes else ""
 
 
-def _figures(result: Result) -> tuple[list[str], list[tuple[str, str]]]:
+def _figures(result: Result) -> tuple[str, str]:
     """All kinds of figure that the run can show, the columns only if there is no other; and why it cannot show the others."""
     drawn: list[str] = []
-    missing: list[tuple[str, str]] = []
+    missing: list[str] = []
     for kind in plot.KINDS:
         if kind == "columns" and drawn:
             continue
+        picture = io.BytesIO()
         try:
-            picture = _png(plot.draw(result, kind))
+            figure = plot.draw(result, kind)
+            with rendering():
+                figure.savefig(picture, format="png", dpi=DOTS_PER_INCH)
         except UsageError as error:
-            missing.append((kind, str(error)))
+            missing.append(f"<li><b>{kind}</b>: {escape(str(error))}</li>")
             continue
+        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture.getvalue()).decode("ascii")
         drawn.append(
-            f'<figure><img alt="{kind}: {escape(CAPTIONS[kind])}" src="data:image/png;base64,{picture}">'
-            f"<figcaption>{escape(CAPTIONS[kind])}</figcaption></figure>"
+            f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}">'
+            f"<figcaption>{caption}</figcaption></figure>"
         )
-    return drawn, missing
-
-
-def _missing(missing: list[tuple[str, str]]) -> str:
-    if not missing:
-        return ""
-    items = "".join(f"<li><b>{kind}</b>: {escape(reason)}</li>" for kind, reason in missing)
-    return f"<p>Figures that this run does not have, and why:</p><ul>{items}</ul>"
+    why = (
+        f"<p>Figures that this run does not have, and why:</p><ul>{''.join(missing)}</ul>" if missing else ""
+    )
+    return "\n".join(drawn) or "<p>Too few samples for a figure.</p>", why
 
 
 def _cite(result: Result) -> str:
@@ -207,13 +205,6 @@ def _cite(result: Result) -> str:
     source = f" (revision {revision})" if revision else ""
     computed = f"Computed with dynstiction {version}{source}: model {model}, method {method}{error}."
     return f"<p>{escape(computed)}</p><ul>{''.join(f'<li>{escape(each)}</li>' for each in SOURCES)}</ul>"
-
-
-def _png(figure: Figure) -> str:
-    data = io.BytesIO()
-    with rendering():
-        figure.savefig(data, format="png", dpi=DOTS_PER_INCH)
-    return base64.b64encode(data.getvalue()).decode("ascii")
 
 
 def _cycles(result: Result) -> str:
@@ -229,27 +220,26 @@ def _cycles(result: Result) -> str:
     # The values of the summary are more accurate: it finds extremes between the samples.
     found = result.summary
     if means:
-        rows_of_means = [
+        scatters = {name: found.get(f"{name}_scatter", scatter.get(name)) for name in means}
+        rows = [
             (
                 info.name,
-                _with_scatter(
-                    found.get(info.name, value), found.get(f"{info.name}_scatter", scatter.get(info.name))
-                ),
-                "" if info.units == "1" else info.units,
+                _with_scatter(found.get(info.name, value), scatters[info.name]),
+                info.units,
                 info.long_name,
             )
             for info, value in means.info()
         ]
         count = int(np.count_nonzero(cycles.settled))
         settled = f"<p>Mean ± standard deviation of {count} settled cycles, of {len(cycles)} slips:</p>"
-        settled += table(HEAD, rows_of_means)
+        settled += _table(rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
     head = [f"{name} [{units}]" if units != "1" else name for name, units in cycles.columns.units.items()]
     values = np.stack([cycles[name] for name in cycles], axis=1)[:MOST_CYCLES]
-    rows = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
+    cells = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
     more = f"<p>The first {MOST_CYCLES} of {len(cycles)}.</p>" if len(cycles) > MOST_CYCLES else ""
-    return f"{settled}<details><summary>Every cycle</summary>{table(head, rows)}{more}</details>"
+    return f"{settled}<details><summary>Every cycle</summary>{table(head, cells)}{more}</details>"
 
 
 def _with_scatter(mean: float, scatter: float | None) -> str:
