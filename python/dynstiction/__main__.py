@@ -405,7 +405,7 @@ def _fit(options: argparse.Namespace) -> int:
         _say(f"{printable(trace.name)}: {trace.units}")
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
-    write(found.plot(), output, overwrite=options.overwrite)
+    write(found.plot(options.kind), output, overwrite=options.overwrite)
     _say(printable(str(deck)))
     _say(printable(str(output)))
     return 0 if explains else UNEXPLAINED

@@ -259,6 +259,12 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
     _number(add, "--starts", "N", 2, "number of the slow model's starts that are completed (2)")
     _number(add, "--seed", "N", 0, "seed of the random starts (0): the same seed gives the same bits")
     add(
+        "--kind",
+        metavar="KIND",
+        default="waveform",
+        help="the figure: waveform (default), cycles (each by itself, distributions of period and peak), corner (the parameters two by two)",
+    )
+    add(
         "--fitted",
         metavar="NML",
         type=Path,

@@ -289,8 +289,14 @@ class Fit:
         low, high = sorted(math.copysign(size, self[name]) for size in sizes)
         return low, high
 
-    def plot(self) -> Figure:
-        """Measured waveform and that of the model, and the residuals.
+    def plot(self, kind: str = "waveform") -> Figure:
+        """Figure of the fit.
+
+        Parameters
+        ----------
+        kind : str
+            ``waveform``: measured and that of the model, and the residuals; ``cycles``: residuals of each cycle, distributions of
+            period and peak; ``corner``: the parameters two by two, with their errors.
 
         Returns
         -------
@@ -299,7 +305,7 @@ class Fit:
         """
         from .plot.trace_fit import fit_figure  # noqa: PLC0415  (slow to import)
 
-        return fit_figure(self)
+        return fit_figure(self, kind)
 
     def __repr__(self) -> str:
         return "\n  ".join([f"<Fit: {len(self.waveform.cycles)} cycles, {self.model}", *self._lines()]) + ">"

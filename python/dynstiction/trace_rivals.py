@@ -190,7 +190,8 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     shares = np.exp(evidence - evidence.max())
     shares /= shares.sum()
     return tuple(
-        Explanation(fits[i].name, float(shares[i]), *told[i], fits[i].values) for i in np.argsort(-shares)
+        Explanation(fits[i].name, float(shares[i]), told[i][0], told[i][1], fits[i].values)
+        for i in np.argsort(-shares)
     )
 
 
@@ -307,7 +308,7 @@ def creep_test(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
     )
-    options = {
+    options: dict[str, Any] = {
         "each": dict(each or {}),
         "known": dict(known or {}),
         "bounds": {},

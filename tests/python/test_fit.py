@@ -81,6 +81,23 @@ def test_a_displacement_tells_the_angle(trace: ds.Trace, found: ds.Fit) -> None:
     assert len(fit.plot().axes) == 4 and len(found.plot().axes) == 3
 
 
+def test_a_fit_shows_its_cycles_and_its_parameters(found: ds.Fit) -> None:
+    (image,) = found.plot("cycles").axes[0].collections
+    residuals = image.get_array().compressed()
+    assert residuals.size > 0.9 * found.waveform.cycles.size - 10 * len(found.waveform.cycles)
+    assert 0.8 < residuals.std() < 1.2
+    corner = found.plot("corner")
+    p = len(ALL)
+    assert [len(axis.lines) for axis in corner.axes] == [(1 if i == j else 2) if j <= i else 0 for i in range(p) for j in range(p)]
+    pair = corner.axes[p * (p - 1)]
+    assert pair.get_xlabel().startswith("misalignment_deg") and pair.get_ylabel().startswith("stiffness_x")
+    x, y = pair.lines[0].get_data()
+    assert np.corrcoef(x, y)[0, 1] == pytest.approx(found.correlation[0, -1], abs=0.02)
+    assert np.ptp(x) == pytest.approx(2.0 * found.parameters[ALL[0]].error, rel=0.02)
+    with pytest.raises(ds.UsageError, match="waveform, cycles, corner"):
+        found.plot("pie")
+
+
 def test_what_hangs_on_the_law_is_said(found: ds.Fit) -> None:
     """A viscous term bends friction at the speeds of slip as another exponential does: the trace cannot tell, and that is said."""
     with pytest.warns(ds.FitWarning, match=r"friction\.mu_inf ± .* need not fall exponentially"):
@@ -282,6 +299,8 @@ def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:
     start = rig.replace(system={"misalignment_deg": 1.2, "mass": 0.36}, friction={"mu_0": 0.26})
     found = ds.fit(start, trace, free)
     assert not found.waveform.repeats and found.explains
+    (image,) = found.plot("cycles").axes[0].collections
+    assert np.nanstd(image.get_array()) < 1.5
     for name, value in zip(free, (1.0, 0.25, 0.4), strict=True):
         assert abs(found[name] - value) < 4.0 * found.parameters[name].error, name
         assert found.parameters[name].error < 0.05 * value, name

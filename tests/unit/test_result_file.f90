@@ -3,7 +3,7 @@
 program test_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, &
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, place_file, &
     matching_files, path_t, write_bytes
   use dst_ending, only: read_state
   use dst_errors, only: error_t
@@ -128,6 +128,7 @@ contains
     type(result_file_t) :: file
     type(error_t), allocatable :: error
     type(identity_t) :: other
+    logical :: placed
 
     call file%claim(name, .false., error)
     call replace_contents('new')
@@ -155,8 +156,9 @@ contains
     call file%begin_next(error)
     call file%check_former(error)
     call check('the rows are its own', .not. allocated(error))
+    call write_file('other', 'of another')
     call delete_file(name)
-    call write_file(name, 'of another')
+    call place_file('other', name, placed)
     call file%check_former(error)
     call refused(error, 'another file has taken the name')
     call file%discard()
