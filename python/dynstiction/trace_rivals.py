@@ -42,7 +42,7 @@ ANGLES = tuple(0.05 * 1.5**i for i in range(15))
 SHARES = (0.99, 0.7, 0.4)
 """Starts for friction with a higher limit at rest: share of the weakening from mu_inf to that limit which mu_0 has."""
 STARTS = 2
-"""Starts of the slow model that are completed for creep."""
+"""Starts of the slow model that are completed for creep if nothing else explains the trace; otherwise one is."""
 AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
 ROUGH = (0.05, 0.01)
@@ -50,8 +50,8 @@ ROUGH = (0.05, 0.01)
 TRIED, NEAR_BEST, FAR = 2, 4.0, 20.0
 """Starts that are tried for an explanation; of these, cost over the least up to which it is completed, and the misfit above which none
 is: the explanation is wrong, however its values are."""
-BEGIN = 0.05
-"""Start of a key that the deck does not have, relative to what it competes with."""
+BEGIN, SIZES = 0.05, (0.95, 1.0, 1.1, 1.25)
+"""Start of a key that the deck does not have, relative to what it competes with; multiples of it of which the best is the start."""
 
 
 class Explanation(NamedTuple):
@@ -93,7 +93,18 @@ class CreepTest:
     least_angle: float
 
     def probability(self, name: str) -> float:
-        """Probability of an explanation, 0 if it has no stick-slip."""
+        """Probability of an explanation.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        float
+            0 if it has no stick-slip near.
+        """
         return sum(each.probability for each in self.explanations if each.name == name)
 
     @property
@@ -364,7 +375,9 @@ def _whole(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         try:
-            whole = Search(problem, STARTS, generator(rng), lambda _: None, thorough).fit(traces)
+            whole = Search(problem, STARTS if thorough else 1, generator(rng), lambda _: None, thorough).fit(
+                traces
+            )
         except Error:
             return []
     if whole.model != "full":
@@ -431,6 +444,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
             )
             group, _, key = extra.partition(".")
             begin = float(groups[group][key])
+            sizes = (1.0,) if name.startswith("another ") else SIZES
             problem = replace(
                 base,
                 names=(*base.names, extra),
@@ -439,10 +453,19 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
                 recordings=record,
                 runs=[],
             )
-            start = problem.coordinates(np.append(base.values(found.coordinates[: len(base.names)]), begin))
-            z = np.append(start, found.coordinates[len(base.names) :])
+            values = base.values(found.coordinates[: len(base.names)])
+            starts = [
+                np.append(
+                    problem.coordinates(np.append(values, size * begin)), found.coordinates[len(base.names) :]
+                )
+                for size in sizes
+            ]
+            costs = [
+                float(np.sum(there**2))
+                for there in problem.spread(lambda z, p=problem: p.residuals(z, ROUGH[-1]), starts)
+            ]
             try:
-                best = problem.improved(z, COARSE_OF_OWN[-3:])
+                best = problem.improved(starts[int(np.argmin(costs))], COARSE_OF_OWN[-3:])
             except LeadsNowhereError as error:
                 best = problem.at(error.z)
             except Error:

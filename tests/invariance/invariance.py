@@ -227,6 +227,7 @@ def fast(chance: random.Random) -> Groups:
         {
             "scene": {"model": "high_frequency"},
             "system": {"damping_x": None},
+            "friction": dict.fromkeys(("mu_static", "ageing", "ageing_time")),
             "initial": {"elongation_x": share, "elongation_y": 0.0},
         },
     )
@@ -375,7 +376,9 @@ def shift(chance: random.Random, groups: Groups) -> Pair:
     start: dict[str, object] = {key: scaled(groups["initial"].get(key, 0.0), shrink) for key in ("elongation_x", "elongation_y")}
     if groups["scene"]["model"] == "low_frequency":
         del start["elongation_y"]
-    first = changed(groups, {"initial": {"velocity_ratio": 0.0, **start}})
+    # A limit that ages counts the time at rest from the beginning.
+    ageless = dict.fromkeys(("ageing", "ageing_time"))
+    first = changed(groups, {"initial": {"velocity_ratio": 0.0, **start}, "friction": ageless})
     later = chance.randint(1, 150) * number_of(first, "output", "interval")
     times = np.atleast_1d(first["drive"].get("time", 0.0))
     values = np.atleast_1d(first["drive"]["velocity"])
