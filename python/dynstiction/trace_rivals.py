@@ -114,9 +114,12 @@ class CreepTest:
 
     @property
     def named(self) -> str | None:
-        """The explanation with a probability of at least 95 %, if it explains the trace."""
+        """The explanation with a probability of at least 95 %, if it explains the trace; 'weakening' also if it is only the most probable
+        one: the others contain it, and add nothing.
+        """
         best = self.explanations[0]
-        return best.name if best.probability >= SURE and best.chance >= MISFIT else None
+        is_named = best.probability >= SURE or best.name == "weakening"
+        return best.name if is_named and best.chance >= MISFIT else None
 
     @property
     def creeps(self) -> bool:
@@ -128,7 +131,7 @@ class CreepTest:
             "creep": "the object creeps before it slips: dynamic stiction",
             "static": "the object rests up to a static limit, without creep",
             "ageing": "the object rests up to a limit that grows with the time at rest, without creep",
-            "weakening": "friction that falls with speed explains it, without creep and without a static limit",
+            "weakening": "friction that falls with speed explains it: neither creep nor a static limit is seen",
         }
         resting = self.probability("static") + self.probability("ageing")
         if not self.explains:

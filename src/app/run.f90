@@ -120,7 +120,7 @@ contains
 
     call create_contents(run, error)
     if (.not. allocated(error)) call run%writer%copy_rows(run%file%former_path(), error)
-    call run%file%leave_former()
+    if (.not. allocated(error)) call run%file%check_former(error)
   end subroutine go_on
 
   !> The run as it was when its file was made whole.

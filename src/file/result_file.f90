@@ -23,14 +23,13 @@ module dst_result_file
     character(:), allocatable :: name                !! as given by the user
     character(:), allocatable, private :: place      !! the file that links lead to
     type(identity_t), private :: former              !! the file that will be replaced
-    integer(c_int), private :: whole = -1            !! descriptor of the one that was made whole last, as long as it is needed
     integer(c_int), private :: descriptor = -1       !! of NAME.part, or of what it became: the lock
   contains
     procedure :: claim
     procedure :: claim_again
     procedure :: path
     procedure :: former_path
-    procedure :: leave_former
+    procedure :: check_former
     procedure :: put_in_place
     procedure :: begin_next
     procedure :: discard
@@ -200,25 +199,23 @@ contains
     path = self%place//'.part'
   end function path
 
-  !> The path of the file from which rows are copied; '' if there is none. The one that was just made whole is open, so that it is read
-  !> even if another file has taken its name.
+  !> The path of the file that has the name, from which rows are copied; '' if there is none.
   function former_path(self) result(path)
     class(result_file_t), intent(in) :: self
     character(:), allocatable :: path
 
     path = ''
-    if (self%whole >= 0) path = '/dev/fd/'//integer_text(self%whole)
-    if (.not. file_exists(path)) path = ''
-    if (path == '' .and. self%former%exists) path = self%place
+    if (self%former%exists) path = self%place
   end function former_path
 
-  !> Its rows are copied.
-  subroutine leave_former(self)
-    class(result_file_t), intent(inout) :: self
+  !> After its rows were copied, the file that has the name must still be the one that was found or made there.
+  subroutine check_former(self, error)
+    class(result_file_t), intent(in) :: self
+    type(error_t), allocatable, intent(out) :: error
 
-    if (self%whole >= 0) call close_descriptor(self%whole)
-    self%whole = -1
-  end subroutine leave_former
+    if (.not. identity_of(self%place) == self%former) call raise(error, file_error, self%name//': cannot go on: another file '// &
+      'has taken the name, and with it the rows so far: run the deck again')
+  end subroutine check_former
 
   !> Give the file, which HDF5 has closed, its ending and its name. After an error NAME.part is gone. If another file has taken the
   !> name meanwhile, what was computed is kept beside it.
@@ -295,10 +292,9 @@ contains
       if (reason /= is_written) exit
       call wait_seconds(0.005_wp)
     end do
-    self%whole = self%descriptor
+    call close_descriptor(self%descriptor)
     self%descriptor = next
     if (.not. allocated(reason)) return
-    call self%leave_former()
     self%descriptor = -1
     call raise(error, file_error, self%name//': cannot go on: '//reason//'; everything so far is in the file')
   end subroutine begin_next
@@ -307,7 +303,6 @@ contains
   subroutine discard(self)
     class(result_file_t), intent(inout) :: self
 
-    call self%leave_former()
     if (self%descriptor < 0) return
     call delete_own_file(self%path(), identity_of(self%descriptor))
     call close_descriptor(self%descriptor)

@@ -39,8 +39,9 @@ def test_what_holds_the_object_is_named(name: str, groups: dict[str, dict[str, f
     assert found.explains and best.chance > 1e-3
     assert found.creeps == (name == "creep")
     # At one speed a limit that ages is as good as one that does not.
-    likely = found.probability(name) + (found.probability("ageing") if name == "static" else 0.0)
-    assert likely > 0.95
+    assert found.named == (None if name == "static" else name)
+    if name == "static":
+        assert found.probability("static") + found.probability("ageing") > 0.95
     assert best.values["system.mass"] == pytest.approx(0.4, rel=0.05)
     if name == "static":
         assert best.values["friction.mu_static"] == pytest.approx(0.255, rel=0.01)

@@ -154,13 +154,13 @@ contains
     call replace_contents('new')
     call file%put_in_place([3_int64], error)
     call file%begin_next(error)
-    other = identity_of(name)
+    call file%check_former(error)
+    call check('the rows are its own', .not. allocated(error))
     call write_file('other', 'of another')
     call delete_file(name)
     call place_file('other', name, placed)
-    call check('rows are copied from its own file', identity_of(file%former_path()) == other &
-      .and. .not. identity_of(name) == other)
-    call file%leave_former()
+    call file%check_former(error)
+    call refused(error, 'another file has taken the name')
     call file%discard()
     call remove_all()
   end subroutine test_other_file
