@@ -330,7 +330,10 @@ def creep_test(
         "chain": chain or Chain(),
     }
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
-        creep = problem_of(rig, traces, (ANGLE, *names), **options, spread=pool.map)
+        turned = float(rig.system.misalignment_deg or 1.0)
+        range_of_angles = tuple(sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1])))
+        bounded = dict(options, bounds={ANGLE: range_of_angles})
+        creep = problem_of(rig, traces, (ANGLE, *names), **bounded, spread=pool.map)
         without = dict(options, known={k: v for k, v in options["known"].items() if k != ANGLE})
         period = min(record.wave.period for record in creep.recordings)
         resting = []
