@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -468,7 +469,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
             ]
             costs = [
                 float(np.sum(there**2))
-                for there in problem.spread(lambda z, p=problem: p.residuals(z, ROUGH[-1]), starts)
+                for there in problem.spread(partial(problem.residuals, coarse=ROUGH[-1]), starts)
             ]
             try:
                 best = problem.improved(starts[int(np.argmin(costs))], COARSE_OF_OWN[-3:])
