@@ -159,15 +159,6 @@ class CreepTest:
 
 
 @dataclass(frozen=True)
-class _Hypothesis:
-    """What a hypothesis changes: values of the deck, and what is free in addition."""
-
-    name: str
-    groups: Mapping[str, Mapping[str, Any]]
-    extra: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class _Fitted:
     """A hypothesis at its best values."""
 
@@ -434,8 +425,10 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     Returns
     -------
     tuple of Explanation
-        The most probable one first; 'as fitted' is the fit itself.
+        The most probable one first; 'as fitted' is the fit itself. None if the fit is not one of the scene's own model.
     """
+    if found.model != (found.scene.scene.model or "full"):
+        return ()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         base = replace(found.problem, spread=pool.map)
         fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
@@ -485,8 +478,6 @@ def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]
     """Name, key and initial values of what one more free parameter may explain."""
     scene, chain = found.traces[0].scene, found.traces[0].chain
     wave = found.waveform
-    if found.model != (scene.scene.model or "full"):
-        return
     system, friction = scene.system, scene.friction
     mu_0, stiffness = float(friction.mu_0 or 0.2), float(system.stiffness_x or 1.0)
     free = set(found.problem.names)
