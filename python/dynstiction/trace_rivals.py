@@ -115,8 +115,10 @@ class CreepTest:
 
     @property
     def named(self) -> str | None:
-        """The explanation with a probability of at least 95 %, if it explains the trace; 'weakening' also if it is only the most probable
-        one: the others contain it, and add nothing.
+        """The explanation that the trace shows, if any.
+
+        It explains the trace, and has a probability of at least 95 %; 'weakening' also if it is only the most probable one: the others
+        contain it, and add nothing.
         """
         best = self.explanations[0]
         is_named = best.probability >= SURE or best.name == "weakening"

@@ -208,12 +208,15 @@ contains
     if (self%former%exists) path = self%place
   end function former_path
 
-  !> After its rows were copied, the file that has the name must still be the one that was found or made there.
+  !> After its rows were copied, the file that has the name must still be the one that was found or made there; if there is none any
+  !> more, the end says so.
   subroutine check_former(self, error)
     class(result_file_t), intent(in) :: self
     type(error_t), allocatable, intent(out) :: error
+    type(identity_t) :: there
 
-    if (.not. identity_of(self%place) == self%former) call raise(error, file_error, self%name//': cannot go on: another file '// &
+    there = identity_of(self%place)
+    if (there%exists .and. .not. there == self%former) call raise(error, file_error, self%name//': cannot go on: another file '// &
       'has taken the name, and with it the rows so far: run the deck again')
   end subroutine check_former
 
