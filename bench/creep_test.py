@@ -1,4 +1,4 @@
-"""How often `creep_test` names what makes a rig stick: creep, a static limit, ageing, or friction that falls with speed alone.
+"""How often `creep_test` names what makes a rig stick: creep, a static limit, or ageing.
 
 Rigs are random; a trace has 20 cycles at 1 kHz and noise of 1 % of the swing, two traces at speeds a factor of four apart share that
 time for ageing and static friction (at one speed both show the same limit). Traces with creep are runs of the full model; the others come from
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-KINDS = ("creep", "static", "ageing", "weakening")
+KINDS = ("creep", "static", "ageing", "static or ageing")
 RATE, CYCLES, NOISE, AWAY = 1e3, 20.6, 0.01, 0.2
 SPEEDS = 4.0
 """Ratio of the two speeds."""
@@ -88,6 +88,8 @@ def traces_of(kind: str, draw: np.random.Generator) -> tuple[ds.Scene, list[ds.T
         limit = rig["friction.mu_0"]
         static = limit * draw.uniform(1.03, 1.25) if kind == "static" else limit
         ageing = limit * draw.uniform(0.006, 0.03) if kind == "ageing" else 0.0
+        if kind == "static or ageing" and draw.uniform() < 0.5:
+            static *= 1.1
         angle = float(np.exp(draw.uniform(np.log(0.5), np.log(3.0))))
         speeds = [velocity, SPEEDS * velocity] if kind in ("static", "ageing") else [velocity]
         scene = with_values(ds.Scene(RIG), rig | {"system.misalignment_deg": angle if kind == "creep" else 0.0})

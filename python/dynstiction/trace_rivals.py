@@ -81,8 +81,8 @@ class CreepTest:
     Attributes
     ----------
     explanations : tuple of Explanation
-        The most probable one first: 'creep' (friction that turns, with a misalignment), 'static' (a static limit above the kinetic
-        one), 'ageing' (one that grows with the time at rest), 'weakening' (neither: friction falls with speed).
+        The most probable one first: 'creep' (friction that turns, with a misalignment), 'static' (a constant limit at rest), 'ageing'
+        (one that grows with the time at rest); of traces at one speed 'creep' and 'static or ageing'.
     cycles : int
         Cycles of all traces.
     least_angle : float
@@ -115,14 +115,9 @@ class CreepTest:
 
     @property
     def named(self) -> str | None:
-        """The explanation that the trace shows, if any.
-
-        It explains the trace, and has a probability of at least 95 %; 'weakening' also if it is only the most probable one: the others
-        contain it, and add nothing.
-        """
+        """The explanation that the trace shows, with a probability of at least 95 %, if it explains it."""
         best = self.explanations[0]
-        is_named = best.probability >= SURE or best.name == "weakening"
-        return best.name if is_named and best.chance >= MISFIT else None
+        return best.name if best.probability >= SURE and best.chance >= MISFIT else None
 
     @property
     def creeps(self) -> bool:
@@ -134,15 +129,12 @@ class CreepTest:
             "creep": "the object creeps before it slips: dynamic stiction",
             "static": "the object rests up to a static limit, without creep",
             "ageing": "the object rests up to a limit that grows with the time at rest, without creep",
-            "weakening": "friction that falls with speed explains it: neither creep nor a static limit is seen",
+            "static or ageing": "static friction, without creep; whether it ages only traces at other speeds show",
         }
-        resting = self.probability("static") + self.probability("ageing")
         if not self.explains:
             verdict = "none of the explanations explains the trace"
         elif self.named:
             verdict = words[self.named]
-        elif resting >= SURE:
-            verdict = "static friction, without creep; whether it ages only traces at other speeds show"
         else:
             verdict = "this trace does not tell"
         seen = (
@@ -201,6 +193,15 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
         Explanation(fits[i].name, float(shares[i]), told[i][0], told[i][1], fits[i].values)
         for i in np.argsort(-shares)
     )
+
+
+def _best_of_each(fits: Sequence[_Fitted]) -> list[_Fitted]:
+    """One fit of each name, that with the most evidence."""
+    bins = sum(each.size for each in fits[0].problem.recordings)
+    found: dict[str, _Fitted] = {}
+    for each in sorted(fits, key=lambda one: one.cost + len(one.problem.names) * math.log(bins)):
+        found.setdefault(each.name, each)
+    return list(found.values())
 
 
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
@@ -279,9 +280,9 @@ def creep_test(
 ) -> CreepTest:
     """Whether an object creeps before it slips, because friction turns, or rests up to a static limit, which may age.
 
-    Four models are fitted to the trace, each with all free parameters, and compared by their evidence: with the misalignment; without
-    it, and without any static limit above mu_0; with one, ``friction.mu_static``; and with one that grows with the time at rest,
-    ``friction.ageing``.
+    Models are fitted to the trace, each with all free parameters, and compared by their evidence: with the misalignment; without
+    it, with and without a static limit above mu_0, ``friction.mu_static``; and, of traces at several speeds, with one that grows with
+    the time at rest, ``friction.ageing``.
 
     Parameters
     ----------
@@ -353,7 +354,9 @@ def creep_test(
         show(0.9)
         least = _least_angle(near) if near is not None else math.nan
         show(1.0)
-        return CreepTest(_compared(fits), sum(len(each.wave.rows) for each in creep.recordings), least)
+        return CreepTest(
+            _compared(_best_of_each(fits)), sum(len(each.wave.rows) for each in creep.recordings), least
+        )
 
 
 def _without_creep(
@@ -362,10 +365,13 @@ def _without_creep(
     """Name, values and free parameters of the explanations without a misalignment."""
     mu_0 = float(rig.friction.mu_0 or 0.2)
     age = {"ageing": BEGIN * mu_0, "ageing_time": rig.friction.ageing_time or AGE * period}
-    yield "weakening", {}, ()
-    yield "static", {"mu_static": (1.0 + BEGIN) * mu_0}, ("friction.mu_static",)
+    # Friction that falls fast enough with speed is a static limit, too.
+    name = "static" if traces > 1 else "static or ageing"
+    yield name, {}, ()
+    yield name, {"mu_static": (1.0 + BEGIN) * mu_0}, ("friction.mu_static",)
     # At one speed a rest is as long as the next, and shows one limit.
-    yield "ageing", age, ("friction.ageing", *(["friction.ageing_time"] if traces > 1 else []))
+    if traces > 1:
+        yield "ageing", age, ("friction.ageing", "friction.ageing_time")
 
 
 def _whole(
