@@ -135,6 +135,8 @@ class CreepTest:
             verdict = "none of the explanations explains the trace"
         elif self.named:
             verdict = words[self.named]
+        elif self.probability("static") + self.probability("ageing") >= SURE:
+            verdict = "static friction, without creep; these traces do not tell whether it ages"
         else:
             verdict = "this trace does not tell"
         seen = (
