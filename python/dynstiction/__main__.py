@@ -370,6 +370,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
+    from .plot.trace_fit import check_fit_kind  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
     from .trace_rivals import explanations  # noqa: PLC0415
 
@@ -377,6 +378,7 @@ def _fit(options: argparse.Namespace) -> int:
     deck = options.fitted or Path(f"{stem}_fitted.nml")
     output = options.output or Path(f"{stem}_fitted.png")
     format_of(output)
+    check_fit_kind(options.kind)
     check_outputs([deck, output], [options.deck, *options.trace], overwrite=options.overwrite)
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.

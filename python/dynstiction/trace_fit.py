@@ -31,7 +31,7 @@ from .trace_cycles import TraceCycles, find_cycles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "FittedTrace", "Search", "fit", "problem_of", "verdict"]
+__all__ = ["Fit", "FittedParameter", "FittedTrace", "Search", "fit", "problem_of", "traces_of", "verdict"]
 
 _Floats = NDArray[np.float64]
 
@@ -247,7 +247,12 @@ class Fit:
     @property
     def explains(self) -> bool:
         """Whether the model explains the trace, within the scatter of its cycles, and is the scene's own."""
-        return self.chance >= MISFIT and self.model == (self.scene.scene.model or "full")
+        return self.chance >= MISFIT and self.is_of_own_model
+
+    @property
+    def is_of_own_model(self) -> bool:
+        """Whether the model of the fitted values is the scene's own, and not the slow one that proposes starts."""
+        return self.model == (self.scene.scene.model or "full")
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter, NaN if the trace does not determine it."""
@@ -408,20 +413,18 @@ def fit(
     each single cycle on the fit. They are valid for noise that is correlated within a cycle, and for cycles of which each resembles the
     next, but do not include an error that all cycles share.
     """
-    traces = [trace] if isinstance(trace, Trace) else list(trace) if isinstance(trace, Sequence) else [trace]
-    for one in traces:
-        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
+    traces = traces_of(trace)
     whole("starts", starts, least=1)
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
             Scene(scene),
             traces,
             free,
-            each=dict(each or {}),
-            known=dict(known or {}),
-            bounds=dict(bounds or {}),
-            ties=dict(ties or {}),
-            chain=chain or Chain(),
+            each=each,
+            known=known,
+            bounds=bounds,
+            ties=ties,
+            chain=chain,
             spread=pool.map,
         )
         return Search(given, starts, generator(rng), show).fit(traces)
@@ -491,9 +494,10 @@ class Search:
         if found and self._is_smooth(found):
             return found, None
         queue = [given] if proposal is None else [given, proposal]
-        is_near = [self._levels(start) == COARSE_OF_OWN[-1:] for start in queue]
-        for start, near in zip(queue, is_near, strict=True):
-            if (near or (self.thorough and start is proposal)) and not (found and self._explains(found)):
+        for start in queue:
+            if found and self._explains(found):
+                break
+            if (self.thorough and start is proposal) or self._levels(start) == COARSE_OF_OWN[-1:]:
                 self._attempt(start, found, faults)
         if self.thorough and not (found and self._explains(found)):
             self._from_random(given, proposal, found, faults)
@@ -907,19 +911,29 @@ def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
     return errors
 
 
+def traces_of(given: Trace | Sequence[Trace]) -> list[Trace]:
+    """One trace or several as a list; others are refused."""
+    traces = [given] if isinstance(given, Trace) else list(given) if isinstance(given, Sequence) else [given]
+    return [
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns") for one in traces
+    ]
+
+
 def problem_of(
     scene: Scene,
     traces: Sequence[Trace],
     free: Sequence[str] | str,
     *,
-    each: Mapping[str, Sequence[float]],
-    known: Mapping[str, tuple[float, float]],
-    bounds: Mapping[str, tuple[float, float]],
-    ties: Mapping[str, tuple[str, float]],
-    chain: Chain,
+    each: Mapping[str, Sequence[float]] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    ties: Mapping[str, tuple[str, float]] | None = None,
+    chain: Chain | None = None,
     spread: Map,
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
+    each, known, bounds, ties = dict(each or {}), dict(known or {}), dict(bounds or {}), dict(ties or {})
+    chain = chain or Chain()
     names = names_in("free", free)
     scene.check()
     instance("chain", chain, Chain, "give a dynstiction.Chain")

@@ -130,11 +130,7 @@ def plan_traces(
                 there,
                 [noisy],
                 free,
-                each={},
-                known={},
-                bounds={},
-                ties={},
-                chain=chain or Chain(),
+                chain=chain,
                 spread=pool.map,
             )
             names = problem.names

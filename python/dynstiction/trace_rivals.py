@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import generator, instance, names_in
+from ._arguments import generator, names_in
 from ._fit.models import NoCycleError, full_cycles, steady_velocity
 from ._fit.problem import LeadsNowhereError, Problem
 from ._fit.solve import Solution, has_failed
@@ -26,7 +26,7 @@ from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
-from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, Search, problem_of
+from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, Search, problem_of, traces_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
 
@@ -182,28 +182,21 @@ class _Fitted:
 
 
 def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
-    """Explanations by their evidence: the integral of the likelihood over the parameters, by Schwarz's approximation."""
+    """Explanations by their evidence: the integral of the likelihood over the parameters, by Schwarz's approximation. Of several fits
+    of one explanation it is that with the most.
+    """
     told = [each.problem.misfit(each.solution.z) for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
     bins = sum(int(np.count_nonzero(each.wave.counts)) + 1 for each in fits[0].problem.recordings)
-    evidence = np.array(
-        [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
-    )
-    shares = np.exp(evidence - evidence.max())
-    shares /= shares.sum()
+    evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
+    best: dict[str, int] = {}
+    for i in np.argsort(-np.array(evidence), kind="stable"):
+        best.setdefault(fits[i].name, int(i))
+    shares = np.exp([evidence[i] - max(evidence) for i in best.values()])
     return tuple(
-        Explanation(fits[i].name, float(shares[i]), told[i][0], told[i][1], fits[i].values)
-        for i in np.argsort(-shares)
+        Explanation(fits[i].name, float(share), told[i][0], told[i][1], fits[i].values)
+        for i, share in zip(best.values(), shares / shares.sum(), strict=True)
     )
-
-
-def _best_of_each(fits: Sequence[_Fitted]) -> list[_Fitted]:
-    """One fit of each name, that with the most evidence."""
-    bins = sum(each.size for each in fits[0].problem.recordings)
-    found: dict[str, _Fitted] = {}
-    for each in sorted(fits, key=lambda one: one.cost + len(one.problem.names) * math.log(bins)):
-        found.setdefault(each.name, each)
-    return list(found.values())
 
 
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
@@ -303,9 +296,7 @@ def creep_test(
     UsageError, FileError, DeckError
         As for `fit`.
     """
-    traces = [trace] if isinstance(trace, Trace) else list(trace) if isinstance(trace, Sequence) else [trace]
-    for one in traces:
-        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
+    traces = traces_of(trace)
     rig = Scene(scene)
     if (rig.scene.model or "full") != "full":
         raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
@@ -319,25 +310,18 @@ def creep_test(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
     )
-    options: dict[str, Any] = {
-        "each": dict(each or {}),
-        "known": dict(known or {}),
-        "bounds": {},
-        "ties": {},
-        "chain": chain or Chain(),
-    }
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
-        range_of_angles = tuple(sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1])))
-        bounded = dict(options, bounds={ANGLE: range_of_angles})
-        creep = problem_of(rig, traces, (ANGLE, *names), **bounded, spread=pool.map)
-        without = dict(options, known={k: v for k, v in options["known"].items() if k != ANGLE})
+        low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
+        options: dict[str, Any] = {"each": each, "chain": chain, "spread": pool.map}
+        creep = problem_of(rig, traces, (ANGLE, *names), known=known, bounds={ANGLE: (low, high)}, **options)
+        without = {name: value for name, value in (known or {}).items() if name != ANGLE}
         period = min(record.wave.period for record in creep.recordings)
         resting = []
         for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(traces))):
             show(0.1 * i)
             changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
-            problem = problem_of(changed, traces, (*names, *extra), **without, spread=pool.map)
+            problem = problem_of(changed, traces, (*names, *extra), known=without, **options)
             found = _best(problem, list(_resting_starts(problem)))
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
@@ -356,9 +340,7 @@ def creep_test(
         show(0.9)
         least = _least_angle(near) if near is not None else math.nan
         show(1.0)
-        return CreepTest(
-            _compared(_best_of_each(fits)), sum(len(each.wave.rows) for each in creep.recordings), least
-        )
+        return CreepTest(_compared(fits), sum(len(record.wave.rows) for record in creep.recordings), least)
 
 
 def _without_creep(
@@ -437,7 +419,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     tuple of Explanation
         The most probable one first; 'as fitted' is the fit itself. None if the fit is not one of the scene's own model.
     """
-    if found.model != (found.scene.scene.model or "full"):
+    if not found.is_of_own_model:
         return ()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         base = replace(found.problem, spread=pool.map)

@@ -268,14 +268,14 @@ class Problem:
     def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
         """Scene and chain of a trace with the values at these coordinates."""
         groups: dict[str, dict[str, Any]] = {}
-        for name, value in zip(self.names, self.values(q), strict=True):
+        values = dict(zip(self.names, map(float, self.values(q)), strict=True))
+        values = {name: value for name, value in values.items() if name in self.heard}
+        values |= {
+            tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
+        }
+        for name, value in values.items():
             group, _, key = name.partition(".")
-            if name in self.heard:
-                groups.setdefault(group, {})[key] = float(value)
-            for tied, (other, factor) in self.ties.items():
-                if other == name and name in self.heard:
-                    group, _, key = tied.partition(".")
-                    groups.setdefault(group, {})[key] = factor * float(value)
+            groups.setdefault(group, {})[key] = value
         chain = replace(recording.chain, **groups.pop("chain", {}))
         friction = groups.get("friction", {})
         if STATIC in self.heard:

@@ -16,7 +16,7 @@ from .style import BLACK, BLUE, VERMILION, new_figure, panels, sized
 if TYPE_CHECKING:
     from ..trace_fit import Fit
 
-__all__ = ["FIT_KINDS", "draw_corner", "draw_cycles", "draw_fit", "fit_figure"]
+__all__ = ["FIT_KINDS", "check_fit_kind", "draw_corner", "draw_cycles", "draw_fit", "fit_figure"]
 
 LIMIT = 4.0
 """Colours show residuals of a cycle up to so many of its errors."""
@@ -34,10 +34,15 @@ AROUND = 2.5
 DOTS: Any = {"marker": ".", "linestyle": "", "color": BLUE, "markersize": 2.5}
 
 
-def fit_figure(fit: Fit, kind: str = "waveform") -> Figure:
-    """Figure of a fit, of one of `FIT_KINDS`."""
+def check_fit_kind(kind: str) -> None:
+    """Refuse what is no kind of figure of a fit."""
     if kind not in FIT_KINDS:
         raise UsageError(f"kind = {kind!r}: a fit has the figures {', '.join(FIT_KINDS)}")
+
+
+def fit_figure(fit: Fit, kind: str = "waveform") -> Figure:
+    """Figure of a fit, of one of `FIT_KINDS`."""
+    check_fit_kind(kind)
     return new_figure(lambda figure: FIT_KINDS[kind](fit, figure))
 
 
