@@ -79,7 +79,6 @@ class SolverError(Error):
     ----------
     code : int
         41 step underflow, 42 too many steps, 43 not finite, 44 too many rejections, 45 chattering,
-        46 slip that does not start smoothly enough for an explicit method.
     result : Result or None
         The result until then.
     """

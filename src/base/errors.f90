@@ -9,8 +9,8 @@ module dst_errors
 
   public :: error_t, raise, raise_lines, has_code, exit_status
   public :: result_done, usage_error, deck_error, file_error, some_failed
-  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, release_failed, &
-    out_of_memory, stopped_early
+  public :: step_underflow, too_many_steps, not_finite, too_many_rejections, chattering, out_of_memory, &
+    stopped_early
 
   !> What went wrong, in one line, or, of a deck, in one line for each fault: no name in it breaks a line. `code` is one of the
   !> constants below and also the `result_code` of a file.
@@ -32,7 +32,6 @@ module dst_errors
   integer, parameter :: not_finite = 43
   integer, parameter :: too_many_rejections = 44
   integer, parameter :: chattering = 45
-  integer, parameter :: release_failed = 46
   integer, parameter :: out_of_memory = 47
   integer, parameter :: stopped_early = 75
 

@@ -7,7 +7,7 @@ module dst_methods
   private
 
   public :: method_t, methods, method_named
-  public :: method_names, adaptive_methods, explicit_methods, fixed_step_methods
+  public :: method_names, adaptive_methods, fixed_step_methods
 
   !> Width of a name in the lists of words below, which are padded.
   integer, parameter :: width = 12
@@ -37,13 +37,11 @@ module dst_methods
   character(10), parameter :: kinds(*) = [(methods(i)%kind, i=1, size(methods))]
   logical, parameter :: has_fixed_step(*) = kinds == 'fixed_step'
   character(width), parameter :: adaptive(*) = pack(names, .not. has_fixed_step)
-  character(width), parameter :: explicit(*) = pack(names, kinds == 'explicit')
   character(width), parameter :: fixed_step(*) = pack(names, has_fixed_step)
 
-  !> Their names, blank-separated: of all, of those that choose their step, of the explicit ones among these, and of the others.
+  !> Their names, blank-separated: of all, of those that choose their step, and of the others.
   character(width*size(names)), parameter :: method_names = transfer(names, repeat(' ', width*size(names)))
   character(width*size(adaptive)), parameter :: adaptive_methods = transfer(adaptive, repeat(' ', width*size(adaptive)))
-  character(width*size(explicit)), parameter :: explicit_methods = transfer(explicit, repeat(' ', width*size(explicit)))
   character(width*size(fixed_step)), parameter :: fixed_step_methods = transfer(fixed_step, repeat(' ', width*size(fixed_step)))
 
 contains

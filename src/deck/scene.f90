@@ -39,7 +39,6 @@ module dst_scene
     real(wp) :: elongation_y = 0.0_wp                    !! m
     real(wp) :: rtol = 0.0_wp
     real(wp) :: step = 0.0_wp                            !! s
-    real(wp) :: v_cut = 0.0_wp                           !! m/s
     real(wp) :: step_max = 0.0_wp                        !! s, 0 = no limit
     integer(int64) :: max_steps = 0_int64                !! 0 = no limit
     real(wp) :: interval = 0.0_wp                        !! s, 0 = every accepted step, `automatic` = not yet chosen
@@ -169,8 +168,6 @@ contains
       scene%rtol = value
     case ('step')
       scene%step = value
-    case ('v_cut')
-      scene%v_cut = value
     case ('step_max')
       scene%step_max = value
     case ('max_steps')

@@ -4,7 +4,7 @@
 !> from it. A key is added by adding its entry here.
 module dst_schema
   use dst_kinds, only: wp, int64
-  use dst_methods, only: method_names, adaptive_methods, explicit_methods, fixed_step_methods
+  use dst_methods, only: method_names, adaptive_methods, fixed_step_methods
   use dst_text, only: name_width, unit_width, value_width, meaning_width, real_text, integer_text, &
                       has_word, nearest_word, alternatives, excerpt
   implicit none
@@ -90,9 +90,6 @@ module dst_schema
   type(condition_t), parameter :: smoothed(2) = [condition_t('contact', 'smoothed'), none]
   type(condition_t), parameter :: fixed_step(2) = [condition_t('method', fixed_step_methods), none]
   type(condition_t), parameter :: adaptive(2) = [condition_t('method', adaptive_methods), none]
-  type(condition_t), parameter :: explicit_exact(2) = &
-    [condition_t('method', explicit_methods), condition_t('contact', 'exact')]
-
   type(condition_t), parameter :: leaping(2) = &
     [condition_t('method', adaptive_methods), condition_t('model', plane_models//' low_frequency auto')]
 
@@ -174,8 +171,6 @@ module dst_schema
           'relative tolerance of a step'), &
     key_t('integrator', 'step', real_kind, 's', positive, must, '0.0', '', '', fixed_step, &
           'the fixed step'), &
-    key_t('integrator', 'v_cut', real_kind, 'm/s', non_negative, may, '0.0', '', '', explicit_exact, &
-          'slip velocity below which a stop is finished in closed form; 0 = chosen from rtol and V'), &
     key_t('integrator', 'step_max', real_kind, 's', non_negative, may, '0.0', '', '', adaptive, &
           'longest step; 0 = no limit'), &
     key_t('integrator', 'cycle_map', choice_kind, '', any_real, may, 'auto', '', 'auto off', leaping, &

@@ -8,7 +8,7 @@
 !>
 !> With the displacement D(t), X' = advance_by_slip . w + advance_by_drive V. Elongations that a model keeps constant do not change.
 !>
-!> At rest in polar unknowns B vanishes. A stage at rest makes the attempt fail; the trajectory leads the motion past a rest.
+!> At rest in polar unknowns B vanishes. A stage at rest makes the attempt fail; dst_past_rest leads the motion past a rest.
 module dst_runge_kutta
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -41,9 +41,8 @@ module dst_runge_kutta
   !> Order of the dense output of DOP853.
   integer, parameter :: dense_order = 7
   !> Tolerance of the estimate over rtol, with one estimate and with two: measured against converged motion, so that the relative
-  !> error of the slip velocity is about rtol; and the tolerance of the series of a release. Twice: 3 % less work, the same error
-  !> (release: 1.2 times the error).
-  real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp, release_share = 0.1_wp
+  !> error of the slip velocity is about rtol. Twice: 3 % less work, the same error.
+  real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp
   !> Share of the error of order 3 with which DOP853 stretches the error of order 5. Hairer & Wanner's convention. Twice: the same
   !> work and error.
   !> and error.
@@ -91,6 +90,7 @@ module dst_runge_kutta
     procedure :: restart
     procedure :: attempt
     procedure :: accept
+    procedure :: end_rate
     procedure :: serialise
   end type runge_kutta_t
 
@@ -106,7 +106,6 @@ contains
     integer :: i, degree
 
     stepper%explicit = .true.
-    stepper%release_tolerance = release_share*rtol
     stepper%method = tableau_named(method_name)
     stepper%estimate_tolerance = merge(tolerance_of_two, tolerance_of_one, stepper%method%errors > 1)*rtol
     ! With a memory, because the step is mostly limited by stability: the friction direction relaxes quickly.
@@ -460,6 +459,14 @@ contains
     call self%note_growth()
     call self%history%control%accept(self%step)
   end subroutine accept
+
+  !> y' at the end of the last attempt.
+  pure function end_rate(self) result(rate)
+    class(runge_kutta_t), intent(in) :: self
+    real(wp) :: rate(max_unknowns)
+
+    rate = self%history%slope(first_y:, self%method%stages + 1)
+  end function end_rate
 
   !> Save or load. Terms and dw/dy are scratch: each attempt computes them again.
   subroutine serialise(self, archive)

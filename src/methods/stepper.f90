@@ -64,10 +64,8 @@ module dst_stepper
 
   !> A method.
   type, abstract, extends(stepper_state_t) :: stepper_t
-    !> Whether it evaluates y' = g/B and therefore cannot start or end at rest in polar unknowns. The start is then computed by
-    !> series, to this relative accuracy.
+    !> Whether it makes disturbances as large as its tolerance at any time.
     logical :: explicit = .false.
-    real(wp) :: release_tolerance = 0.0_wp
     !> Remaining error of the solution of an implicit method, over rtol.
     real(wp) :: newton_share = usual_share
     !> The time in which `peak_speed` decays [s].
@@ -325,8 +323,7 @@ contains
     type(state_t), intent(in) :: from
     real(wp), intent(in) :: growth
     logical, intent(in) :: disturbed
-    !> Growth, as a power of e, that is within roundoff; an explicit method makes disturbances as large as its tolerance at any
-    !> time.
+    !> Growth, as a power of e, that is within roundoff or within those of an explicit method.
     real(wp), parameter :: roundoff_growth = 3.0_wp
     real(wp) :: long
 

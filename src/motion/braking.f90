@@ -8,16 +8,11 @@ module dst_braking
   implicit none
   private
 
-  public :: braking_t, braking, default_cut_speed
+  public :: braking_t, braking
 
   !> Permitted change of friction until the stop, as far as it is linear in v and beyond that, over the force that brakes.
   !> Conventions; twice: no change on Fig. 3.
   real(wp), parameter :: linear_change = 0.1_wp, curved_change = 0.01_wp
-  !> The cut-off of an explicit method at rtol = 1 over the speed, measured (bench/fig3.py): with dopri5 and dop853 on Fig. 3 twice
-  !> is 10 % less work and 7 times the error, half 10 % more and 0.7 times the error. If the drive is faster than the slip, the
-  !> cut-off uses at most this many times the largest slip speed (twice: 1 % less work, 1.2 times the error; half: 10 % more, 0.7
-  !> times), and at least this share of the drive velocity (convention; twice: no change).
-  real(wp), parameter :: cut_factor = 0.014_wp, largest_share = 30.0_wp, least_share = 1.0e-4_wp
 
   !> The end of slip: v + acceleration t + jerk t^2/2 in a constant direction.
   type :: braking_t
@@ -169,14 +164,4 @@ contains
       end do
     end associate
   end subroutine describe
-
-  !> Slip speed [m/s] below which an explicit method leaves the end of slip to `braking`, with the drive at this velocity and this
-  !> largest recent slip speed [m/s]. What that neglects (the turning of the direction, the change of the jerk) changes the slip
-  !> velocity by about the third power of this speed; the factor is measured on Fig. 3.
-  pure real(wp) function default_cut_speed(rtol, drive_velocity, peak_speed)
-    real(wp), intent(in) :: rtol, drive_velocity, peak_speed
-
-    default_cut_speed = cut_factor*rtol**(1.0_wp/3.0_wp)*max(least_share*abs(drive_velocity), &
-      min(largest_share*peak_speed, max(abs(drive_velocity), peak_speed)))
-  end function default_cut_speed
 end module dst_braking

@@ -2,8 +2,6 @@
 !>
 !>     stepping_t             steps of an integrator, without rest
 !>       slip_stick_t         slip, rest and release of the exact contact
-!>         implicit_slip_t    by a method that can begin and end a step at rest
-!>         explicit_slip_t    by one that is led through release and stop in closed form
 !>     creep_motion_t         slow creep in closed form
 !>     cycle_map_t            one of the first three with what repeats, and fast cycles, leapt
 !>

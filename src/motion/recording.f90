@@ -25,11 +25,11 @@ module dst_recording
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   end type kept_piece_t
 
-  !> The data that all pieces share: drive and system are those of this piece; polynomials are on one of the grids: that of steps, or
-  !> that of closed forms.
+  !> The data that all pieces share: drive and system are those of this piece; polynomials are on one of the grids: that of steps, that
+  !> of steps near rest, or that of closed forms.
   type :: shared_t
     type(piece_t) :: like
-    type(grid_t) :: grid(2)
+    type(grid_t) :: grid(3)
     integer :: grids = 0
   end type shared_t
 

@@ -35,11 +35,11 @@ module dst_stepping
   !> If less than this share of a step would remain up to the horizon, the step ends there. Convention; twice: no change.
   real(wp), parameter :: least_remnant = 1.0e-6_wp
 
-  !> What goes on from step to step; some of it only in slip with a rest, or by implicit or explicit methods.
+  !> What goes on from step to step; some of it only in slip with a rest.
   type :: step_state_t
     real(wp) :: next_step = 0.0_wp      !! size of the next step, s
-    !> After the last release: size of the first step [s], initial acceleration [m/s2], time [s], direction of slip [rad].
-    real(wp) :: release_step = 0.0_wp, release_rate = 0.0_wp, slipped = 0.0_wp, direction = 0.0_wp
+    !> After the last release: size of the first step [s], time [s], direction of slip [rad].
+    real(wp) :: release_step = 0.0_wp, slipped = 0.0_wp, direction = 0.0_wp
     !> When the last rest began [s].
     real(wp) :: rest_since = 0.0_wp
     !> The time of the last slip and of the one before from release to stop [s], 0 if there was none.

@@ -4,14 +4,13 @@ module dst_assembly
   use dst_creep_motion, only: creep_motion_t, new_creep_motion
   use dst_drive, only: drive_t, new_drive
   use dst_errors, only: error_t, raise, deck_error
-  use dst_explicit_slip, only: explicit_slip_t
   use dst_friction, only: new_friction_law
   use dst_full_model, only: new_full_polar, new_full_smoothed
-  use dst_implicit_slip, only: implicit_slip_t
   use dst_kinds, only: wp
   use dst_methods, only: method_t, method_named
   use dst_low_frequency, only: new_low_frequency
   use dst_motion, only: motion_t
+  use dst_past_rest, only: new_past_rest
   use dst_radau, only: new_radau
   use dst_runge_kutta, only: new_runge_kutta
   use dst_scene, only: scene_t
@@ -71,13 +70,13 @@ contains
       if (allocated(error)) return
     end if
     if (allocated(resting)) then
-      call choose_method(scene, slider, resting, stepper)
+      call choose_method(scene, slider, resting, .true., stepper)
     else
-      call choose_method(scene, slider, sliding, stepper)
+      call choose_method(scene, slider, sliding, .false., stepper)
     end if
     rests_first = allocated(resting)
     if (rests_first .and. allocated(sliding)) rests_first = drive%segment(1)%rests
-    if (allocated(resting)) call new_resting(scene, slider, drive, resting, stepper%explicit, with_rest)
+    if (allocated(resting)) call new_resting(scene, slider, drive, resting, with_rest)
     if (allocated(sliding)) call new_sliding(scene, slider, drive, sliding, without)
     if (rests_first) then
       call move_alloc(with_rest, first)
@@ -231,10 +230,11 @@ contains
   end subroutine check_method
 
   !> The integrators by name.
-  subroutine choose_method(scene, slider, system, stepper)
+  subroutine choose_method(scene, slider, system, rests, stepper)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     class(slip_system_t), intent(in) :: system
+    logical, intent(in) :: rests             !! whether the object can rest
     class(stepper_t), allocatable, intent(out) :: stepper
     type(method_t) :: method
 
@@ -243,30 +243,25 @@ contains
     case ('implicit')
       stepper = new_radau(method%stages, system%components, system%unknowns, scene%rtol)
     case default
-      stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)
+      if (rests) then
+        stepper = new_past_rest(scene%method, system%components, system%unknowns, scene%rtol)
+      else
+        stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)
+      end if
     end select
     stepper%memory = memory/maxval(slider%frequency())
   end subroutine choose_method
 
   !> Motion that can rest.
-  subroutine new_resting(scene, slider, drive, system, is_explicit, motion)
+  subroutine new_resting(scene, slider, drive, system, motion)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
     class(slip_system_t), allocatable, intent(inout) :: system
-    logical, intent(in) :: is_explicit
     class(stepping_t), allocatable, intent(out) :: motion
-    class(slip_stick_t), allocatable :: made
-    type(explicit_slip_t), allocatable :: explicit
+    type(slip_stick_t), allocatable :: made
 
-    if (is_explicit) then
-      allocate (explicit)
-      explicit%cut_speed = scene%v_cut
-      explicit%cut_rtol = scene%rtol
-      call move_alloc(explicit, made)
-    else
-      allocate (implicit_slip_t :: made)
-    end if
+    allocate (made)
     made%cut_share = cut_factor*sqrt(scene%rtol)
     call move_alloc(made, motion)
     motion%step_max = scene%step_max

@@ -78,8 +78,8 @@ def as_far_as_it_goes(given: ds.Scene) -> ds.Result:
         return error.result
 
 
-@pytest.mark.parametrize("integrator", [{"method": "radau13"}, {"method": "dopri5", "v_cut": 1e-5}])
-def test_works_are_those_of_the_samples(integrator: dict[str, object]) -> None:
+@pytest.mark.parametrize("method", ["radau13", "dopri5"])
+def test_works_are_those_of_the_samples(method: str) -> None:
     """In slip, at rest, and in stops that are finished in closed form: the balance has what dampers take on both sides, and would not
     tell.
     """
@@ -87,7 +87,7 @@ def test_works_are_those_of_the_samples(integrator: dict[str, object]) -> None:
     run = ds.run(
         fig3,
         scene={"t_end": 2.5},
-        integrator={"rtol": 1e-9} | integrator,
+        integrator={"rtol": 1e-9, "method": method},
         output={"interval": 1e-5, "fields": ["w_x", "w_y", "sticking", "friction", "pull_force"]},
     )
     assert run["sticking"].mean() > 0.03

@@ -55,7 +55,6 @@ DECKS: dict[str, tuple[int, tuple[str, ...]]] = {
     "too_many_steps": (42, ("integrator.max_steps=50",)),
     "not_finite": (43, ("friction.normal_load=1e300",)),
     "too_many_rejections": (44, ("initial.elongation_x=1e300",)),
-    "release_failed": (46, ("friction.normal_load=0", "initial.velocity_ratio=0", "integrator.method=dopri5")),
     "stopped_early": (75, ("output.wall_limit=1e-9",)),
 }
 

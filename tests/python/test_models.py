@@ -165,21 +165,9 @@ def test_a_drive_that_turns_while_the_object_slips_is_no_event(low: ds.Result) -
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
-def test_the_end_of_slip_in_closed_form_keeps_the_energy(method: str) -> None:
-    """An explicit method follows slip below v_cut in closed form: F(v) varies there, and its work with it."""
-    residual = []
-    for cut in (1e-3, 3e-4):
-        result = run("fig3", method=method, rtol=1e-10, v_cut=cut, misalignment_deg=0.0, t_end=4.5, interval=0.1)
-        assert result.sticks() == 4
-        residual.append(abs(result.summary["energy_residual"]))
-    assert residual[0] < 5e-7
-    assert np.log(residual[0] / residual[1]) / np.log(1e-3 / 3e-4) > 5.0
-
-
-@pytest.mark.parametrize("method", ["dopri5", "dop853"])
 @pytest.mark.parametrize(("velocity", "v_f"), [(1e-2, 1e-3), (1e-2, 1e-4), (1e-1, 1e-3)])
 def test_a_release_where_friction_falls_within_a_tiny_slip(method: str, velocity: float, v_f: float) -> None:
-    """The series of an explicit method is as exact as asked, also where the law is no polynomial over its reach."""
+    """By an explicit method as by an implicit one."""
     short = {"velocity": velocity, "v_f": v_f, "velocity_ratio": 0.0, "t_end": 1.3e-5 / velocity, "interval": 5e-7 / velocity}
     exact = run("fig3", **short, method="radau13", rtol=1e-12)
     found = run("fig3", **short, method=method, rtol=1e-8)

@@ -8,7 +8,6 @@ program test_damping
   use dst_drive, only: drive_segment_t
   use dst_friction, only: new_friction_law
   use dst_full_model, only: plane_decay
-  use dst_release, only: release_t, release_series
   use dst_rest, only: spring_force_size, is_held, release_delay, slip_start_t, start_of_slip
   use dst_slider, only: slider_t
   use dst_state, only: state_t
@@ -19,7 +18,6 @@ program test_damping
   call start_random(3)
   call test_release()
   call test_jump()
-  call test_series()
   call test_decay()
   call finish()
 
@@ -124,54 +122,6 @@ contains
     ! m v'' = k V - c v'.
     call check_close('jump: and its change', beginning%curvature(1), (30.0_wp - 400.0_wp)/0.25_wp, 1.0e-10_wp)
   end subroutine test_jump
-
-  !> The power series of a release satisfies the equations of motion to the last term and balances the works.
-  subroutine test_series()
-    type(slider_t) :: slider
-    type(drive_segment_t) :: drive
-    type(state_t) :: from, here, before, after
-    type(release_t) :: release
-    type(slip_start_t) :: beginning
-    real(wp) :: angle, speed, tau, h, n(2), force(2), friction(1), slope(1), worst(3), energy(2)
-    integer :: trial, made
-
-    worst = 0.0_wp
-    made = 0
-    do trial = 1, 40
-      slider = random_slider(.true.)
-      angle = atan2(slider%stiffness(2)*slider%along(2), slider%stiffness(1)*slider%along(1)) + sum(uniform(1, -1.0_wp, 1.0_wp))
-      speed = sum(uniform(1, 0.5e-3_wp, 1.0e-3_wp))
-      drive = drive_segment_t(velocity=speed, acceleration=sum(uniform(1, 0.0_wp, 1.0e-3_wp)))
-      from = state_t()
-      from%u = (slider%law%static_limit*[cos(angle), sin(angle)] - slider%damping*speed*slider%along)/slider%stiffness
-      beginning = start_of_slip(slider, from%u, drive%velocity, drive%acceleration)
-      from%y(1:2) = beginning%y
-      release = release_series(slider, drive, from, 0.0_wp, 1.0e-12_wp)
-      if (.not. (release%moves .and. release%accurate)) cycle
-      made = made + 1
-      tau = 0.8_wp*release%tau_end
-      h = 1.0e-4_wp*release%tau_end
-      here = release%at(slider, drive, from, tau)
-      before = release%at(slider, drive, from, tau - h)
-      after = release%at(slider, drive, from, tau + h)
-      h = h*release%unit
-      n = [cos(here%y(2)), sin(here%y(2))]
-      force = slider%stiffness*here%u + slider%damping*(drive%velocity_at(here%time)*slider%along - here%y(1)*n)
-      call slider%law%evaluate(1, here%y(1:1), friction, slope)
-      associate (rate => (after%y(1) - before%y(1))/(2.0_wp*h), turn => (after%y(2) - before%y(2))/(2.0_wp*h), &
-          scale => (after%y(1) - before%y(1))/(2.0_wp*h))
-        worst(1) = max(worst(1), abs(rate - (dot_product(force, n) - friction(1))/slider%mass)/abs(scale))
-        worst(2) = max(worst(2), abs(slider%mass*here%y(1)*turn - dot_product(force, [-n(2), n(1)]))/(slider%mass*abs(scale)))
-      end associate
-      energy = 0.5_wp*[sum(slider%stiffness*from%u**2), sum(slider%stiffness*here%u**2) + slider%mass*here%y(1)**2]
-      worst(3) = max(worst(3), abs(here%drive_work - here%friction_work - here%damper_work - energy(2) + energy(1)) &
-        /(abs(here%drive_work) + here%damper_work))
-    end do
-    call check('series: there are some', made > 20)
-    call check_close('series: v', worst(1), 0.0_wp, 1.0e-5_wp)
-    call check_close('series: theta', worst(2), 0.0_wp, 1.0e-5_wp)
-    call check_close('series: works', worst(3), 0.0_wp, 1.0e-8_wp)
-  end subroutine test_series
 
   !> The characteristic polynomial compared with the determinant, at complex points.
   subroutine test_decay()

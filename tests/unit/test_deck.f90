@@ -180,7 +180,7 @@ contains
       end associate
     end do
     call check_text('keys of a group', keys_of('system'), 'mass stiffness_x stiffness_y damping_x damping_y misalignment_deg')
-    call check_text('condition', condition_text(schema(find_name('v_cut'))), 'method dopri5 | dop853 and contact exact')
+    call check_text('condition', condition_text(schema(find_name('step'))), 'method rk4')
   end subroutine test_schema
 
   ! --- decks
@@ -224,7 +224,7 @@ contains
     call check_mass(tail//'&system mass = 0.25 '//others)
     call check_mass('!'//repeat('x', 100000)//n//'&system mass = 0.25 '//others//tail)
     call check_mass(whole(:index(whole, 'normal') - 1)//'v_smooth = 0.0 '//whole(index(whole, 'normal'):)// &
-                    '&integrator step = 0.0 v_cut = 0.0 /')
+                    '&integrator step = 0.0 /')
     call check_title("'it''s'", "it's")
     call check_title('"say ''no'' ""now"""', "say 'no' ""now""")
     call check_title("' a/b & c = d, ! e'", ' a/b & c = d, ! e')
@@ -409,10 +409,6 @@ contains
     call refuse(whole(:index(whole, 'normal') - 1)//'v_smooth = 1e-6 '//whole(index(whole, 'normal'):), &
                 "bad.nml:3: 'v_smooth' is not used with contact exact")
     call refuse(whole//'&integrator step = 1e-6 /', "'step' is not used with method radau13")
-    call refuse(whole//'&integrator v_cut = 1e-6 /', "'v_cut' is not used with method radau13")
-    call accept(whole//"&integrator v_cut = 1e-6 method = 'dop853' /", deck)
-    call refuse(smoothed//' v_smooth = 1e-9 /'//"&integrator v_cut = 1e-6 method = 'dop853' /", &
-                "'v_cut' is not used with contact smoothed")
     call refuse(whole//"&integrator method = 'rk4' step = 1e-6 /", &
                 "method 'rk4' cannot follow the exact contact of model 'full': choose contact = 'smoothed'")
     call accept(smoothed//" v_smooth = 1e-9 / &integrator method = 'rk4' step = 1e-6 /", deck)
