@@ -4,12 +4,13 @@ module dst_observation
   use dst_chebyshev, only: chebyshev_polynomials, chebyshev_coefficients
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
+  use dst_passage, only: passage_t, duration
   use dst_piece, only: piece_t
   use dst_piece_view, only: piece_view_t
   use dst_recording, only: recording_t
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
-  use dst_stretch, only: moment_t, nowhere, most_places => most_turns
+  use dst_stretch, only: moment_t, nowhere, tiny_rate, most_places => most_turns
   implicit none
   private
 
@@ -22,7 +23,7 @@ module dst_observation
   integer, parameter :: observed = first_turn - 1 + 3*most_turns
   !> Permitted error of an interpolated number, relative to the largest one: this share of rtol, but no less than the second; and
   !> that of X relative to the elongation of the spring, from which it is found. Conventions; a tenth: no change of Fig. 3.
-  real(wp), parameter :: share = 0.1_wp, smooth = 1.0e-8_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
+  real(wp), parameter :: share = 0.1_wp, smooth = 1.0e-8_wp, smooth_rate = 1.0e-7_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
   !> Permitted relative error of the times of the pull force, of which only a frequency is made. Convention.
   real(wp), parameter :: rough = 1.0e-3_wp
   !> Most values of it that are compared.
@@ -42,8 +43,8 @@ module dst_observation
 
   !> Passages at Chebyshev points of a variable x in [-1, 1], as polynomials in it.
   type :: observations_t
-    !> Whether they are smooth, so far as is known.
-    logical :: are_smooth = .true.
+    !> Whether they are smooth, so far as is known: all but the time in creep; and that, which has a kink where creep ends.
+    logical :: are_smooth = .true., creep_is_smooth = .true.
     !> One of them; the coefficients (point, number) in Chebyshev polynomials, and the permitted errors.
     type(observation_t), private :: like
     real(wp), allocatable, private :: coefficient(:, :)
@@ -53,6 +54,7 @@ module dst_observation
     procedure :: settle
     procedure :: test
     procedure :: at
+    procedure :: tell
   end type observations_t
 
 contains
@@ -74,16 +76,18 @@ contains
 
     if (is_first) self%like = seen
     self%like%begins_to_slip = self%like%begins_to_slip .or. seen%begins_to_slip
-    self%are_smooth = self%are_smooth .and. are_alike(seen, self%like)
+    call compare(self, seen)
     self%coefficient(j, :) = seen%value
   end subroutine take
 
-  !> Whether two observations may belong to one smooth function.
-  pure logical function are_alike(one, other)
-    type(observation_t), intent(in) :: one, other
+  !> Whether a passage may belong to the same smooth functions.
+  pure subroutine compare(self, seen)
+    class(observations_t), intent(inout) :: self
+    type(observation_t), intent(in) :: seen
 
-    are_alike = one%turns == other%turns .and. one%turns <= most_turns .and. (one%is_creep .eqv. other%is_creep)
-  end function are_alike
+    self%are_smooth = self%are_smooth .and. seen%turns == self%like%turns .and. seen%turns <= most_turns
+    self%creep_is_smooth = self%creep_is_smooth .and. (seen%is_creep .eqv. self%like%is_creep)
+  end subroutine compare
 
   !> Convert them to polynomials, at a tolerance; X is found from elongations up to `length` [m].
   pure subroutine settle(self, rtol, length)
@@ -91,6 +95,7 @@ contains
     real(wp), intent(in) :: rtol, length
 
     self%permitted = max(share*rtol, smooth)*maxval(abs(self%coefficient), dim=1)
+    self%permitted(largest_rate) = max(share*rtol, smooth_rate)*maxval(abs(self%coefficient(:, largest_rate)))
     self%like%rate_error = self%permitted(largest_rate)
     self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
     self%permitted(pull + 1:pull + 3:2) = rough*maxval(abs(self%coefficient(:, pull + 1:pull + 3:2)))
@@ -105,7 +110,11 @@ contains
     type(observation_t) :: expected
 
     expected = self%at(x)
-    self%are_smooth = self%are_smooth .and. are_alike(seen, self%like) .and. all(abs(expected%value - seen%value) <= self%permitted)
+    call compare(self, seen)
+    associate (right => abs(expected%value - seen%value) <= self%permitted)
+      self%are_smooth = self%are_smooth .and. all(right(creep_time + 1:))
+      self%creep_is_smooth = self%creep_is_smooth .and. right(creep_time)
+    end associate
   end subroutine test
 
   !> The passage at `x`.
@@ -120,6 +129,24 @@ contains
       at%value(:n) = matmul(polynomial, self%coefficient(:, :n))
     end associate
   end function at
+
+  !> What is seen of a passage at `x` under this drive velocity [m/s], if it is smooth there.
+  pure subroutine tell(self, x, passage, velocity, seen, is_known)
+    class(observations_t), intent(in) :: self
+    real(wp), intent(in) :: x, velocity
+    type(passage_t), intent(in) :: passage
+    type(observation_t), intent(out) :: seen
+    logical, intent(out) :: is_known
+
+    is_known = self%are_smooth
+    if (.not. is_known) return
+    seen = self%at(x)
+    is_known = self%creep_is_smooth
+    if (seen%value(largest_rate) + seen%rate_error > tiny_rate*abs(velocity)) return
+    ! All of it is creep.
+    seen%value(creep_time) = passage%measure(duration)
+    is_known = .true.
+  end subroutine tell
 
   !> Observe a passage that was recorded in this motion.
   subroutine observe(motion, recording, seen)

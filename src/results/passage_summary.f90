@@ -214,12 +214,8 @@ contains
 
     associate (branch => map%maps(map%orbit%current)%branch(passage%table(1)), place => passage%table(2))
       x = branch%x_of(place, passage%from)
-      is_known = branch%table(place)%seen%are_smooth
-      if (is_known) then
-        seen = branch%table(place)%seen%at(x)
-      else if (branch%table(place)%panels > 0) then
-        call look_up_part(self, map, place, x, seen, is_known)
-      end if
+      call branch%table(place)%seen%tell(x, passage, map%piece%drive%velocity, seen, is_known)
+      if (.not. is_known .and. branch%table(place)%panels > 0) call look_up_part(self, map, place, x, passage, seen, is_known)
     end associate
     is_known = is_known .and. (summary%has_slipped .or. .not. seen%begins_to_slip)
     ! Rates grow from lap to lap: that of the last one has to be known.
@@ -246,11 +242,12 @@ contains
   end subroutine look_up
 
   !> A lap at `x` of a table from the smallest part that is smooth.
-  subroutine look_up_part(self, map, place, x, seen, is_known)
+  subroutine look_up_part(self, map, place, x, passage, seen, is_known)
     class(passage_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place
     real(wp), intent(in) :: x
+    type(passage_t), intent(in) :: passage
     type(observation_t), intent(out) :: seen
     logical, intent(out) :: is_known
     real(wp) :: position
@@ -276,12 +273,11 @@ contains
           if (visits(i) <= nodes + size(test_at)) return
           call try_part(map, place, i, part(i))
         end if
-        is_known = part(i)%seen%are_smooth
+        call part(i)%seen%tell(position, passage, map%piece%drive%velocity, seen, is_known)
         if (is_known) exit
         i = 2*i + merge(0, 1, position <= 0.0_wp)
         position = 2.0_wp*position + merge(1.0_wp, -1.0_wp, position <= 0.0_wp)
       end do
-      if (is_known) seen = part(i)%seen%at(position)
     end associate
   end subroutine look_up_part
 
