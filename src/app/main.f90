@@ -26,7 +26,7 @@ module dst_main
   use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep, merge_sweep
   use dst_show, only: show_result, deck_in_brief
   use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
-  use dst_instructions, only: runs_v3
+  use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_stopwatch, only: wall_clock

@@ -4,12 +4,12 @@ module dst_hdf5_origin
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_existing, close_file, damage_reason, get_attribute, get_text, &
     get_number, exists, names_in, read_list, open_dataset, read_rows, dataset_t
-  use dst_kinds, only: wp, real64, int64
-  use dst_disk, only: file_size, path_t
+  use dst_kinds, only: wp, real64
+  use dst_disk, only: path_t
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text, printable, has_word
-  use dst_text_file, only: hdf5_signature
+  use dst_text_file, only: hdf5_signature, read_text
   implicit none
   private
 
@@ -51,17 +51,21 @@ contains
   !> Whether a file begins as HDF5 files do.
   logical function is_hdf5(file_name)
     character(*), intent(in) :: file_name
-    character(len(hdf5_signature)) :: beginning
-    integer :: unit, io_status
+    character(:), allocatable :: text, ignored
 
-    is_hdf5 = .false.
-    if (file_size(file_name) < len(hdf5_signature)) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    read (unit, iostat=io_status) beginning
-    is_hdf5 = io_status == 0 .and. beginning == hdf5_signature
-    close (unit)
+    call read_text(file_name, len(hdf5_signature), text, ignored)
+    is_hdf5 = text == hdf5_signature
   end function is_hdf5
+
+  !> Whether a file looks like a deck: it is text with a group, which no HDF5 file is.
+  logical function is_deck(file_name)
+    character(*), intent(in) :: file_name
+    integer, parameter :: enough = 4096
+    character(:), allocatable :: text, ignored
+
+    call read_text(file_name, enough, text, ignored)
+    is_deck = index(text, '&') > 0 .and. index(text, achar(0)) == 0
+  end function is_deck
 
   !> A result file in one line, and its results in some more.
   subroutine describe_result(file_name, text, reason)
@@ -212,24 +216,6 @@ contains
       text = text//' '//trim(units)
     end if
   end function with_unit
-
-  !> Whether a file looks like a deck: it is text with a group, which no HDF5 file is.
-  logical function is_deck(file_name)
-    character(*), intent(in) :: file_name
-    character(4096) :: beginning
-    integer :: unit, io_status
-    integer(int64) :: bytes
-
-    is_deck = .false.
-    bytes = min(file_size(file_name), len(beginning, int64))
-    if (bytes <= 0) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    beginning = ''
-    read (unit, iostat=io_status) beginning(:bytes)
-    close (unit)
-    is_deck = io_status == 0 .and. index(beginning, '&') > 0 .and. index(beginning, achar(0)) == 0
-  end function is_deck
 
   !> Read the header of the result of a run that shall be resumed, an HDF5 file that is as it was when it was written.
   subroutine read_origin(file_name, shown_name, origin, error)

@@ -6,8 +6,8 @@ module dst_sweep_list
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_tools, only: hid_t, hdf5_t, open_existing, close_file, failure_reason, refusal, names_in, read_list
   use dst_hdf5_origin, only: is_hdf5
-  use dst_sweep, only: axis_t
-  use dst_sweep_points, only: path_of_points, points_of_csv, name_axis
+  use dst_sweep, only: axis_t, name_axis
+  use dst_sweep_points, only: path_of_points, points_of_csv
   use dst_text, only: integer_text
   implicit none
   private
@@ -39,6 +39,7 @@ contains
     type(path_t), allocatable :: names(:)
     integer(hid_t) :: file
     type(hdf5_t) :: h5
+    character(:), allocatable :: problem
     integer :: i, n
 
     call open_existing(path, file, h5)
@@ -52,8 +53,9 @@ contains
     do i = 1, size(names)
       if (index(names(i)%text, '.') == 0) cycle
       n = n + 1
-      call name_axis(deck, names(i)%text, path, axes, n, error)
-      if (.not. allocated(error)) call take_values(file, path, names(i)%text, axes(n), error)
+      call name_axis(deck, names(i)%text, axes, n, 'named', problem)
+      if (problem == '') call take_values(file, names(i)%text, axes(n), problem)
+      if (problem /= '') call raise(error, file_error, path//': '//problem)
       if (allocated(error)) exit
       if (size(axes(n)%values) /= size(axes(1)%values)) then
         call raise(error, file_error, path//": '"//names(i)%text//"' has "//integer_text(size(axes(n)%values))// &
@@ -66,12 +68,11 @@ contains
       'like /system.misalignment_deg')
   end subroutine read_datasets
 
-  subroutine take_values(file, path, name, axis, error)
+  subroutine take_values(file, name, axis, problem)
     integer(hid_t), intent(in) :: file
-    character(*), intent(in) :: path, name
+    character(*), intent(in) :: name
     type(axis_t), intent(inout) :: axis
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
+    character(:), allocatable, intent(out) :: problem   !! '' if there is none
     type(hdf5_t) :: h5
     integer :: i
 
@@ -84,6 +85,5 @@ contains
       problem = range_problem(axis%key, axis%values(i))
       if (problem /= '') problem = "'"//name//"' value "//integer_text(i)//': '//problem
     end do
-    if (problem /= '') call raise(error, file_error, path//': '//problem)
   end subroutine take_values
 end module dst_sweep_list

@@ -6,7 +6,7 @@ module dst_paths
   implicit none
   private
 
-  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
+  public :: path_t, matching_files, file_exists, is_folder, folder_of, place_of, true_path
 
   !> The name of a file.
   type :: path_t
@@ -21,13 +21,6 @@ contains
 
     inquire (file=file_name, exist=file_exists)
   end function file_exists
-
-  !> Size of a regular file in bytes, without opening it; 0 or less if it is not a regular file: opening a pipe could wait forever.
-  integer(int64) function file_size(file_name)
-    character(*), intent(in) :: file_name
-
-    inquire (file=file_name, size=file_size)
-  end function file_size
 
   !> Whether a folder has this name.
   logical function is_folder(file_name)

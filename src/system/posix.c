@@ -110,12 +110,11 @@ int dst_write(int descriptor, const char *bytes, int64_t count, int64_t place) {
   return 0;
 }
 
-/* How many bytes could be read from a place on, or, if it is negative, where the file stands. */
+/* How many bytes could be read from a place on. */
 int64_t dst_read(int descriptor, char *bytes, int64_t count, int64_t place) {
   int64_t done = 0;
   while (done < count) {
-    size_t left = (size_t)(count - done);
-    ssize_t got = place < 0 ? read(descriptor, bytes + done, left) : pread(descriptor, bytes + done, left, place + done);
+    ssize_t got = pread(descriptor, bytes + done, (size_t)(count - done), place + done);
     if (got == 0) break;
     if (got > 0) done += got;
     else if (errno != EINTR) return -1;
