@@ -271,20 +271,20 @@ contains
     character(*), intent(in) :: system_reason
     character(:), allocatable :: reason
 
-    if (index(system_reason, 'No space left') > 0) then
-      reason = 'the disk is full: free some space or write to another disk'
-    else if (index(system_reason, 'File too large') > 0) then
-      reason = 'the file-size limit is reached: raise it with "ulimit -f unlimited"'
-    else if (index(system_reason, 'quota') > 0) then
-      reason = 'the disk quota is used up: free some space or write to another disk'
-    else if (index(system_reason, 'No such file') > 0 .or. index(system_reason, 'stat info') > 0) then
-      reason = 'the file or its folder was removed or renamed'
-    else if (index(system_reason, 'Permission denied') > 0) then
-      reason = 'no permission to write there: choose another folder with -o'
-    else if (index(system_reason, 'Read-only') > 0) then
-      reason = 'the file system is read-only: choose another folder with -o'
-    else
-      reason = system_reason
-    end if
+    character(*), parameter :: words(7) = [character(17) :: 'No space left', 'File too large', 'quota', 'No such file', &
+      'stat info', 'Permission denied', 'Read-only']
+    character(*), parameter :: remedies(7) = [character(72) :: &
+      'the disk is full: free some space or write to another disk', &
+      'the file-size limit is reached: raise it with "ulimit -f unlimited"', &
+      'the disk quota is used up: free some space or write to another disk', &
+      'the file or its folder was removed or renamed', 'the file or its folder was removed or renamed', &
+      'no permission to write there: choose another folder with -o', &
+      'the file system is read-only: choose another folder with -o']
+    integer :: i
+
+    reason = system_reason
+    do i = size(words), 1, -1
+      if (index(system_reason, trim(words(i))) > 0) reason = trim(remedies(i))
+    end do
   end function with_remedy
 end module dst_disk
