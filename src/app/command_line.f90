@@ -34,7 +34,6 @@ module dst_command_line
     !> For --vary: their number, and the lists of &sweep that they make, as settings; 'sweep' is then 'run'.
     integer :: variations = 0
     type(argument_t) :: swept(size(swept_keys))
-    logical :: is_quick_sweep = .false.
   contains
     procedure :: has
   end type command_t
@@ -257,7 +256,6 @@ contains
     integer :: i
 
     if (command%name == 'sweep') command%name = 'run'
-    command%is_quick_sweep = .true.
     do i = 1, size(command%swept)
       call append(command%settings, command%swept(i)%text)
     end do

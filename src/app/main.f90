@@ -3,7 +3,7 @@ module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_disk, only: place_of
+  use dst_paths, only: place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
   use dst_hdf5_origin, only: is_deck
@@ -335,7 +335,7 @@ contains
 
     file_name = command%output
     ! The deck's own file is that of its run.
-    if (file_name == '' .and. command%is_quick_sweep) file_name = name_after(deck, '_sweep.h5')
+    if (file_name == '' .and. command%variations > 0) file_name = name_after(deck, '_sweep.h5')
     if (file_name == '') file_name = deck%text_of('output', 'file')
     if (file_name == '') file_name = name_after(deck, '.h5')
   end function output_of
@@ -345,13 +345,8 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: ending
     character(:), allocatable :: file_name
-    integer :: first, last
 
-    first = index(deck%name, '/', back=.true.) + 1
-    last = index(deck%name, '.', back=.true.) - 1
-    ! A dot that begins the name or is in a folder's name begins no extension.
-    if (last < first) last = len(deck%name)
-    file_name = deck%name(first:last)//ending
+    file_name = deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name))//ending
   end function name_after
 
   !> The files that the command reads: its decks and their lists of points.

@@ -363,21 +363,18 @@ contains
     names = found(:n)
   end subroutine names_in
 
-  !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`: empty, or with `rows` that are
+  !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`, with the rows of `dataset`, which are
   !> `fill`. For columns of numbers the cache has room for one chunk, or for none if `whole_chunks` are written. `is_scale`: it is a
   !> coordinate of others.
-  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, row_length, whole_chunks, rows, fill, is_scale)
+  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, is_scale, whole_chunks, fill)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
     integer, intent(in) :: chunk_rows
-    type(dataset_t), intent(out) :: dataset
+    type(dataset_t), intent(inout) :: dataset
     type(hdf5_t), intent(inout) :: h5
     integer(c_int), intent(in), optional :: stored_as
-    integer, intent(in), optional :: row_length
-    logical, intent(in), optional :: whole_chunks
-    integer, intent(in), optional :: rows
+    logical, intent(in), optional :: is_scale, whole_chunks
     real(real64), intent(in), optional, target :: fill
-    logical, intent(in), optional :: is_scale
     type(c_ptr) :: fill_address
     integer(c_int) :: kind
     integer :: cached_rows
@@ -385,14 +382,12 @@ contains
 
     kind = as_text
     if (present(stored_as)) kind = stored_as
-    if (present(row_length)) dataset%row_length = row_length
-    if (present(rows)) dataset%rows = rows
+    scales = .false.
+    if (present(is_scale)) scales = is_scale
     cached_rows = chunk_rows
     if (present(whole_chunks)) cached_rows = merge(0, chunk_rows, whole_chunks)
     fill_address = c_null_ptr
     if (present(fill)) fill_address = c_loc(fill)
-    scales = .false.
-    if (present(is_scale)) scales = is_scale
     call c_create_dataset(group, words_of(quantity), kind, int(chunk_rows, hsize_t), int(cached_rows, hsize_t), scales, &
       fill_address, dataset, h5)
   end subroutine create_dataset

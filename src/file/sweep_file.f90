@@ -176,24 +176,14 @@ contains
     self%tables(1)%columns(wall_time_value)%group = 'sweep'
     self%tables%rows = self%rows
     self%tables(1)%chunk_rows = (self%rows - 1)/((self%rows - 1)/most_rows + 1) + 1
-    allocate (self%tables(2)%columns(0))
-    rows = self%sweep%table_rows()
-    if (rows > 0) then
-      group = inner_group(self)
-      if (self%sweep%keeps_cycles) then
-        self%tables(1)%columns = [self%tables(1)%columns, column_t(quantity_t('count', '1', 'cycles that are kept of the case'), &
-          group, .true., 0.0_real64)]
-      end if
-      allocate (quantities, source=table_quantities(self%sweep))
-      deallocate (self%tables(2)%columns)
-      allocate (self%tables(2)%columns(size(quantities)))
-      do i = 1, size(quantities)
-        self%tables(2)%columns(i) = column_t(quantities(i), group, .false., nan)
-      end do
-      self%tables(2)%row_length = rows
-      self%tables(2)%is_inner = .true.
-      self%tables(2)%chunk_rows = max(1, min(self%rows, usual_chunk/rows))
-    end if
+    group = inner_group(self)
+    if (self%sweep%keeps_cycles) self%tables(1)%columns = [self%tables(1)%columns, &
+      column_t(quantity_t('count', '1', 'cycles that are kept of the case'), group, .true., 0.0_real64)]
+    allocate (quantities, source=table_quantities(self%sweep))
+    allocate (self%tables(2)%columns, source=[(column_t(quantities(i), group, .false., nan), i=1, size(quantities))])
+    self%tables(2)%is_inner = size(quantities) > 0
+    self%tables(2)%row_length = max(1, self%sweep%table_rows())
+    self%tables(2)%chunk_rows = max(1, min(self%rows, usual_chunk/self%tables(2)%row_length))
     do i = 1, size(self%tables)
       associate (table => self%tables(i))
         rows = max(1, min(self%rows, most_bytes/8/max(1, table%row_length*size(table%columns))))
@@ -322,9 +312,9 @@ contains
       associate (table => self%tables(k))
         do i = 1, size(table%columns)
           associate (column => table%columns(i))
+            column%dataset = dataset_t(rows=self%rows, row_length=merge(table%row_length, 0, table%is_inner))
             call create_dataset(groups(findloc(names, column%group, dim=1)), column%quantity, table%chunk_rows, &
-              column%dataset, h5, merge(as_int32, as_double, column%is_integer), &
-              merge(table%row_length, 0, table%is_inner), .true., self%rows, column%fill)
+              column%dataset, h5, merge(as_int32, as_double, column%is_integer), whole_chunks=.true., fill=column%fill)
             call attach_scale(column%dataset, case, 0, h5)
             if (table%is_inner) call attach_scale(column%dataset, inner, 1, h5)
           end associate

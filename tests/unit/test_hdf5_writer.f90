@@ -1,29 +1,15 @@
 !> The result file through its writer: rows and events that are written are read back, also over the ends of chunks and over a
 !> resumption; what else a file holds: tests/python/test_file.py.
 program test_hdf5_writer
-  use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_double, c_int, c_ptr, nul => c_null_char
   use checks, only: check, finish
   use dst_disk, only: delete_file
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: event_t, quantity_t, outcome_t
-  use dst_hdf5_tools, only: hid_t, hdf5_t, open_existing, close_file, read_list, as_int64
+  use dst_hdf5_tools, only: hid_t, hdf5_t, open_existing, close_file, read_list, get_number
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_parameters, only: parameter_t
   implicit none
-
-  interface
-    !> A scalar dataset of integers as a double.
-    type(c_ptr) function stored_integer(object, name, is_attribute, kind, number, h5) bind(c, name='dst_h5_get')
-      import :: c_bool, c_char, c_double, c_int, c_ptr, hdf5_t, hid_t
-      integer(hid_t), value :: object
-      character(c_char), intent(in) :: name(*)
-      logical(c_bool), value :: is_attribute
-      integer(c_int), value :: kind
-      real(c_double), intent(inout) :: number
-      type(hdf5_t), intent(inout) :: h5
-    end function stored_integer
-  end interface
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5'
 
@@ -161,11 +147,10 @@ contains
     real(wp), intent(in) :: expected
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    type(c_ptr) :: none
-    real(c_double) :: found
+    real(wp) :: found
 
     call open_existing(file_name, file, h5)
-    none = stored_integer(file, 'statistics/steps'//nul, .false._c_bool, as_int64, found, h5)
+    call get_number(file, 'statistics/steps', found, h5)
     call close_file(file, h5)
     call check('statistics/steps is read', h5%status >= 0)
     call check('statistics/steps', abs(found - expected) <= 0.0_wp)
