@@ -7,7 +7,7 @@ module dst_sweep_runner
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
   use dst_disk, only: file_exists, path_t, place_of
-  use dst_errors, only: error_t, raise, file_error, some_failed, stopped_early
+  use dst_errors, only: error_t, raise, has_code, file_error, some_failed, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, real64
   use dst_plain_numbers, only: duration_text
@@ -147,13 +147,7 @@ contains
     type(error_t), allocatable, intent(inout) :: stopped
     type(error_t), allocatable, intent(out) :: error
 
-    if (allocated(stopped)) then
-      if (stopped%code == file_error) then
-        call move_alloc(stopped, error)
-        return
-      end if
-    end if
-    if (file%is_changed) call file%make_whole(error)
+    if (file%is_changed .and. .not. has_code(stopped, file_error)) call file%make_whole(error)
     call file%discard()
     if (.not. allocated(error)) call move_alloc(stopped, error)
   end subroutine finish

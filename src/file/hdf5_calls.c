@@ -5,8 +5,6 @@
    variable-length UTF-8, and the dimension that varies slowest is the first. All of this exists in HDF5 1.10, 1.12, 1.14 and 2.0:
    functions whose structures have changed, like H5Lget_info, are not called. Sources: HDF5 1.10 reference manual; HDF5 Dimension
    Scale Specification. */
-#include <H5pubconf.h>
-#undef H5_HAVE_PARALLEL /* for which hdf5.h includes mpi.h: files are written by one process */
 #include <hdf5.h>
 #include <H5DSpublic.h>
 #include <stdint.h>
@@ -153,8 +151,11 @@ static void write_scalar(hid_t group, const char *words, hid_t stored_as, hid_t 
    with a NUL at its end. */
 void dst_h5_put(hid_t object, const char *words, _Bool is_attribute, int kind, const char *text, double number, sequence *h5) {
   hid_t type = type_of(kind, h5);
-  if (h5->status >= 0) (is_attribute ? write_attribute : write_scalar)(object, words, type, kind == as_text ? type : H5T_NATIVE_DOUBLE,
-                                                                       kind == as_text ? (void *)&text : (void *)&number, h5);
+  if (h5->status >= 0) {
+    hid_t memory_type = kind == as_text ? type : H5T_NATIVE_DOUBLE;
+    const void *value = kind == as_text ? (const void *)&text : (const void *)&number;
+    (is_attribute ? write_attribute : write_scalar)(object, words, type, memory_type, value, h5);
+  }
   release(type, h5);
 }
 
