@@ -19,6 +19,9 @@ module dst_command_line
     character(:), allocatable :: text
   end type argument_t
 
+  !> The keys of &sweep of which an option --vary gives one element each.
+  character(9), parameter :: swept_keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
+
   !> A parsed command with its options.
   type :: command_t
     character(:), allocatable :: name              !! a name of the table, version or help
@@ -28,10 +31,9 @@ module dst_command_line
     character(:), allocatable :: sensitivity       !! of --sensitivity, with blanks between the keys; '' = not given
     type(share_t) :: share                         !! of --share
     character(:), allocatable :: given             !! names of all options given, blank-separated
-    !> For --vary: their number, and the lists of &sweep that they make; 'sweep' is then 'run'.
+    !> For --vary: their number, and the lists of &sweep that they make, as settings; 'sweep' is then 'run'.
     integer :: variations = 0
-    character(:), allocatable :: swept_keys, swept_first, swept_last, swept_count, swept_spacing
-    logical :: is_quick_sweep = .false.
+    type(argument_t) :: swept(size(swept_keys))
   contains
     procedure :: has
   end type command_t
@@ -206,7 +208,7 @@ contains
     character(*), parameter :: form = ': write --vary GROUP.KEY=FIRST:LAST:COUNT, like '// &
       '--vary system.misalignment_deg=0.5:20:40, with :log at its end for equal ratios'
     character(:), allocatable :: name, words, spacing, problem
-    character(1) :: comma
+    type(argument_t) :: elements(size(swept_keys))
     real(wp) :: number
     integer :: equals, i, k
 
@@ -237,34 +239,26 @@ contains
     ! Names of keys are unique: the group may be left out.
     k = find_name(lower_case(name))
     if (k > 0) name = trim(schema(k)%group)//'.'//name
-    comma = ','
-    if (command%variations == 0) then
-      comma = ''
-      command%swept_keys = ''
-      command%swept_first = ''
-      command%swept_last = ''
-      command%swept_count = ''
-      command%swept_spacing = ''
-    end if
+    elements = [argument_t("'"//name//"'"), (argument_t(word(words, i)), i=1, 3), argument_t("'"//spacing//"'")]
+    do i = 1, size(elements)
+      if (command%variations == 0) then
+        command%swept(i)%text = 'sweep.'//trim(swept_keys(i))//'='//elements(i)%text
+      else
+        command%swept(i)%text = command%swept(i)%text//','//elements(i)%text
+      end if
+    end do
     command%variations = command%variations + 1
-    command%swept_keys = command%swept_keys//trim(comma)//"'"//name//"'"
-    command%swept_first = command%swept_first//trim(comma)//word(words, 1)
-    command%swept_last = command%swept_last//trim(comma)//word(words, 2)
-    command%swept_count = command%swept_count//trim(comma)//word(words, 3)
-    command%swept_spacing = command%swept_spacing//trim(comma)//"'"//spacing//"'"
   end subroutine take_variation
 
   !> A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
   subroutine settle_variations(command)
     type(command_t), intent(inout) :: command
+    integer :: i
 
     if (command%name == 'sweep') command%name = 'run'
-    command%is_quick_sweep = .true.
-    call append(command%settings, 'sweep.parameter='//command%swept_keys)
-    call append(command%settings, 'sweep.first='//command%swept_first)
-    call append(command%settings, 'sweep.last='//command%swept_last)
-    call append(command%settings, 'sweep.count='//command%swept_count)
-    call append(command%settings, 'sweep.spacing='//command%swept_spacing)
+    do i = 1, size(command%swept)
+      call append(command%settings, command%swept(i)%text)
+    end do
     call append(command%settings, 'sweep.points=')
   end subroutine settle_variations
 

@@ -8,7 +8,7 @@ module dst_completion
   use dst_command_line, only: argument_t, takes_value
   use dst_command_table, only: commands, options, find_command, command_names, options_of, is_option_of, operand_of
   use dst_schema, only: schema, key_count, find_key, find_name, real_kind, reals_kind
-  use dst_text, only: text_builder_t, starts_with, lower_case, has_word, with_blanks, word, word_count
+  use dst_text, only: text_builder_t, starts_with, lower_case, with_blanks, word, word_count
   implicit none
   private
 
@@ -83,9 +83,7 @@ contains
     integer :: i, n, dot
 
     if (index(typed(len(before) + 1:), '=') == 0) then
-      do i = 1, key_count
-        call offer(builder, before//trim(schema(i)%group)//'.'//trim(schema(i)%name)//'=', typed)
-      end do
+      call offer_keys(builder, [(.true., i=1, key_count)], before, '=', typed)
       return
     end if
     name = typed(len(before) + 1:len(before) + index(typed(len(before) + 1:), '=') - 1)
@@ -97,29 +95,17 @@ contains
     end do
   end subroutine offer_settings
 
-  !> The parameters of a motion: real numbers of &system and &friction, several with commas between them.
-  subroutine offer_parameters(builder, typed)
+  !> GROUP.KEY of some keys, between two texts.
+  subroutine offer_keys(builder, which, before, after, typed)
     type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: typed
+    logical, intent(in) :: which(:)
+    character(*), intent(in) :: before, after, typed
     integer :: i
 
     do i = 1, key_count
-      if (schema(i)%kind /= real_kind .or. .not. has_word('system friction', trim(schema(i)%group))) cycle
-      call offer(builder, typed(:index(typed, ',', back=.true.))//trim(schema(i)%group)//'.'//trim(schema(i)%name), typed)
+      if (which(i)) call offer(builder, before//trim(schema(i)%group)//'.'//trim(schema(i)%name)//after, typed)
     end do
-  end subroutine offer_parameters
-
-  !> GROUP.KEY= for the keys that a sweep can vary.
-  subroutine offer_varied(builder, typed)
-    type(text_builder_t), intent(inout) :: builder
-    character(*), intent(in) :: typed
-    integer :: i
-
-    do i = 1, key_count
-      if (schema(i)%kind == real_kind .or. schema(i)%kind == reals_kind) &
-        call offer(builder, trim(schema(i)%group)//'.'//trim(schema(i)%name)//'=', typed)
-    end do
-  end subroutine offer_varied
+  end subroutine offer_keys
 
   !> Candidates for an operand or an option's argument: words are candidates themselves, capitals mean a kind of file or word.
   subroutine offer_kind(builder, kind, typed)
@@ -132,12 +118,14 @@ contains
     case ('FILE', 'FILE.h5')
       call builder%line('*.h5')
     case ('KEYS')
-      call offer_parameters(builder, typed)
+      ! The parameters of a motion: real numbers of &system and &friction, several with commas between them.
+      call offer_keys(builder, schema%kind == real_kind .and. (schema%group == 'system' .or. schema%group == 'friction'), &
+        typed(:index(typed, ',', back=.true.)), '', typed)
     case ('MODEL')
       call offer(builder, schema(find_name('model'))%choices, typed)
     case default
       if (starts_with(kind, 'KEY=')) then
-        call offer_varied(builder, typed)
+        call offer_keys(builder, schema%kind == real_kind .or. schema%kind == reals_kind, '', '=', typed)
       else if (lower_case(kind) == kind) then
         call offer(builder, with_blanks(kind, '|'), typed)
       end if

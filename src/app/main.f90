@@ -3,7 +3,7 @@ module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_disk, only: place_of
+  use dst_paths, only: place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
   use dst_hdf5_origin, only: is_deck
@@ -23,10 +23,10 @@ module dst_main
   use dst_schema, only: sweep_group
   use dst_share, only: launched_together
   use dst_sweep_points, only: path_of_points
-  use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep, merge_sweep
+  use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep
   use dst_show, only: show_result, deck_in_brief
   use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
-  use dst_instructions, only: runs_v3
+  use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_stopwatch, only: wall_clock
@@ -59,7 +59,7 @@ contains
     integer, intent(in) :: number
     type(argument_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
-    logical :: is_command, is_ours
+    logical :: is_ours
 
     associate (unused => self, also_unused => number)
     end associate
@@ -67,24 +67,18 @@ contains
     allocate (arguments, source=program_arguments())
     if (is_completion(arguments)) then
       ! While the command itself is typed, the package adds its commands to those of the executable.
-      is_command = size(arguments) == 2
       is_ours = is_own_command(arguments(2:))
-      if (is_ours .or. is_command) call print_text(completions(arguments))
-      if ((is_command .or. .not. is_ours) .and. status == result_done) call hand_over(arguments, error)
+      if (is_ours .or. size(arguments) == 2) call print_text(completions(arguments))
+      if ((size(arguments) == 2 .or. .not. is_ours) .and. status == result_done) call hand_over(arguments, error)
       return
     end if
-    if (.not. is_own_command(arguments)) then
-      call hand_over(arguments, error)
-      call complain(error)
-      return
+    is_ours = is_own_command(arguments)
+    if (is_ours) call parse_arguments(arguments, command, error)
+    if (is_ours .and. .not. allocated(error)) then
+      is_ours = .not. (command%has('--along') .or. command%has('--key'))
+      if (.not. is_ours) arguments(1)%text = trim(merge('branch', 'range ', command%has('--along')))
     end if
-    call parse_arguments(arguments, command, error)
-    if (.not. allocated(error) .and. (command%has('--along') .or. command%has('--key'))) then
-      arguments(1)%text = trim(merge('branch', 'range ', command%has('--along')))
-      call hand_over(arguments, error)
-      call complain(error)
-      return
-    end if
+    if (.not. is_ours) call hand_over(arguments, error)
     call complain(error)
     if (.not. allocated(error)) call execute()
   end subroutine follow_arguments
@@ -111,10 +105,8 @@ contains
     if (allocated(error)) return
     if (allocated(text)) then
       call print_text(text)
-    else if (command%name == 'run' .or. command%name == 'merge') then
-      call run_decks()
-    else if (command%name == 'resume') then
-      call resume_runs()
+    else if (command%name == 'run' .or. command%name == 'merge' .or. command%name == 'resume') then
+      call run_each()
     else
       call print_each()
     end if
@@ -238,23 +230,27 @@ contains
     if (report /= '') call put_output(report, ignored)
   end subroutine put_report
 
-  !> Run the decks, or join the shares of their sweeps: nothing is done unless every deck is valid and every output file may be written.
-  subroutine run_decks()
+  !> Run the decks, join the shares of their sweeps, or continue runs. Nothing is done unless every deck is valid and every output
+  !> file may be written.
+  subroutine run_each()
     type(deck_t), allocatable :: decks(:)
     type(argument_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
     integer :: i
 
     allocate (decks(size(command%operands)), outputs(size(command%operands)))
-    call prepare(decks, outputs)
+    if (command%name /= 'resume') call prepare(decks, outputs)
     if (status /= result_done) return
     call listen_to_signals()
     do i = 1, size(decks)
-      call carry_out(decks(i), outputs(i)%text, error)
-      call complain_of(decks(i)%name, error)
+      call carry_out(command%operands(i)%text, decks(i), outputs(i), error)
+      if (.not. allocated(error)) cycle
+      ! The report of an error of a file names the file.
+      if (error%code /= file_error .and. error%text /= '') error%text = printable(command%operands(i)%text)//': '//error%text
+      call complain(error)
       if (has_code(error, stopped_early)) exit
     end do
-  end subroutine run_decks
+  end subroutine run_each
 
   !> Read and check the decks, and the files that they will write.
   subroutine prepare(decks, outputs)
@@ -309,20 +305,21 @@ contains
     options = sweep_options_t(command%has('--overwrite'), command%has('--quiet'), command%has('--retry'), command%share)
   end function sweep_options
 
-  !> One run, sweep or merge.
-  subroutine carry_out(deck, output, error)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: output
+  !> One run, sweep or merge, or the rest of a run.
+  subroutine carry_out(operand, deck, output, error)
+    character(*), intent(in) :: operand
+    type(deck_t), intent(in) :: deck             !! of a new run
+    type(argument_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: report, hangs_on
     type(scene_t) :: scene
 
-    if (command%name == 'merge') then
-      call merge_sweep(deck, output, sweep_options(), report, error)
+    if (command%name == 'resume') then
+      call resume_run(operand, command%has('--quiet'), report, error)
     else if (deck%is_sweep()) then
-      call run_sweep(deck, output, sweep_options(), report, error)
+      call run_sweep(deck, output%text, sweep_options(), command%name == 'merge', report, error)
     else
-      call run_deck(deck, output, command%has('--overwrite'), command%has('--quiet'), report, error)
+      call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
     if (.not. command%has('--quiet')) call put_report(report)
     if (allocated(error) .or. command%sensitivity == '') return
@@ -331,31 +328,6 @@ contains
     if (.not. allocated(error)) call put_report(hangs_on)
   end subroutine carry_out
 
-  !> Report an error of an operand; the report of an error of a file names the file.
-  subroutine complain_of(name, error)
-    character(*), intent(in) :: name
-    type(error_t), allocatable, intent(inout) :: error
-
-    if (.not. allocated(error)) return
-    if (error%code /= file_error .and. error%text /= '') error%text = printable(name)//': '//error%text
-    call complain(error)
-  end subroutine complain_of
-
-  !> Continue each run in turn.
-  subroutine resume_runs()
-    type(error_t), allocatable :: error
-    character(:), allocatable :: report
-    integer :: i
-
-    call listen_to_signals()
-    do i = 1, size(command%operands)
-      call resume_run(command%operands(i)%text, command%has('--quiet'), report, error)
-      if (.not. command%has('--quiet')) call put_report(report)
-      call complain_of(command%operands(i)%text, error)
-      if (has_code(error, stopped_early)) exit
-    end do
-  end subroutine resume_runs
-
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.
   function output_of(deck) result(file_name)
     type(deck_t), intent(in) :: deck
@@ -363,7 +335,7 @@ contains
 
     file_name = command%output
     ! The deck's own file is that of its run.
-    if (file_name == '' .and. command%is_quick_sweep) file_name = name_after(deck, '_sweep.h5')
+    if (file_name == '' .and. command%variations > 0) file_name = name_after(deck, '_sweep.h5')
     if (file_name == '') file_name = deck%text_of('output', 'file')
     if (file_name == '') file_name = name_after(deck, '.h5')
   end function output_of
@@ -373,13 +345,8 @@ contains
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: ending
     character(:), allocatable :: file_name
-    integer :: first, last
 
-    first = index(deck%name, '/', back=.true.) + 1
-    last = index(deck%name, '.', back=.true.) - 1
-    ! A dot that begins the name or is in a folder's name begins no extension.
-    if (last < first) last = len(deck%name)
-    file_name = deck%name(first:last)//ending
+    file_name = deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name))//ending
   end function name_after
 
   !> The files that the command reads: its decks and their lists of points.

@@ -4,13 +4,12 @@
 !> of the former (docs/checkpoints.md).
 module dst_run
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
-  use dst_machine, only: host_name, job_name
+  use dst_machine, only: host_name, job_name, utc_now
   use dst_kinds, only: wp, int64
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t, archive_of
   use dst_build_info, only: program_name, version, git_revision, compiler, build_flags
   use dst_deck, only: deck_t, parse_deck, resolved
-  use dst_disk, only: utc_now
   use dst_ending, only: read_state
   use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
@@ -185,10 +184,12 @@ contains
     if (has_code(error, file_error)) return
     if (has_code(error, stopped_early)) call raise(error, stopped_early, stop_text(run))
     call run%simulation%outcome(error, outcome)
-    if (is_irregular(outcome)) call run%progress%remark('the motion is irregular, its cycles have a distribution and no value: '// &
-      'Lyapunov exponent '//number_text(outcome%summary_of('lyapunov_exponent'))//' +- '// &
-      number_text(outcome%summary_of('lyapunov_error'))//' per slow cycle')
-    if (is_undetermined(run%simulation%scene%rtol, outcome)) call run%progress%remark( &
+    if (value_or_zero(outcome, 'regularity') < 0.0_wp) call run%progress%remark( &
+      'the motion is irregular, its cycles have a distribution and no value: Lyapunov exponent '// &
+      number_text(outcome%summary_of('lyapunov_exponent'))//' +- '//number_text(outcome%summary_of('lyapunov_error'))// &
+      ' per slow cycle')
+    ! Errors of this size may have grown to the size of the motion.
+    if (run%simulation%scene%rtol*value_or_zero(outcome, 'conditioning') > 1.0_wp) call run%progress%remark( &
       'conditioning '//number_text(outcome%summary_of('conditioning'))//': no rtol like this determines when the last events occur')
     call make_whole(run, outcome, has_code(error, stopped_early), end_error)
     ! A lost file matters more than a stopped run; it does not change the error of a solver that gave up.
@@ -267,22 +268,14 @@ contains
     text = number_text(value, digits)//' '//unit
   end function shown
 
-  !> Whether the run is known to be irregular.
-  logical function is_irregular(outcome)
+  !> A value of the summary; 0 if there is none of this name.
+  real(wp) function value_or_zero(outcome, name)
     type(outcome_t), intent(in) :: outcome
+    character(*), intent(in) :: name
 
-    is_irregular = .false.
-    if (any(outcome%summary%name == 'regularity')) is_irregular = outcome%summary_of('regularity') < 0.0_wp
-  end function is_irregular
-
-  !> Whether errors of this size may have grown to the size of the motion.
-  logical function is_undetermined(rtol, outcome)
-    real(wp), intent(in) :: rtol
-    type(outcome_t), intent(in) :: outcome
-
-    is_undetermined = .false.
-    if (any(outcome%summary%name == 'conditioning')) is_undetermined = rtol*outcome%summary_of('conditioning') > 1.0_wp
-  end function is_undetermined
+    value_or_zero = 0.0_wp
+    if (any(outcome%summary%name == name)) value_or_zero = outcome%summary_of(name)
+  end function value_or_zero
 
   !> Why the run was stopped, and how to continue it.
   function stop_text(run) result(text)

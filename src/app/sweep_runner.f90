@@ -7,7 +7,7 @@ module dst_sweep_runner
   use dst_deck_sweep, only: varied_key
   use dst_deck_values, only: set_default
   use dst_disk, only: file_exists, path_t, place_of
-  use dst_errors, only: error_t, raise, file_error, some_failed, stopped_early
+  use dst_errors, only: error_t, raise, has_code, file_error, some_failed, stopped_early
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, real64
   use dst_plain_numbers, only: duration_text
@@ -26,7 +26,7 @@ module dst_sweep_runner
   implicit none
   private
 
-  public :: sweep_options_t, check_sweep_target, run_sweep, merge_sweep
+  public :: sweep_options_t, check_sweep_target, run_sweep
 
   !> Options of the command line.
   type :: sweep_options_t
@@ -73,39 +73,53 @@ contains
     end if
   end subroutine check_sweep_target
 
-  !> Run all cases of the share that its file lacks.
-  subroutine run_sweep(deck, result_file, options, report, error)
+  !> Run all cases of the share that its file lacks; or join the files of all shares, and an incomplete one that has the result's
+  !> name.
+  subroutine run_sweep(deck, result_file, options, joins, report, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file      !! of the whole sweep
     type(sweep_options_t), intent(in) :: options
+    logical, intent(in) :: joins
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t), target :: sweep
     type(sweep_work_t) :: work
     type(sweep_head_t) :: found
+    type(share_t), allocatable :: shares(:)
+    type(path_t), allocatable :: files(:)
     type(error_t), allocatable :: stopped
     real(wp) :: begun
     character(:), allocatable :: name
-    integer :: plan
+    integer :: plan, rows
 
     begun = wall_clock()
     report = ''
+    plan = to_begin
     name = options%share%file_name(result_file)
     call sweep_of_deck(deck, sweep, error)
     if (.not. allocated(error)) call look_at(name, head_of(sweep, options%share), options, plan, found, error)
+    if (joins .and. plan == nothing_to_do .and. .not. allocated(error)) &
+      call raise(error, file_error, name//': the file is complete: use --overwrite to join the shares again')
+    if (joins .and. .not. allocated(error)) call check_shares(sweep, name, shares, files, error)
     if (allocated(error)) return
-    work%file%rows = options%share%size(sweep%cases)
-    if (plan /= nothing_to_do .and. work%file%rows > 0) then
-      work%retry = options%retry
+    rows = options%share%size(sweep%cases)
+    found%done = rows
+    if (plan /= nothing_to_do .and. rows > 0) then
       call open_file(work%file, sweep, name, options, plan, error)
       if (allocated(error)) return
-      call work%run(sweep, options%quiet, stopped)
+      if (joins) then
+        call take_shares(work%file, shares, files, stopped)
+      else
+        work%retry = options%retry
+        call work%run(sweep, options%quiet, stopped)
+      end if
       call finish(work%file, stopped, error)
       if (allocated(error)) return
+      found%done = work%file%done
       found%failed = work%file%failed
     end if
-    call conclude(name, options%share, work%file%rows, found%failed, work%file%rows, error)
-    if (.not. allocated(error)) report = report_on(name, options%share, work%file%rows, begun)
+    call conclude(name, options%share, rows, found%failed, found%done, error)
+    if (.not. allocated(error)) report = report_on(name, options%share, rows, begun)
   end subroutine run_sweep
 
   !> Open the file of a share for new rows.
@@ -133,13 +147,7 @@ contains
     type(error_t), allocatable, intent(inout) :: stopped
     type(error_t), allocatable, intent(out) :: error
 
-    if (allocated(stopped)) then
-      if (stopped%code == file_error) then
-        call move_alloc(stopped, error)
-        return
-      end if
-    end if
-    if (file%is_changed) call file%make_whole(error)
+    if (file%is_changed .and. .not. has_code(stopped, file_error)) call file%make_whole(error)
     call file%discard()
     if (.not. allocated(error)) call move_alloc(stopped, error)
   end subroutine finish
@@ -174,39 +182,6 @@ contains
     report = printable(result_file)//': '//integer_text(cases)//' cases, 0 failed ('//duration_text(wall_clock() - begun)//')'// &
       report//new_line('a')
   end function report_on
-
-  !> Join the files of all shares, and an incomplete one that has the result's name.
-  subroutine merge_sweep(deck, result_file, options, report, error)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
-    character(:), allocatable, intent(out) :: report
-    type(error_t), allocatable, intent(out) :: error
-    type(sweep_t), target :: sweep
-    type(sweep_file_t) :: file
-    type(sweep_head_t) :: found
-    type(share_t), allocatable :: shares(:)
-    type(path_t), allocatable :: files(:)
-    type(error_t), allocatable :: stopped
-    real(wp) :: begun
-    integer :: plan
-
-    begun = wall_clock()
-    report = ''
-    plan = to_begin
-    call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at(result_file, head_of(sweep, share_t()), options, plan, found, error)
-    if (plan == nothing_to_do .and. .not. allocated(error)) &
-      call raise(error, file_error, result_file//': the file is complete: use --overwrite to join the shares again')
-    if (.not. allocated(error)) call check_shares(sweep, result_file, shares, files, error)
-    if (.not. allocated(error)) call open_file(file, sweep, result_file, options, plan, error)
-    if (allocated(error)) return
-    call take_shares(file, shares, files, stopped)
-    call finish(file, stopped, error)
-    if (allocated(error)) return
-    call conclude(result_file, share_t(), file%rows, file%failed, file%done, error)
-    if (.not. allocated(error)) report = report_on(result_file, share_t(), file%done, begun)
-  end subroutine merge_sweep
 
   !> The files of the shares: all of this sweep and build, and of one division.
   subroutine check_shares(sweep, result_file, shares, files, error)

@@ -3,9 +3,9 @@
 !> A thread takes the next case whenever it has finished one. The first thread also handles signals, limits and progress, and makes
 !> the file whole when that is due, between two slices of its case.
 module dst_sweep_work
-  use dst_clock, only: wait_seconds
   use dst_errors, only: error_t, raise, stopped_early
   use dst_kinds, only: wp
+  use dst_machine, only: wait_seconds
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: interim_t
   use dst_signals, only: stop_signal, stopped_by, no_signal

@@ -8,7 +8,7 @@
 !> changes it, and so do all other changes except one in 2^32.
 module dst_ending
   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_int, c_loc, c_long, c_ptr
-  use dst_disk, only: close_descriptor, identity_of, identity_t, open_for_reading, read_at, system_reason, write_bytes
+  use dst_disk, only: close_descriptor, identity_of, identity_t, open_regular, read_at, system_reason, write_at
   use dst_kinds, only: int64
   implicit none
   private
@@ -40,15 +40,17 @@ contains
     character(digits_of_bytes) :: count
     character(8) :: checksum
     type(identity_t) :: file
+    character(c_char), pointer, contiguous :: bytes(:)
     integer(int64) :: place
 
     file = identity_of(descriptor)
     place = file%bytes
     if (size(state) > 0) then
-      write (count, '(i16)') word_bytes*size(state, kind=int64)
-      call write_words(descriptor, state, place, reason)
-      place = place + word_bytes*size(state, kind=int64)
-      if (.not. allocated(reason)) call write_bytes(descriptor, state_mark//count//line_end, reason, place)
+      call c_f_pointer(c_loc(state), bytes, [word_bytes*size(state)])
+      write (count, '(i16)') size(bytes)
+      call write_at(descriptor, place, bytes, size(bytes, kind=int64), reason)
+      place = place + size(bytes)
+      if (.not. allocated(reason)) call write_at(descriptor, place, state_mark//count//line_end, state_line_bytes, reason)
       place = place + state_line_bytes
     end if
     if (allocated(reason)) return
@@ -56,25 +58,9 @@ contains
     if (checksum == '') then
       reason = 'it cannot be read: '//system_reason()
     else
-      call write_bytes(descriptor, checksum_mark//checksum//line_end, reason, place)
+      call write_at(descriptor, place, checksum_mark//checksum//line_end, checksum_bytes, reason)
     end if
   end subroutine append_ending
-
-  subroutine write_words(descriptor, words, place, reason)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in), target, contiguous :: words(:)
-    integer(int64), intent(in) :: place
-    character(:), allocatable, intent(out) :: reason
-    character(:), allocatable :: bytes
-    integer :: i
-
-    ! Word by word: all words together may need more room than a stack has.
-    allocate (character(word_bytes*size(words)) :: bytes)
-    do i = 1, size(words)
-      bytes(word_bytes*(i - 1) + 1:word_bytes*i) = transfer(words(i), repeat(' ', word_bytes))
-    end do
-    call write_bytes(descriptor, bytes, reason, place)
-  end subroutine write_words
 
   !> Whether the last line of a file is that of an ending: then this program has written it.
   logical function has_ending(file_name)
@@ -84,7 +70,7 @@ contains
     integer(int64) :: bytes
 
     has_ending = .false.
-    call open_for_reading(file_name, descriptor, bytes, reason)
+    call open_regular(file_name, .false., descriptor, bytes, reason)
     if (allocated(reason)) return
     has_ending = index(text_at(descriptor, bytes - checksum_bytes, int(checksum_bytes)), checksum_mark) == 1
     call close_descriptor(descriptor)
@@ -98,68 +84,62 @@ contains
     integer(int64) :: bytes
     logical :: ignored
 
-    call open_for_reading(file_name, descriptor, bytes, reason)
-    if (allocated(reason)) return
-    call check_descriptor(descriptor, bytes, ignored, reason)
+    call open_whole(file_name, descriptor, bytes, ignored, reason)
     call close_descriptor(descriptor)
   end subroutine check_ending
 
-  subroutine check_descriptor(descriptor, bytes, is_whole, reason)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: bytes
+  !> Open a file, and compare its bytes with its ending.
+  subroutine open_whole(file_name, descriptor, bytes, is_whole, reason)
+    character(*), intent(in) :: file_name
+    integer(c_int), intent(out) :: descriptor
+    integer(int64), intent(out) :: bytes
     logical, intent(out) :: is_whole                   !! it has an ending
     character(:), allocatable, intent(out) :: reason
     character(:), allocatable :: line
 
+    is_whole = .false.
+    call open_regular(file_name, .false., descriptor, bytes, reason)
+    if (allocated(reason)) return
     line = text_at(descriptor, bytes - checksum_bytes, int(checksum_bytes))
     is_whole = index(line, checksum_mark) == 1
     if (.not. is_whole) return
     if (line /= checksum_mark//checksum_of(descriptor, bytes - checksum_bytes)//line_end) &
       reason = 'the file is damaged: its checksum is not that of its bytes'
-  end subroutine check_descriptor
+  end subroutine open_whole
 
   !> The state in a file, which must be as it was when it was written.
   subroutine read_state(file_name, state, reason)
     character(*), intent(in) :: file_name
-    integer(int64), allocatable, intent(out) :: state(:)   !! empty if the file holds none
+    integer(int64), allocatable, target, intent(out) :: state(:)   !! empty if the file holds none
     character(:), allocatable, intent(out) :: reason       !! unallocated on success
     character(:), allocatable :: line
     integer(c_int) :: descriptor
     integer(int64) :: bytes, length, place
+    character(c_char), pointer, contiguous :: words(:)
     integer :: io_status
-    logical :: is_whole
+    logical :: is_whole, complete
 
     allocate (state(0))
-    call open_for_reading(file_name, descriptor, bytes, reason)
-    if (allocated(reason)) return
-    call check_descriptor(descriptor, bytes, is_whole, reason)
+    call open_whole(file_name, descriptor, bytes, is_whole, reason)
     if (is_whole .and. .not. allocated(reason)) then
       place = bytes - checksum_bytes - state_line_bytes
       line = text_at(descriptor, place, int(state_line_bytes))
       io_status = 1
       if (index(line, state_mark) == 1) read (line(len(state_mark) + 1:len(line) - 1), *, iostat=io_status) length
       if (io_status == 0) then
-        if (length > 0 .and. length <= place) call read_words(descriptor, place - length, length/word_bytes, state)
+        if (length > 0 .and. length <= place) then
+          deallocate (state)
+          allocate (state(length/word_bytes))
+          call c_f_pointer(c_loc(state), words, [word_bytes*size(state)])
+          call read_at(descriptor, place - length, words, complete)
+          if (.not. complete) state = [integer(int64) ::]
+        end if
       end if
     else if (.not. allocated(reason)) then
       reason = 'the file was changed since it was written: it has no checksum'
     end if
     call close_descriptor(descriptor)
   end subroutine read_state
-
-  subroutine read_words(descriptor, place, count, words)
-    integer(c_int), intent(in) :: descriptor
-    integer(int64), intent(in) :: place, count
-    integer(int64), allocatable, target, intent(inout) :: words(:)
-    character(c_char), pointer, contiguous :: bytes(:)
-    logical :: complete
-
-    deallocate (words)
-    allocate (words(count))
-    call c_f_pointer(c_loc(words), bytes, [word_bytes*count])
-    call read_at(descriptor, place, bytes, complete)
-    if (.not. complete) words = [integer(int64) ::]
-  end subroutine read_words
 
   !> `length` bytes from a place on; '' if they are not all there.
   function text_at(descriptor, place, length) result(text)

@@ -1,21 +1,19 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
-  use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_ending, only: check_ending, has_ending
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_library, only: hid_t, h5fclose, h5gopen, h5lexists, h5p_default
-  use dst_hdf5_tools, only: open_existing, damage_reason, get_attribute, get_text, get_number, names_in, read_list, open_dataset, &
-    read_rows, dataset_t, hdf5_t
-  use dst_kinds, only: wp, real64, int64
-  use dst_disk, only: file_size, path_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_existing, close_file, damage_reason, get_attribute, get_text, &
+    get_number, exists, names_in, read_list, open_dataset, read_rows, dataset_t
+  use dst_kinds, only: wp, real64
+  use dst_disk, only: path_t
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text, printable, has_word
-  use dst_text_file, only: hdf5_signature
+  use dst_text_file, only: hdf5_signature, read_text
   implicit none
   private
 
-  public :: origin_t, read_origin, check_is_result, is_hdf5, is_deck, sweep_state_t, state_of_sweep, describe_result
+  public :: origin_t, read_origin, check_is_result, is_hdf5, is_deck, describe_result
 
   !> The description of the run in the header of a result file.
   type :: origin_t
@@ -24,12 +22,6 @@ module dst_hdf5_origin
     integer :: result_code = -1
     character(:), allocatable :: result_text
   end type origin_t
-
-  !> The description of a sweep in its result file.
-  type :: sweep_state_t
-    character(24) :: identity = ''               !! of the sweep; '' if the file is not the result of one
-    integer :: complete = 0, done = 0, failed = 0
-  end type sweep_state_t
 
   !> The value of the attribute `program` of a result.
   character(*), parameter :: this_program = 'dynstiction'
@@ -44,7 +36,6 @@ contains
     character(:), allocatable :: program
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: ignored
 
     if (.not. is_hdf5(file_name)) then
       reason = 'the file exists and is not an HDF5 file'//remedy
@@ -54,47 +45,27 @@ contains
     call open_existing(file_name, file, h5)
     call get_attribute(file, 'program', program, h5)
     if (h5%status < 0 .or. program /= this_program) reason = 'the file exists and is no result of this program'//remedy
-    if (file >= 0) ignored = h5fclose(file)
+    call close_file(file, h5)
   end subroutine check_is_result
 
   !> Whether a file begins as HDF5 files do.
   logical function is_hdf5(file_name)
     character(*), intent(in) :: file_name
-    character(len(hdf5_signature)) :: beginning
-    integer :: unit, io_status
+    character(:), allocatable :: text, ignored
 
-    is_hdf5 = .false.
-    if (file_size(file_name) < len(hdf5_signature)) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    read (unit, iostat=io_status) beginning
-    is_hdf5 = io_status == 0 .and. beginning == hdf5_signature
-    close (unit)
+    call read_text(file_name, len(hdf5_signature), text, ignored)
+    is_hdf5 = text == hdf5_signature
   end function is_hdf5
 
-  !> The description of a sweep in its file.
-  type(sweep_state_t) function state_of_sweep(file_name) result(state)
+  !> Whether a file looks like a deck: it is text with a group, which no HDF5 file is.
+  logical function is_deck(file_name)
     character(*), intent(in) :: file_name
-    type(sweep_state_t) :: found
-    character(:), allocatable :: identity, damage
-    type(hdf5_t) :: h5
-    integer(hid_t) :: file
-    integer :: ignored
+    integer, parameter :: enough = 4096
+    character(:), allocatable :: text, ignored
 
-    if (.not. is_hdf5(file_name)) return
-    call check_ending(file_name, damage)
-    if (allocated(damage)) return
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'sweep_identity', identity, h5)
-    call get_attribute(file, 'complete', found%complete, h5)
-    call get_attribute(file, 'cases_done', found%done, h5)
-    call get_attribute(file, 'cases_failed', found%failed, h5)
-    if (h5%status >= 0 .and. len(identity) == len(found%identity)) then
-      found%identity = identity
-      state = found
-    end if
-    if (file >= 0) ignored = h5fclose(file)
-  end function state_of_sweep
+    call read_text(file_name, enough, text, ignored)
+    is_deck = index(text, '&') > 0 .and. index(text, achar(0)) == 0
+  end function is_deck
 
   !> A result file in one line, and its results in some more.
   subroutine describe_result(file_name, text, reason)
@@ -132,14 +103,14 @@ contains
     text = ''
     if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
-    if (has(file, 'sweep')) then
+    if (exists(file, 'sweep')) then
       text = 'sweep'
-      if (has(file, 'sweep/series')) text = 'sweep with series'
-      if (has(file, 'sweep/cycles')) text = 'sweep with cycles'
+      if (exists(file, 'sweep/series')) text = 'sweep with series'
+      if (exists(file, 'sweep/cycles')) text = 'sweep with cycles'
     end if
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
-    if (has(file, 'sweep')) then
+    if (exists(file, 'sweep')) then
       text = text//rows_of_sweep(file)
     else
       text = text//rows_of_run(file)
@@ -157,19 +128,19 @@ contains
     integer :: i
 
     text = ''
-    if (.not. has(file, 'time_series')) return
-    call open_dataset(file, 'time_series/time', 1, time, h5)
+    if (.not. exists(file, 'time_series')) return
+    call open_dataset(file, 'time_series/time', time, h5)
     if (h5%status < 0) return
     text = row('samples', integer_text(int(time%rows)), '')
     if (time%rows > 0) then
-      call read_rows(time, time%rows - 1, last, h5)
+      call read_rows(time, time%rows - 1, 1_hsize_t, last, h5)
       text = text//row('last sample', number_text(real(last(1), wp), 4)//' s', '')
     end if
-    if (.not. has(file, 'summary')) return
+    if (.not. exists(file, 'summary')) return
     do i = 1, size(summary_quantities)
       associate (quantity => summary_quantities(i))
         if (h5%status < 0) exit
-        if (.not. has(file, 'summary/'//trim(quantity%name))) cycle
+        if (.not. exists(file, 'summary/'//trim(quantity%name))) cycle
         call get_number(file, 'summary/'//trim(quantity%name), value, h5)
         text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
       end associate
@@ -188,11 +159,11 @@ contains
     integer :: i
 
     text = ''
-    call open_dataset(file, 'sweep/result_code', 1, codes, h5)
+    call open_dataset(file, 'sweep/result_code', codes, h5)
     ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
-    call names_in(h5gopen(file, 'sweep'//nul, h5p_default), names, h5)
+    call names_in(file, 'sweep', names, h5)
     do i = 1, size(names)
       if (.not. has_word(others, names(i)%text)) text = text//range_of('sweep/'//names(i)%text, names(i)%text, '', 'varied')
     end do
@@ -211,7 +182,7 @@ contains
       real(wp), allocatable :: values(:)
 
       line = ''
-      if (.not. has(file, path)) return
+      if (.not. exists(file, path)) return
       call read_list(file, path, values, h5)
       if (h5%status < 0) return
       values = pack(values, abs(values) <= huge(values))
@@ -246,31 +217,6 @@ contains
     end if
   end function with_unit
 
-  !> Whether a file looks like a deck: it is text with a group, which no HDF5 file is.
-  logical function is_deck(file_name)
-    character(*), intent(in) :: file_name
-    character(4096) :: beginning
-    integer :: unit, io_status
-    integer(int64) :: bytes
-
-    is_deck = .false.
-    bytes = min(file_size(file_name), len(beginning, int64))
-    if (bytes <= 0) return
-    open (newunit=unit, file=file_name, status='old', action='read', access='stream', form='unformatted', iostat=io_status)
-    if (io_status /= 0) return
-    beginning = ''
-    read (unit, iostat=io_status) beginning(:bytes)
-    close (unit)
-    is_deck = io_status == 0 .and. index(beginning, '&') > 0 .and. index(beginning, achar(0)) == 0
-  end function is_deck
-
-  logical function has(file, group)
-    integer(hid_t), intent(in) :: file
-    character(*), intent(in) :: group
-
-    has = h5lexists(file, group//nul, h5p_default) > 0
-  end function has
-
   !> Read the header of the result of a run that shall be resumed, an HDF5 file that is as it was when it was written.
   subroutine read_origin(file_name, shown_name, origin, error)
     character(*), intent(in) :: file_name, shown_name
@@ -278,7 +224,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: ignored
 
     call open_existing(file_name, file, h5)
     call get_attribute(file, 'complete', origin%complete, h5)
@@ -289,6 +234,6 @@ contains
     call get_text(file, 'deck/text', origin%deck_text, h5)
     call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
     if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason(h5))
-    if (file >= 0) ignored = h5fclose(file)
+    call close_file(file, h5)
   end subroutine read_origin
 end module dst_hdf5_origin

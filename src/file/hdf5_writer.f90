@@ -10,9 +10,9 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
-  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_trunc, h5t_ieee_f64le, h5t_std_i8le, h5t_std_i64le
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, open_existing, failure_reason, damage_reason, put_attribute, put_value, &
-    create_group, release, dataset_t, create_dataset, open_dataset, append, read_rows, make_scale, attach_scale
+  use dst_hdf5_tools, only: hid_t, hdf5_t, create_file, open_existing, close_file, failure_reason, damage_reason, as_double, &
+    as_int8, as_int64, put_attribute, put_value, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, &
+    attach_scale
   use dst_parameters, only: parameter_t
   implicit none
   private
@@ -92,8 +92,7 @@ contains
     type(hdf5_t) :: h5
 
     call prepare(self, shown_name, columns, expected_rows)
-    call start_hdf5(h5)
-    call open_file(file_name, h5f_acc_trunc, self%file, h5)
+    call create_file(file_name, self%file, h5)
     call write_metadata(self%file, metadata, h5)
     if (size(columns) > 0) call create_columns(self, h5)
     if (h5%status < 0) call self%fail(failure_reason())
@@ -128,8 +127,8 @@ contains
     class(hdf5_writer_t), intent(inout) :: self
     type(hdf5_t), intent(inout) :: h5
     type(column_t) :: first(2)
-    integer(hid_t) :: parent, groups(2, parts), stored_as
-    integer :: part, i
+    integer(hid_t) :: parent, groups(2, parts)
+    integer :: part, stored_as, i
 
     parent = self%file
     do part = 1, parts
@@ -140,26 +139,24 @@ contains
     end do
     do i = 1, size(self%columns)
       associate (column => self%columns(i))
-        stored_as = h5t_ieee_f64le
+        stored_as = as_double
         if (column%part > 1) then
           column%quantity%long_name = 'to be added to '//column%path(1)
         else if (column%quantity%name == 'sticking' .or. column%quantity%name == 'kind') then
-          stored_as = h5t_std_i8le
+          stored_as = as_int8
         else if (column%quantity%counts) then
-          stored_as = h5t_std_i64le
+          stored_as = as_int64
         end if
         call create_dataset(groups(column%group, column%part), column%quantity, size(self%waiting(column%group)%values, 1), &
-          column%dataset, h5, stored_as)
+          column%dataset, h5, stored_as, is_scale=column%part == 1 .and. column%place == 1)
         if (column%part > 1) cycle
         if (column%place == 1) then
-          call make_scale(column%dataset, 'time', h5)
           first(column%group) = column
         else
-          call attach_scale(column%dataset, first(column%group)%dataset, 1, h5)
+          call attach_scale(column%dataset, first(column%group)%dataset, 0, h5)
         end if
       end associate
     end do
-    call release([groups], h5)
   end subroutine create_columns
 
   !> Begin with the rows of a former file, which is as it was when it was written.
@@ -178,13 +175,13 @@ contains
     call open_existing(file_name, file, h5)
     do i = 1, size(self%columns)
       associate (column => self%columns(i))
-        call open_dataset(file, column%path(), size(self%waiting(column%group)%values, 1), from, h5)
+        call open_dataset(file, column%path(), from, h5)
         done = 0
         do while (h5%status >= 0 .and. done < from%rows)
           allocate (values(min(most, from%rows - done)))
-          call read_rows(from, done, values, h5)
+          call read_rows(from, done, size(values, kind=int64), values, h5)
           if (h5%status < 0) exit
-          call append(column%dataset, size(values), values, h5)
+          call write_rows(column%dataset, done, size(values, kind=int64), values, h5)
           done = done + size(values)
           if (h5%status < 0) call self%fail(failure_reason())
           deallocate (values)
@@ -196,7 +193,7 @@ contains
         self%rows(column%group) = done
       end associate
     end do
-    h5%status = h5fclose(file)
+    call close_file(file, h5)
   end subroutine copy_rows
 
   subroutine write_samples(self, samples, error)
@@ -253,7 +250,7 @@ contains
     call put_results(self%file, 'statistics', outcome%statistics, outcome%statistics_value, h5)
     call put_ending(self%file, outcome%result_code, outcome%result_text, h5)
     if (outcome%result_code == result_done) call put_attribute(self%file, 'complete', 1, h5)
-    if (h5%status >= 0) h5%status = h5fclose(self%file)
+    if (h5%status >= 0) call close_file(self%file, h5)
     if (h5%status >= 0) return
     call self%fail(failure_reason())
     error = self%failure
@@ -269,11 +266,11 @@ contains
     if (.not. allocated(self%failure)) then
       do i = 1, size(self%columns)
         associate (column => self%columns(i), waiting => self%waiting(self%columns(i)%group))
-          associate (values => waiting%values(:waiting%count, column%place))
+          associate (values => waiting%values(:waiting%count, column%place), rows => int(waiting%count, int64))
             if (column%part == 1) then
-              call append(column%dataset, size(values), real(values, real64), h5)
+              call write_rows(column%dataset, column%dataset%rows, rows, real(values, real64), h5)
             else
-              call append(column%dataset, size(values), rounding_error(values), h5)
+              call write_rows(column%dataset, column%dataset%rows, rows, rounding_error(values), h5)
             end if
           end associate
         end associate
@@ -325,10 +322,9 @@ contains
     call create_group(file, name, group, h5)
     if (allocated(quantities)) then
       do i = 1, size(quantities)
-        call put_value(group, quantities(i), values(i), h5, merge(h5t_std_i64le, h5t_ieee_f64le, quantities(i)%counts))
+        call put_value(group, quantities(i), values(i), h5)
       end do
     end if
-    call release([group], h5)
   end subroutine put_results
 
   !> The description of its origin that every result file has.
@@ -360,7 +356,6 @@ contains
     call create_group(file, 'deck', group, h5)
     call put_value(group, quantity_t('text', '1', 'the deck as read'), metadata%deck_text, h5)
     call put_value(group, quantity_t('resolved', '1', 'the deck with every key as used'), metadata%deck_resolved, h5)
-    call release([group], h5)
 
     call create_group(file, 'parameters', group, h5)
     if (allocated(metadata%parameters)) then
@@ -374,7 +369,6 @@ contains
         end associate
       end do
     end if
-    call release([group], h5)
   end subroutine write_metadata
 
   !> The attributes of how a run or sweep ended.

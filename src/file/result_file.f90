@@ -7,11 +7,12 @@ module dst_result_file
   use, intrinsic :: iso_c_binding, only: c_int
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, delete_own_file, file_exists, folder_of, is_folder, &
     is_locked, keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
-    system_reason, wait_seconds
+    system_reason
   use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result, is_deck, is_hdf5
   use dst_kinds, only: wp, int64
+  use dst_machine, only: wait_seconds
   use dst_text, only: integer_text, printable
   implicit none
   private

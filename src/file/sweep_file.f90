@@ -1,17 +1,17 @@
 !> The file of a sweep, or of a share of it: one row for each case, in the order of the cases.
 !>
-!> Rows wait in memory, in blocks that are whole chunks of the file, and a block is written when its memory is needed for another:
-!> the memory hardly grows with the number of cases. A case that has not been run has the datasets' fill values: NaN, and
-!> result_code -1. The file gets its name when it is made whole (dst_result_file); the sweep then goes on in a new file, to which
-!> the rows of the former are copied. A sweep that is started again goes on in the same way, and so does a merge with rows of shares.
+!> Rows wait in memory until there are many, and are then written in their order, so that the memory hardly grows with the number
+!> of cases. A case that has not been run has the datasets' fill values: NaN, and result_code -1. The file gets its name when it is
+!> made whole (dst_result_file); the sweep then goes on in a new file, to which the rows of the former are copied. A sweep that is
+!> started again goes on in the same way, and so does a merge with rows of shares.
 module dst_sweep_file
   use, intrinsic :: iso_fortran_env, only: int8
   use dst_disk, only: path_t, with_remedy
   use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_library, only: hid_t, hsize_t, h5fclose, h5f_acc_trunc, h5f_acc_rdonly, h5t_ieee_f64le, h5t_std_i32le
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, put_attribute, get_attribute, create_group, release, &
-    dataset_t, create_dataset, open_dataset, append, append_texts, read_rows, read_texts, write_rows, make_scale, attach_scale
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, create_file, open_existing, close_file, failure_reason, as_double, as_int32, &
+    put_attribute, get_attribute, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, &
+    text_of_row, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
   use dst_result_file, only: result_file_t
@@ -23,11 +23,11 @@ module dst_sweep_file
   implicit none
   private
 
-  public :: sweep_file_t, sweep_head_t, read_head, not_run, identity_length, build_length
+  public :: sweep_file_t, sweep_head_t, read_head, not_run
 
   !> result_code of a case that has not been run.
   integer, parameter :: not_run = -1
-  !> Rows of a block; numbers in a chunk of samples or cycles; bytes of all blocks of a table.
+  !> Rows of a chunk; numbers in a chunk of samples or cycles; bytes of the waiting rows of a table.
   integer, parameter :: most_rows = 2048, usual_chunk = 16384, most_bytes = 16*1024**2
   integer, parameter :: identity_length = 24, build_length = 16
 
@@ -50,27 +50,19 @@ module dst_sweep_file
     type(dataset_t) :: dataset = dataset_t()
   end type column_t
 
-  !> Rows that are written together.
-  type :: block_t
-    integer :: number = 0                         !! 0: none
-    integer :: last_used = 0
-    real(real64), allocatable :: values(:, :)     !! (numbers of a column's rows, column)
-  end type block_t
-
-  !> Columns with rows of one length, and the blocks of them that are in memory.
+  !> Columns with rows of one length, and their rows that wait to be written.
   type :: table_t
     type(column_t), allocatable :: columns(:)
     integer :: rows = 0, row_length = 1           !! rows, and numbers of one column in a row
-    integer :: block_rows = 0
-    type(block_t), allocatable :: blocks(:)
+    integer :: chunk_rows = 1
     logical :: is_inner = .false.                 !! the columns have a second dimension: samples or cycles
-    integer :: uses = 0
-    logical, allocatable :: is_in_file(:)         !! blocks
+    integer :: count = 0
+    integer, allocatable :: waiting(:), place(:)  !! rows in ascending order, and the places of their values
+    real(real64), allocatable :: values(:, :, :)  !! (number in a row, place, column)
   contains
     procedure :: put_row
-    procedure :: block_at
-    procedure :: write_block
-    procedure :: copy_blocks
+    procedure :: write_waiting
+    procedure :: copy_former
   end type table_t
 
   !> The file while the sweep is run or merged.
@@ -107,13 +99,12 @@ contains
     type(dataset_t) :: codes
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: complete, ignored
+    integer :: complete
 
     head%share = ''
     call check_ending(file_name, reason)
     if (allocated(reason)) return
-    call start_hdf5(h5)
-    call open_file(file_name, h5f_acc_rdonly, file, h5)
+    call open_existing(file_name, file, h5)
     if (h5%status < 0) then
       reason = failure_reason()
       return
@@ -124,14 +115,14 @@ contains
     call get_attribute(file, 'complete', complete, h5)
     call get_attribute(file, 'cases_done', head%done, h5)
     call get_attribute(file, 'cases_failed', head%failed, h5)
-    call open_dataset(file, 'sweep/result_code', 1, codes, h5)
+    call open_dataset(file, 'sweep/result_code', codes, h5)
     if (h5%status >= 0) then
       head%cases = int(codes%rows)
       head%identity = identity
       head%build = build
       head%complete = complete == 1
     end if
-    ignored = h5fclose(file)
+    call close_file(file, h5)
   end subroutine read_head
 
   !> Begin the file of a share; `goes_on`: with the rows of the file that has its name.
@@ -184,43 +175,22 @@ contains
       .true., real(not_run, real64))])
     self%tables(1)%columns(wall_time_value)%group = 'sweep'
     self%tables%rows = self%rows
-    self%tables(1)%block_rows = (self%rows - 1)/((self%rows - 1)/most_rows + 1) + 1
-    allocate (self%tables(2)%columns(0))
-    rows = self%sweep%table_rows()
-    if (rows > 0) then
-      group = 'sweep/series'
-      if (self%sweep%keeps_cycles) then
-        group = 'sweep/cycles'
-        self%tables(1)%columns = [self%tables(1)%columns, column_t(quantity_t('count', '1', 'cycles that are kept of the case'), &
-          group, .true., 0.0_real64)]
-      end if
-      allocate (quantities, source=table_quantities(self%sweep))
-      deallocate (self%tables(2)%columns)
-      allocate (self%tables(2)%columns(size(quantities)))
-      do i = 1, size(quantities)
-        self%tables(2)%columns(i) = column_t(quantities(i), group, .false., nan)
-      end do
-      self%tables(2)%row_length = rows
-      self%tables(2)%is_inner = .true.
-      self%tables(2)%block_rows = max(1, min(self%rows, usual_chunk/rows))
-    end if
+    self%tables(1)%chunk_rows = (self%rows - 1)/((self%rows - 1)/most_rows + 1) + 1
+    group = inner_group(self)
+    if (self%sweep%keeps_cycles) self%tables(1)%columns = [self%tables(1)%columns, &
+      column_t(quantity_t('count', '1', 'cycles that are kept of the case'), group, .true., 0.0_real64)]
+    allocate (quantities, source=table_quantities(self%sweep))
+    allocate (self%tables(2)%columns, source=[(column_t(quantities(i), group, .false., nan), i=1, size(quantities))])
+    self%tables(2)%is_inner = size(quantities) > 0
+    self%tables(2)%row_length = max(1, self%sweep%table_rows())
+    self%tables(2)%chunk_rows = max(1, min(self%rows, usual_chunk/self%tables(2)%row_length))
     do i = 1, size(self%tables)
       associate (table => self%tables(i))
-        allocate (table%blocks(max(1, min(blocks_of(table), &
-          most_bytes/(8*max(1, table%row_length*table%block_rows*size(table%columns)))))))
-        allocate (table%is_in_file(blocks_of(table)))
-        table%is_in_file = .false.
+        rows = max(1, min(self%rows, most_bytes/8/max(1, table%row_length*size(table%columns))))
+        allocate (table%waiting(rows), table%place(rows), table%values(table%row_length, rows, size(table%columns)))
       end associate
     end do
   end subroutine lay_out
-
-  !> Number of blocks of all rows.
-  pure integer function blocks_of(table)
-    type(table_t), intent(in) :: table
-
-    blocks_of = 0
-    if (size(table%columns) > 0) blocks_of = (table%rows - 1)/table%block_rows + 1
-  end function blocks_of
 
   !> Which rows the file under the name has.
   subroutine take_former(self, error)
@@ -230,19 +200,17 @@ contains
     character(:), allocatable :: reason
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: i, block, last, ignored
 
     call read_head(self%file%former_path(), head, reason)
     if (.not. allocated(reason)) then
       if (head%identity /= self%head%identity .or. head%build /= self%head%build) reason = 'it was replaced meanwhile'
     end if
     if (.not. allocated(reason)) then
-      call start_hdf5(h5)
-      call open_file(self%file%former_path(), h5f_acc_rdonly, file, h5)
+      call open_existing(self%file%former_path(), file, h5)
       call read_codes(file, 1, self%code, h5)
       call take_messages(self, file, self%share, h5)
       if (h5%status < 0) reason = failure_reason()
-      if (file >= 0) ignored = h5fclose(file)
+      call close_file(file, h5)
     end if
     if (allocated(reason)) then
       call raise(error, file_error, self%file%name//': cannot go on: '//reason)
@@ -251,14 +219,6 @@ contains
     end if
     self%done = count(self%code /= not_run)
     self%failed = count(self%code > 0)
-    do i = 1, size(self%tables)
-      associate (table => self%tables(i))
-        do block = 1, size(table%is_in_file)
-          last = min(block*table%block_rows, self%rows)
-          table%is_in_file(block) = any(self%code((block - 1)*table%block_rows + 1:last) /= not_run)
-        end do
-      end associate
-    end do
   end subroutine take_former
 
   !> The result codes of rows of a file.
@@ -271,9 +231,8 @@ contains
     real(real64), allocatable :: values(:)
 
     allocate (values(size(codes)), source=real(not_run, real64))
-    call open_dataset(file, 'sweep/result_code', most_rows, dataset, h5)
-    call read_rows(dataset, first - 1_hsize_t, values, h5)
-    call release([dataset%id], h5)
+    call open_dataset(file, 'sweep/result_code', dataset, h5)
+    call read_rows(dataset, first - 1_hsize_t, size(values, kind=hsize_t), values, h5)
     if (h5%status >= 0) codes = nint(values, int8)
   end subroutine read_codes
 
@@ -284,21 +243,18 @@ contains
     type(share_t), intent(in) :: share
     type(hdf5_t), intent(inout) :: h5
     type(dataset_t) :: cases, texts
-    type(path_t), allocatable :: text(:)
     real(real64), allocatable :: number(:)
     integer :: i, row
 
-    call open_dataset(file, 'sweep/failures/case', most_rows, cases, h5)
-    call open_dataset(file, 'sweep/failures/result_text', most_rows, texts, h5)
+    call open_dataset(file, 'sweep/failures/case', cases, h5)
+    call open_dataset(file, 'sweep/failures/result_text', texts, h5)
     if (h5%status < 0) return
-    allocate (number(cases%rows))
-    call read_rows(cases, 0_hsize_t, number, h5)
-    call read_texts(texts, text, h5)
-    call release([cases%id, texts%id], h5)
-    do i = 1, min(size(text), size(number))
+    allocate (number(min(cases%rows, texts%rows)))
+    call read_rows(cases, 0_hsize_t, size(number, kind=hsize_t), number, h5)
+    do i = 1, size(number)
       if (h5%status < 0 .or. modulo(nint(number(i)) - share%number, share%count) /= 0) cycle
       row = (nint(number(i)) - self%share%number)/self%share%count + 1
-      if (row >= 1 .and. row <= self%rows) self%message(row)%text = text(i)%text
+      if (row >= 1 .and. row <= self%rows) self%message(row)%text = text_of_row(texts, i, h5)
     end do
   end subroutine take_messages
 
@@ -309,19 +265,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_t) :: h5
     integer(hid_t) :: former
-    integer :: i, ignored
+    integer :: i
 
     self%is_changed = .false.
-    call start_hdf5(h5)
-    call open_file(self%file%path(), h5f_acc_trunc, self%id, h5)
+    call create_file(self%file%path(), self%id, h5)
     call write_metadata(self%id, self%metadata, h5)
     call create_columns(self, h5)
     if (has_former) then
-      call open_file(self%file%former_path(), h5f_acc_rdonly, former, h5)
+      call open_existing(self%file%former_path(), former, h5)
       do i = 1, size(self%tables)
-        call self%tables(i)%copy_blocks(former, h5)
+        call self%tables(i)%copy_former(former, self%code, h5)
       end do
-      if (h5%status >= 0) ignored = h5fclose(former)
+      if (h5%status >= 0) call close_file(former, h5)
     end if
     if (h5%status < 0) call give_up(self, failure_reason(), error)
   end subroutine create
@@ -341,47 +296,42 @@ contains
     class(sweep_file_t), intent(inout) :: self
     type(hdf5_t), intent(inout) :: h5
     type(dataset_t) :: case, inner
-    integer(hid_t) :: sweep, summary, group
+    character(24) :: names(3)
+    integer(hid_t) :: groups(3)
     integer :: i, k
 
-    call create_group(self%id, 'sweep', sweep, h5)
-    call create_group(sweep, 'summary', summary, h5)
-    call put_attribute(sweep, 'grid', grid_text(self), h5)
-    call put_attribute(sweep, 'parameters', self%sweep%parameters(), h5)
-    call create_coordinates(self, sweep, case, h5)
-    group = sweep
-    if (self%tables(2)%is_inner) call create_inner_scale(self, sweep, group, inner, h5)
+    names = [character(24) :: 'sweep', 'sweep/summary', inner_group(self)]
+    do k = 1, count(names /= '')
+      call create_group(self%id, trim(names(k)), groups(k), h5)
+    end do
+    call put_attribute(groups(1), 'grid', grid_text(self), h5)
+    call put_attribute(groups(1), 'parameters', self%sweep%parameters(), h5)
+    call create_coordinates(self, groups(1), case, h5)
+    if (self%tables(2)%is_inner) call create_inner_scale(self, groups(3), inner, h5)
     do k = 1, size(self%tables)
       associate (table => self%tables(k))
         do i = 1, size(table%columns)
           associate (column => table%columns(i))
-            select case (column%group)
-            case ('sweep')
-              call create_column(sweep)
-            case ('sweep/summary')
-              call create_column(summary)
-            case default
-              call create_column(group)
-            end select
-            call attach_scale(column%dataset, case, 1, h5)
-            if (table%is_inner) call attach_scale(column%dataset, inner, 2, h5)
+            column%dataset = dataset_t(rows=self%rows, row_length=merge(table%row_length, 0, table%is_inner))
+            call create_dataset(groups(findloc(names, column%group, dim=1)), column%quantity, table%chunk_rows, &
+              column%dataset, h5, merge(as_int32, as_double, column%is_integer), whole_chunks=.true., fill=column%fill)
+            call attach_scale(column%dataset, case, 0, h5)
+            if (table%is_inner) call attach_scale(column%dataset, inner, 1, h5)
           end associate
         end do
       end associate
     end do
-
-  contains
-
-    subroutine create_column(parent)
-      integer(hid_t), intent(in) :: parent
-
-      associate (table => self%tables(k))
-        call create_dataset(parent, table%columns(i)%quantity, table%block_rows, table%columns(i)%dataset, h5, &
-          merge(h5t_std_i32le, h5t_ieee_f64le, table%columns(i)%is_integer), &
-          merge(table%row_length, 0, table%is_inner), .true., self%rows, table%columns(i)%fill)
-      end associate
-    end subroutine create_column
   end subroutine create_columns
+
+  !> The group of the samples or cycles of all cases; '' if none are kept.
+  pure function inner_group(self) result(name)
+    class(sweep_file_t), intent(in) :: self
+    character(12) :: name
+
+    name = ''
+    if (self%sweep%keeps_series) name = 'sweep/series'
+    if (self%sweep%keeps_cycles) name = 'sweep/cycles'
+  end function inner_group
 
   !> The number of each case, which is the scale of all columns, and its parameters.
   subroutine create_coordinates(self, group, case, h5)
@@ -393,13 +343,12 @@ contains
     real(real64) :: values(min(self%rows, most_rows), size(self%sweep%axes))
     integer :: first, i, rows
 
-    call create_dataset(group, quantity_t('case', '1', 'number of the case'), size(values, 1), case, h5, h5t_std_i32le, &
-      whole_chunks=.true.)
-    call make_scale(case, 'case', h5)
+    call create_dataset(group, quantity_t('case', '1', 'number of the case'), size(values, 1), case, h5, as_int32, &
+      whole_chunks=.true., is_scale=.true.)
     do i = 1, size(parameters)
-      call create_dataset(group, parameter_of(self%sweep%axes(i)), size(values, 1), parameters(i), h5, h5t_ieee_f64le, &
+      call create_dataset(group, parameter_of(self%sweep%axes(i)), size(values, 1), parameters(i), h5, as_double, &
         whole_chunks=.true.)
-      call attach_scale(parameters(i), case, 1, h5)
+      call attach_scale(parameters(i), case, 0, h5)
     end do
     do first = 0, self%rows - 1, size(values, 1)
       rows = min(size(values, 1), self%rows - first)
@@ -407,10 +356,10 @@ contains
         do i = 1, rows
           values(i, :) = real(self%sweep%coordinates(cases(i)), real64)
         end do
-        call append(case, rows, real(cases, real64), h5)
+        call write_rows(case, case%rows, int(rows, hsize_t), real(cases, real64), h5)
       end associate
       do i = 1, size(parameters)
-        call append(parameters(i), rows, values(:, i), h5)
+        call write_rows(parameters(i), parameters(i)%rows, int(rows, hsize_t), values(:, i), h5)
       end do
     end do
   end subroutine create_coordinates
@@ -424,30 +373,26 @@ contains
     end associate
   end function parameter_of
 
-  !> The group of the samples or cycles of all cases, and its scale: time, or the number of the cycle among those that are kept; the
-  !> last cycle that was run is in the last place that has one.
-  subroutine create_inner_scale(self, parent, group, scale, h5)
+  !> The scale of the samples or cycles of all cases: time, or the number of the cycle among those that are kept; the last cycle
+  !> that was run is in the last place that has one.
+  subroutine create_inner_scale(self, group, scale, h5)
     class(sweep_file_t), intent(in) :: self
-    integer(hid_t), intent(in) :: parent
-    integer(hid_t), intent(out) :: group
+    integer(hid_t), intent(in) :: group
     type(dataset_t), intent(out) :: scale
     type(hdf5_t), intent(inout) :: h5
+    real(real64), allocatable :: values(:)
     integer :: i
 
-    associate (rows => self%tables(2)%row_length)
-      if (self%sweep%keeps_series) then
-        call create_group(parent, 'series', group, h5)
-        call create_dataset(group, quantity_t('time', 's', 'time of the samples'), min(8192, rows), scale, h5, h5t_ieee_f64le)
-        call make_scale(scale, 'time', h5)
-        call append(scale, rows, real(self%sweep%series_times(), real64), h5)
-      else
-        call create_group(parent, 'cycles', group, h5)
-        call create_dataset(group, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), rows, scale, h5, &
-          h5t_std_i32le)
-        call make_scale(scale, 'cycle', h5)
-        call append(scale, rows, [(real(i, real64), i=1, rows)], h5)
-      end if
-    end associate
+    if (self%sweep%keeps_series) then
+      values = real(self%sweep%series_times(), real64)
+      call create_dataset(group, quantity_t('time', 's', 'time of the samples'), min(8192, size(values)), scale, h5, as_double, &
+        is_scale=.true.)
+    else
+      values = [(real(i, real64), i=1, self%tables(2)%row_length)]
+      call create_dataset(group, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), size(values), &
+        scale, h5, as_int32, is_scale=.true.)
+    end if
+    call write_rows(scale, 0_hsize_t, size(values, kind=hsize_t), values, h5)
   end subroutine create_inner_scale
 
   !> '40 40', or 'list', as the cases of a share are none of a grid.
@@ -506,44 +451,46 @@ contains
     if (result_code == result_done .and. allocated(self%message(row)%text)) deallocate (self%message(row)%text)
   end subroutine note
 
-  !> Copy the numbers of a row into its block.
+  !> Let a row wait; the rows that wait are written if there is no room for it.
   subroutine put_row(self, row, values, h5)
     class(table_t), intent(inout) :: self
     integer, intent(in) :: row
     real(real64), intent(in) :: values(:, :)      !! (number, column)
     type(hdf5_t), intent(inout) :: h5
-    integer :: slot, first
-
-    call self%block_at((row - 1)/self%block_rows + 1, slot, h5)
-    first = modulo(row - 1, self%block_rows)*self%row_length
-    self%blocks(slot)%values(first + 1:first + self%row_length, :) = values
-  end subroutine put_row
-
-  !> The place in memory of a block; that which was not used for longest is written if there is no other.
-  subroutine block_at(self, number, slot, h5)
-    class(table_t), intent(inout) :: self
-    integer, intent(in) :: number
-    integer, intent(out) :: slot
-    type(hdf5_t), intent(inout) :: h5
     integer :: i
 
-    slot = findloc(self%blocks%number, number, dim=1)
-    self%uses = self%uses + 1
-    if (slot == 0) then
-      slot = findloc(self%blocks%number, 0, dim=1)
-      if (slot == 0) slot = minloc(self%blocks%last_used, dim=1)
-      call self%write_block(slot, h5)
-      associate (block => self%blocks(slot))
-        block%number = number
-        if (.not. allocated(block%values)) allocate (block%values(self%block_rows*self%row_length, size(self%columns)))
-        do i = 1, size(self%columns)
-          block%values(:, i) = self%columns(i)%fill
-        end do
-        if (self%is_in_file(number)) call read_block(self, self%columns%dataset, number, block%values, h5)
-      end associate
-    end if
-    self%blocks(slot)%last_used = self%uses
-  end subroutine block_at
+    if (self%count == size(self%waiting)) call self%write_waiting(h5)
+    self%count = self%count + 1
+    do i = self%count, 2, -1
+      if (self%waiting(i - 1) <= row) exit
+      self%waiting(i) = self%waiting(i - 1)
+      self%place(i) = self%place(i - 1)
+    end do
+    self%waiting(i) = row
+    self%place(i) = self%count
+    self%values(:, self%count, :) = values
+  end subroutine put_row
+
+  !> Write the rows that wait: successive rows of a chunk at once.
+  subroutine write_waiting(self, h5)
+    class(table_t), intent(inout) :: self
+    type(hdf5_t), intent(inout) :: h5
+    real(real64), allocatable :: values(:, :)
+    integer :: first, last, i
+
+    first = 1
+    do while (first <= self%count)
+      do last = first, self%count - 1
+        if (self%waiting(last + 1) /= self%waiting(last) + 1 .or. modulo(self%waiting(last), self%chunk_rows) == 0) exit
+      end do
+      do i = 1, size(self%columns)
+        values = self%values(:, self%place(first:last), i)
+        call write_rows(self%columns(i)%dataset, self%waiting(first) - 1_hsize_t, size(values, 2, hsize_t), values, h5)
+      end do
+      first = last + 1
+    end do
+    self%count = 0
+  end subroutine write_waiting
 
   subroutine open_columns(self, file, datasets, h5)
     type(table_t), intent(in) :: self
@@ -553,62 +500,33 @@ contains
     integer :: i
 
     do i = 1, size(datasets)
-      call open_dataset(file, trim(self%columns(i)%group)//'/'//trim(self%columns(i)%quantity%name), self%block_rows, &
-        datasets(i), h5, merge(self%row_length, 0, self%is_inner))
+      call open_dataset(file, trim(self%columns(i)%group)//'/'//trim(self%columns(i)%quantity%name), datasets(i), h5, &
+        merge(self%row_length, 0, self%is_inner))
     end do
   end subroutine open_columns
 
-  subroutine read_block(self, datasets, number, values, h5)
-    class(table_t), intent(in) :: self
-    type(dataset_t), intent(in) :: datasets(:)
-    integer, intent(in) :: number
-    real(real64), intent(inout), contiguous :: values(:, :)
-    type(hdf5_t), intent(inout) :: h5
-    integer :: i, first
-
-    first = (number - 1)*self%block_rows
-    do i = 1, size(datasets)
-      call read_rows(datasets(i), int(first, hsize_t), values(:min(self%block_rows, self%rows - first)*self%row_length, i), h5)
-    end do
-  end subroutine read_block
-
-  !> Write a block that is in memory, if there is one in this place.
-  subroutine write_block(self, slot, h5)
-    class(table_t), intent(inout) :: self
-    integer, intent(in) :: slot
-    type(hdf5_t), intent(inout) :: h5
-    integer :: i, first
-
-    associate (block => self%blocks(slot))
-      if (block%number == 0) return
-      first = (block%number - 1)*self%block_rows
-      do i = 1, size(self%columns)
-        call write_rows(self%columns(i)%dataset, int(first, hsize_t), min(self%block_rows, self%rows - first), &
-          block%values(:, i), h5)
-      end do
-      self%is_in_file(block%number) = .true.
-    end associate
-  end subroutine write_block
-
-  !> Copy the blocks that a former file has, except those in memory.
-  subroutine copy_blocks(self, former, h5)
+  !> Copy the chunks of a former file that have cases which were run.
+  subroutine copy_former(self, former, codes, h5)
     class(table_t), intent(inout) :: self
     integer(hid_t), intent(in) :: former
+    integer(int8), intent(in) :: codes(:)
     type(hdf5_t), intent(inout) :: h5
     type(dataset_t) :: datasets(size(self%columns))
-    integer :: number, slot
+    real(real64), allocatable :: values(:)
+    integer(hsize_t) :: rows
+    integer :: first, i
 
     call open_columns(self, former, datasets, h5)
-    do number = 1, size(self%is_in_file)
-      if (.not. self%is_in_file(number) .or. any(self%blocks%number == number)) cycle
-      if (h5%status < 0) exit
-      self%is_in_file(number) = .false.
-      call self%block_at(number, slot, h5)
-      call read_block(self, datasets, number, self%blocks(slot)%values, h5)
-      self%blocks(slot)%last_used = 0
+    if (size(datasets) > 0) allocate (values(self%chunk_rows*self%row_length))
+    do first = 0, self%rows - 1, self%chunk_rows
+      rows = min(self%chunk_rows, self%rows - first)
+      if (all(codes(first + 1:first + rows) == not_run)) cycle
+      do i = 1, size(datasets)
+        call read_rows(datasets(i), int(first, hsize_t), rows, values, h5)
+        call write_rows(self%columns(i)%dataset, int(first, hsize_t), rows, values, h5)
+      end do
     end do
-    call release([datasets%id], h5)
-  end subroutine copy_blocks
+  end subroutine copy_former
 
   !> Copy those cases of a share's file that are missing here, or failed here and not there, if their rows are from `first` to
   !> `last`. Only `window` rows are in memory at once.
@@ -623,14 +541,13 @@ contains
     integer, allocatable :: rows(:)
     type(hdf5_t) :: h5
     integer(hid_t) :: file
-    integer :: i, begin, ignored
+    integer :: i, begin
 
     begin = share%size(first - 1) + 1
     allocate (rows, source=share%case_of([(i, i=begin, share%size(last))]))
     if (size(rows) == 0) return
     allocate (codes(size(rows)))
-    call start_hdf5(h5)
-    call open_file(file_name, h5f_acc_rdonly, file, h5)
+    call open_existing(file_name, file, h5)
     call read_codes(file, begin, codes, h5)
     if (h5%status >= 0) then
       is_wanted = codes /= not_run .and. (self%code(rows) == not_run .or. (self%code(rows) > 0 .and. codes == 0))
@@ -641,7 +558,7 @@ contains
       do i = 1, size(rows)
         if (is_wanted(i)) call note(self, rows(i), int(codes(i)))
       end do
-      ignored = h5fclose(file)
+      if (h5%status >= 0) call close_file(file, h5)
     end if
     if (h5%status < 0) then
       call raise(error, file_error, file_name//': cannot be read: '//failure_reason()//': run this share again with --overwrite')
@@ -663,24 +580,20 @@ contains
     allocate (values(table%row_length*size(rows), size(datasets)))
     call open_columns(table, file, datasets, h5)
     do i = 1, size(datasets)
-      call read_rows(datasets(i), begin - 1_hsize_t, values(:, i), h5)
+      call read_rows(datasets(i), begin - 1_hsize_t, size(rows, kind=hsize_t), values(:, i), h5)
     end do
-    call release([datasets%id], h5)
+    if (table%count + count(is_wanted) > size(table%waiting)) call table%write_waiting(h5)
     do i = 1, size(rows)
       if (is_wanted(i) .and. h5%status >= 0 .and. size(datasets) > 0) &
         call table%put_row(rows(i), values((i - 1)*table%row_length + 1:i*table%row_length, :), h5)
     end do
   end subroutine copy_rows
 
-  !> Number of consecutive rows whose blocks fit into the memory of the file.
+  !> Number of rows that wait in memory at most.
   pure integer function window(self)
     class(sweep_file_t), intent(in) :: self
-    integer :: i
 
-    window = self%rows
-    do i = 1, size(self%tables)
-      if (size(self%tables(i)%columns) > 0) window = min(window, size(self%tables(i)%blocks)*self%tables(i)%block_rows)
-    end do
+    window = min(size(self%tables(1)%waiting), size(self%tables(2)%waiting))
   end function window
 
   !> Write everything that is known, and give the file its name. Then it goes on, or is closed.
@@ -689,16 +602,14 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_t) :: h5
     integer(int64), parameter :: no_state(0) = 0
-    integer :: i, slot
+    integer :: i
 
     do i = 1, size(self%tables)
-      do slot = 1, size(self%tables(i)%blocks)
-        call self%tables(i)%write_block(slot, h5)
-      end do
+      call self%tables(i)%write_waiting(h5)
     end do
     call write_failures(self, h5)
     call describe_sweep(self, h5)
-    if (h5%status >= 0) h5%status = h5fclose(self%id)
+    if (h5%status >= 0) call close_file(self%id, h5)
     if (h5%status < 0) then
       call give_up(self, failure_reason(), error)
     else
@@ -714,20 +625,16 @@ contains
     integer, parameter :: chunk = 1024
     type(dataset_t) :: cases, texts
     integer(hid_t) :: group
-    integer, allocatable :: rows(:)
-    integer :: i, first
+    integer :: i
 
     call create_group(self%id, 'sweep/failures', group, h5)
-    call create_dataset(group, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, h5t_std_i32le)
-    call make_scale(cases, 'case', h5)
+    call create_dataset(group, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, as_int32, is_scale=.true.)
     call create_dataset(group, quantity_t('result_text', '1', 'why it failed'), chunk, texts, h5)
-    call attach_scale(texts, cases, 1, h5)
-    rows = pack([(i, i=1, self%rows)], self%code > 0)
-    do first = 1, size(rows), chunk
-      associate (some => rows(first:min(first + chunk - 1, size(rows))))
-        call append(cases, size(some), real(self%share%case_of(some), real64), h5)
-        call append_texts(texts, self%message(some), h5)
-      end associate
+    call attach_scale(texts, cases, 0, h5)
+    do i = 1, self%rows
+      if (self%code(i) <= 0) cycle
+      call write_rows(cases, cases%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
+      call append_text(texts, self%message(i)%text, h5)
     end do
   end subroutine write_failures
 
@@ -769,9 +676,9 @@ contains
   !> The file under the name, if there is one, stays as it is.
   subroutine discard(self)
     class(sweep_file_t), intent(inout) :: self
-    integer :: ignored
+    type(hdf5_t) :: h5
 
-    if (self%id >= 0) ignored = h5fclose(self%id)
+    call close_file(self%id, h5)
     self%id = -1
     call self%file%discard()
   end subroutine discard

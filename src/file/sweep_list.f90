@@ -4,11 +4,10 @@ module dst_sweep_list
   use dst_deck_sweep, only: range_problem
   use dst_disk, only: path_t
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_library, only: hid_t, h5fclose, h5f_acc_rdonly
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5, open_file, failure_reason, names_in, read_list
+  use dst_hdf5_tools, only: hid_t, hdf5_t, open_existing, close_file, failure_reason, refusal, names_in, read_list
   use dst_hdf5_origin, only: is_hdf5
-  use dst_sweep, only: axis_t
-  use dst_sweep_points, only: path_of_points, points_of_csv, name_axis
+  use dst_sweep, only: axis_t, name_axis
+  use dst_sweep_points, only: path_of_points, points_of_csv
   use dst_text, only: integer_text
   implicit none
   private
@@ -40,11 +39,11 @@ contains
     type(path_t), allocatable :: names(:)
     integer(hid_t) :: file
     type(hdf5_t) :: h5
-    integer :: i, n, ignored
+    character(:), allocatable :: problem
+    integer :: i, n
 
-    call start_hdf5(h5)
-    call open_file(path, h5f_acc_rdonly, file, h5)
-    call names_in(file, names, h5)
+    call open_existing(path, file, h5)
+    call names_in(file, '/', names, h5)
     if (h5%status < 0) then
       call raise(error, file_error, path//': cannot be read: '//failure_reason())
       return
@@ -54,8 +53,9 @@ contains
     do i = 1, size(names)
       if (index(names(i)%text, '.') == 0) cycle
       n = n + 1
-      call name_axis(deck, names(i)%text, path, axes, n, error)
-      if (.not. allocated(error)) call take_values(file, path, names(i)%text, axes(n), error)
+      call name_axis(deck, names(i)%text, axes, n, 'named', problem)
+      if (problem == '') call take_values(file, names(i)%text, axes(n), problem)
+      if (problem /= '') call raise(error, file_error, path//': '//problem)
       if (allocated(error)) exit
       if (size(axes(n)%values) /= size(axes(1)%values)) then
         call raise(error, file_error, path//": '"//names(i)%text//"' has "//integer_text(size(axes(n)%values))// &
@@ -63,29 +63,27 @@ contains
         exit
       end if
     end do
-    ignored = h5fclose(file)
+    call close_file(file, h5)
     if (n == 0) call raise(error, file_error, path//': holds no points: give one-dimensional datasets with names of keys, '// &
       'like /system.misalignment_deg')
   end subroutine read_datasets
 
-  subroutine take_values(file, path, name, axis, error)
+  subroutine take_values(file, name, axis, problem)
     integer(hid_t), intent(in) :: file
-    character(*), intent(in) :: path, name
+    character(*), intent(in) :: name
     type(axis_t), intent(inout) :: axis
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
+    character(:), allocatable, intent(out) :: problem   !! '' if there is none
     type(hdf5_t) :: h5
     integer :: i
 
     call read_list(file, name, axis%values, h5)
     problem = ''
     if (h5%status < 0) problem = "'"//name//"' is no sound one-dimensional dataset of numbers: give one value a case"
-    if (allocated(h5%refusal)) problem = h5%refusal//': give plain one-dimensional datasets of numbers, one value a case'
+    if (refusal(h5) /= '') problem = refusal(h5)//': give plain one-dimensional datasets of numbers, one value a case'
     do i = 1, size(axis%values)
       if (problem /= '') exit
       problem = range_problem(axis%key, axis%values(i))
       if (problem /= '') problem = "'"//name//"' value "//integer_text(i)//': '//problem
     end do
-    if (problem /= '') call raise(error, file_error, path//': '//problem)
   end subroutine take_values
 end module dst_sweep_list

@@ -11,7 +11,7 @@
 !> It needs no iteration, so that every lane does the same at the same time, each with its own step. The elongation is eliminated by
 !> hand, so that a division solves the linear system. Counts are reals, as vectors have numbers of one length.
 !>
-!> The body, `lane_step.inc`, is compiled for several instruction sets (dst_instructions).
+!> The body, `lane_step.inc`, is compiled for several instruction sets (dst_machine).
 !>
 !> Source: Steinebach (1995), Preprint 1741, TH Darmstadt; Hairer & Wanner II, Sec. IV.7.
 module dst_lane_step

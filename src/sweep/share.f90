@@ -6,7 +6,7 @@ module dst_share
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64
   use dst_machine, only: environment
-  use dst_paths, only: path_t, matching_files
+  use dst_paths, only: path_t, matching_files, stem_of
   use dst_text, only: excerpt, integer_text, read_integer
   implicit none
   private
@@ -73,14 +73,6 @@ contains
     if (self%count > 1) name = result_file(:stem_of(result_file))//'.'//integer_text(self%number)//between// &
       integer_text(self%count)//result_file(stem_of(result_file) + 1:)
   end function file_name
-
-  !> Length of a name without its extension.
-  pure integer function stem_of(name)
-    character(*), intent(in) :: name
-
-    stem_of = index(name, '.', back=.true.) - 1
-    if (stem_of <= index(name, '/', back=.true.)) stem_of = len(name)
-  end function stem_of
 
   !> The share that has the file `name` of a sweep with the result `result_file`; 1/1 if the name is no share's.
   pure type(share_t) function share_in_name(name, result_file) result(share)

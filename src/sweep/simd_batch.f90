@@ -8,8 +8,8 @@ module dst_simd_batch
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
-  use dst_instructions, only: runs_v3
   use dst_lane_step, only: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes_plain, step_lanes_v3
+  use dst_machine, only: runs_v3
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t

@@ -25,7 +25,7 @@ module dst_sweep
   implicit none
   private
 
-  public :: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once
+  public :: sweep_t, axis_t, case_t, watch_t, worker_t, name_axis, new_sweep, new_worker, cases_at_once
   public :: value_count, value_quantities, wall_time_value, table_quantities, series_interval
 
   !> A parameter and its values: along one side of a grid, or for each case of a list.
@@ -182,14 +182,9 @@ contains
 
     do i = 1, size(sweep%axes)
       associate (axis => sweep%axes(i))
-        axis%key = varied_key(trim(axis%name))
-        problem = variation_problem(sweep%deck, trim(axis%name))
-        if (problem == '' .and. sweep%keeps_series .and. schema(axis%key)%name == 't_end') &
+        call name_axis(sweep%deck, trim(axis%name), sweep%axes, i, 'varied', problem)
+        if (problem == '' .and. sweep%keeps_series .and. axis%name == 'scene.t_end') &
           problem = "keep 'series' needs the same times in every case: do not vary scene.t_end"
-        if (problem == '') axis%name = trim(schema(axis%key)%group)//'.'//schema(axis%key)%name
-        do j = 1, i - 1
-          if (sweep%axes(j)%key == axis%key .and. problem == '') problem = "'"//trim(axis%name)//"' is varied twice: name it once"
-        end do
         do j = 1, size(axis%values)
           if (problem /= '') exit
           problem = range_problem(axis%key, axis%values(j))
@@ -201,6 +196,22 @@ contains
       return
     end do
   end subroutine check_axes
+
+  !> Make axis `i` that of the key `name`, which no earlier axis may have.
+  subroutine name_axis(deck, name, axes, i, verb, problem)
+    type(deck_t), intent(in) :: deck
+    character(*), intent(in) :: name
+    type(axis_t), intent(inout) :: axes(:)
+    character(*), intent(in) :: verb                    !! what is done to keys in the list from which the name comes
+    integer, intent(in) :: i
+    character(:), allocatable, intent(out) :: problem   !! '' if there is none
+
+    problem = variation_problem(deck, name)
+    if (problem /= '') return
+    axes(i)%key = varied_key(name)
+    axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
+    if (any(axes(:i - 1)%key == axes(i)%key)) problem = "'"//trim(axes(i)%name)//"' is "//verb//' twice: name it once'
+  end subroutine name_axis
 
   !> The grid of the group &sweep.
   subroutine axes_of_deck(deck, axes, error)

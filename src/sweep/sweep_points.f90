@@ -4,16 +4,16 @@
 module dst_sweep_points
   use dst_csv, only: csv_table_t, read_csv
   use dst_deck, only: deck_t
-  use dst_deck_sweep, only: varied_key, variation_problem, range_problem
+  use dst_deck_sweep, only: range_problem
   use dst_errors, only: error_t, raise, file_error
-  use dst_schema, only: schema, sweep_group
-  use dst_sweep, only: axis_t
+  use dst_schema, only: sweep_group
+  use dst_sweep, only: axis_t, name_axis
   use dst_text, only: integer_text
   use dst_text_file, only: path_beside, read_text, hdf5_signature
   implicit none
   private
 
-  public :: path_of_points, points_of_csv, name_axis
+  public :: path_of_points, points_of_csv
 
   integer, parameter :: most_bytes = 2**28
 
@@ -56,7 +56,8 @@ contains
     end if
     allocate (axes(size(table%names)))
     do i = 1, size(axes)
-      call name_axis(deck, trim(table%names(i)), path//':'//integer_text(table%first_line), axes, i, error)
+      call name_axis(deck, trim(table%names(i)), axes, i, 'named', problem)
+      if (problem /= '') call raise(error, file_error, path//':'//integer_text(table%first_line)//': '//problem)
       if (allocated(error)) return
       axes(i)%values = table%values(i, :)
     end do
@@ -69,23 +70,4 @@ contains
       end do
     end do
   end subroutine points_of_csv
-
-  !> Make axis `i` that of the key `name`, which no earlier axis may have; `place` is the position of the name.
-  subroutine name_axis(deck, name, place, axes, i, error)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: name, place
-    type(axis_t), intent(inout) :: axes(:)
-    integer, intent(in) :: i
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
-
-    problem = variation_problem(deck, name)
-    if (problem == '' .and. any(axes(:i - 1)%key == varied_key(name))) problem = "'"//name//"' is named twice: name it once"
-    if (problem /= '') then
-      call raise(error, file_error, place//': '//problem)
-      return
-    end if
-    axes(i)%key = varied_key(name)
-    axes(i)%name = trim(schema(axes(i)%key)%group)//'.'//schema(axes(i)%key)%name
-  end subroutine name_axis
 end module dst_sweep_points

@@ -3,9 +3,8 @@
 !> Failures are returned as reasons on which a user can act. Nothing here depends on the format of the file.
 module dst_disk
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_char, nul => c_null_char
-  use dst_clock, only: utc_now, utc_at, wait_seconds
   use dst_kinds, only: wp, int64
-  use dst_paths, only: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
+  use dst_paths, only: path_t, matching_files, file_exists, is_folder, folder_of, place_of, true_path
   use dst_posix, only: c_close, c_errno, c_flock, c_free_space, c_fsync, c_keep_mode, c_link, c_look_up, c_open, c_read, c_reason, &
     c_rename, c_unlink, c_write, dst_eexist, dst_eloop, dst_enoent, dst_ewouldblock, dst_lock_ex, dst_lock_nb, dst_lock_sh, &
     dst_o_creat, dst_o_excl, dst_o_nofollow, dst_o_nonblock, dst_o_rdonly, dst_o_rdwr, fortran_text, set_file_size
@@ -14,16 +13,12 @@ module dst_disk
 
   public :: identity_t, identity_of, operator(==)
   public :: free_space, move_file, place_file, delete_file, delete_own_file
-  public :: read_at, write_bytes, create_file, make_durable, make_name_durable
-  public :: lock_new_file, is_locked, keep_mode, open_for_reading, close_descriptor
+  public :: read_at, write_at, make_durable, make_name_durable
+  public :: lock_new_file, is_locked, keep_mode, open_regular, close_descriptor
   public :: system_reason, with_remedy
   ! From other modules.
   public :: set_file_size
-  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
-  public :: utc_now, utc_at, wait_seconds
-
-  !> Used instead of a position in a file.
-  integer(int64), parameter :: where_it_stands = -1
+  public :: path_t, matching_files, file_exists, is_folder, folder_of, place_of, true_path
 
   !> Identity of a file, whatever its name is.
   type :: identity_t
@@ -105,16 +100,6 @@ contains
     end if
   end subroutine place_file
 
-  !> Create a file that did not exist, open for reading and writing; a name that is already used, also by a link, is refused.
-  subroutine create_file(file_name, descriptor, reason)
-    character(*), intent(in) :: file_name
-    integer(c_int), intent(out) :: descriptor
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-
-    descriptor = c_open(file_name//nul, dst_o_rdwr + dst_o_creat + dst_o_excl)
-    if (descriptor < 0) reason = system_reason()
-  end subroutine create_file
-
   !> Open the file with this name, which is created if necessary, for reading and writing, and lock it until it is closed.
   subroutine lock_new_file(file_name, descriptor, is_held, reason)
     character(*), intent(in) :: file_name
@@ -130,7 +115,7 @@ contains
       is_new = descriptor >= 0
       if (.not. is_new) then
         if (c_errno() == dst_eexist) then
-          call open_regular(file_name, dst_o_rdwr, descriptor, ignored, reason)
+          call open_regular(file_name, .true., descriptor, ignored, reason)
           ! The process that had it may have removed it meanwhile.
           if (allocated(reason) .and. .not. is_there(file_name)) cycle
         else
@@ -162,7 +147,7 @@ contains
     integer(int64) :: ignored
 
     is_locked = .false.
-    call open_regular(file_name, dst_o_rdonly, descriptor, ignored, reason)
+    call open_regular(file_name, .false., descriptor, ignored, reason)
     if (allocated(reason)) return
     if (c_flock(descriptor, dst_lock_sh + dst_lock_nb) /= 0) is_locked = c_errno() == dst_ewouldblock
     call close_descriptor(descriptor)
@@ -184,18 +169,15 @@ contains
     call c_keep_mode(file_name//nul, descriptor)
   end subroutine keep_mode
 
-  !> Write all of `text`, from byte `place` of a file (counted from 0), or from the position of the descriptor.
-  subroutine write_bytes(descriptor, text, reason, place)
+  !> Write `count` bytes into an open file, from byte `place` on (0 is the first).
+  subroutine write_at(descriptor, place, bytes, count, reason)
     integer(c_int), intent(in) :: descriptor
-    character(*), intent(in) :: text
+    integer(int64), intent(in) :: place, count
+    character(c_char), intent(in) :: bytes(*)
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
-    integer(int64), intent(in), optional :: place
-    integer(int64) :: from
 
-    from = where_it_stands
-    if (present(place)) from = place
-    if (c_write(descriptor, text, len(text, int64), from) /= 0) reason = system_reason()
-  end subroutine write_bytes
+    if (c_write(descriptor, bytes, count, place) /= 0) reason = system_reason()
+  end subroutine write_at
 
   !> Read an open file from byte `place` (0 is the first); `complete`: as many bytes as requested are there.
   subroutine read_at(descriptor, place, bytes, complete)
@@ -207,27 +189,17 @@ contains
     complete = c_read(descriptor, bytes, size(bytes, kind=int64), place) == size(bytes, kind=int64)
   end subroutine read_at
 
-  !> Open a regular file for reading.
-  subroutine open_for_reading(file_name, descriptor, bytes, reason)
+  !> Open the file with this name itself, never the target of a link, if it is a regular file.
+  subroutine open_regular(file_name, for_writing, descriptor, bytes, reason)
     character(*), intent(in) :: file_name
+    logical, intent(in) :: for_writing                 !! and for reading
     integer(c_int), intent(out) :: descriptor
     integer(int64), intent(out) :: bytes               !! of the file
-    character(:), allocatable, intent(out) :: reason   !! unallocated on success
-
-    call open_regular(file_name, dst_o_rdonly, descriptor, bytes, reason)
-  end subroutine open_for_reading
-
-  !> Open the file with this name itself, never the target of a link, if it is a regular file.
-  subroutine open_regular(file_name, mode, descriptor, bytes, reason)
-    character(*), intent(in) :: file_name
-    integer(c_int), intent(in) :: mode
-    integer(c_int), intent(out) :: descriptor
-    integer(int64), intent(out) :: bytes
     character(:), allocatable, intent(out) :: reason   !! unallocated on success
     type(identity_t) :: file
 
     ! O_NONBLOCK, since opening a pipe would wait for its other end.
-    descriptor = c_open(file_name//nul, mode + dst_o_nonblock + dst_o_nofollow)
+    descriptor = c_open(file_name//nul, merge(dst_o_rdwr, dst_o_rdonly, for_writing) + dst_o_nonblock + dst_o_nofollow)
     if (descriptor >= 0) file = identity_of(descriptor)
     bytes = file%bytes
     if (file%is_regular) return
@@ -243,17 +215,13 @@ contains
     call close_descriptor(descriptor)
   end subroutine open_regular
 
-  !> Close a file; the descriptor is -1 afterwards. `reason` says why written data may be lost, unless it already has a value.
-  subroutine close_descriptor(descriptor, reason)
+  !> Close a file, if one is open; the descriptor is -1 afterwards.
+  subroutine close_descriptor(descriptor)
     integer(c_int), intent(inout) :: descriptor
-    character(:), allocatable, intent(inout), optional :: reason
-    integer(c_int) :: status
+    integer(c_int) :: ignored
 
-    status = 0
-    if (descriptor >= 0) status = c_close(descriptor)
+    if (descriptor >= 0) ignored = c_close(descriptor)
     descriptor = -1
-    if (.not. present(reason) .or. status == 0) return
-    if (.not. allocated(reason)) reason = system_reason()
   end subroutine close_descriptor
 
   !> Make a closed file, or the entries of a folder, survive a power failure, if the system can do that.
@@ -303,20 +271,20 @@ contains
     character(*), intent(in) :: system_reason
     character(:), allocatable :: reason
 
-    if (index(system_reason, 'No space left') > 0) then
-      reason = 'the disk is full: free some space or write to another disk'
-    else if (index(system_reason, 'File too large') > 0) then
-      reason = 'the file-size limit is reached: raise it with "ulimit -f unlimited"'
-    else if (index(system_reason, 'quota') > 0) then
-      reason = 'the disk quota is used up: free some space or write to another disk'
-    else if (index(system_reason, 'No such file') > 0 .or. index(system_reason, 'stat info') > 0) then
-      reason = 'the file or its folder was removed or renamed'
-    else if (index(system_reason, 'Permission denied') > 0) then
-      reason = 'no permission to write there: choose another folder with -o'
-    else if (index(system_reason, 'Read-only') > 0) then
-      reason = 'the file system is read-only: choose another folder with -o'
-    else
-      reason = system_reason
-    end if
+    character(*), parameter :: words(7) = [character(17) :: 'No space left', 'File too large', 'quota', 'No such file', &
+      'stat info', 'Permission denied', 'Read-only']
+    character(*), parameter :: remedies(7) = [character(72) :: &
+      'the disk is full: free some space or write to another disk', &
+      'the file-size limit is reached: raise it with "ulimit -f unlimited"', &
+      'the disk quota is used up: free some space or write to another disk', &
+      'the file or its folder was removed or renamed', 'the file or its folder was removed or renamed', &
+      'no permission to write there: choose another folder with -o', &
+      'the file system is read-only: choose another folder with -o']
+    integer :: i
+
+    reason = system_reason
+    do i = size(words), 1, -1
+      if (index(system_reason, trim(words(i))) > 0) reason = trim(remedies(i))
+    end do
   end function with_remedy
 end module dst_disk

@@ -6,7 +6,7 @@ module dst_paths
   implicit none
   private
 
-  public :: path_t, matching_files, file_exists, file_size, is_folder, folder_of, place_of, true_path
+  public :: path_t, matching_files, file_exists, is_folder, folder_of, stem_of, place_of, true_path
 
   !> The name of a file.
   type :: path_t
@@ -21,13 +21,6 @@ contains
 
     inquire (file=file_name, exist=file_exists)
   end function file_exists
-
-  !> Size of a regular file in bytes, without opening it; 0 or less if it is not a regular file: opening a pipe could wait forever.
-  integer(int64) function file_size(file_name)
-    character(*), intent(in) :: file_name
-
-    inquire (file=file_name, size=file_size)
-  end function file_size
 
   !> Whether a folder has this name.
   logical function is_folder(file_name)
@@ -46,6 +39,14 @@ contains
     folder = '.'
     if (slash > 0) folder = file_name(:max(1, slash - 1))
   end function folder_of
+
+  !> Length of a name without its extension. A dot that begins the name or is in a folder's name begins no extension.
+  pure integer function stem_of(name)
+    character(*), intent(in) :: name
+
+    stem_of = index(name, '.', back=.true.) - 1
+    if (stem_of <= index(name, '/', back=.true.)) stem_of = len(name)
+  end function stem_of
 
   !> The file behind symbolic links; the name itself when there is no such file.
   function true_path(file_name) result(path)

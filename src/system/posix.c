@@ -110,12 +110,11 @@ int dst_write(int descriptor, const char *bytes, int64_t count, int64_t place) {
   return 0;
 }
 
-/* How many bytes could be read from a place on, or, if it is negative, where the file stands. */
+/* How many bytes could be read from a place on. */
 int64_t dst_read(int descriptor, char *bytes, int64_t count, int64_t place) {
   int64_t done = 0;
   while (done < count) {
-    size_t left = (size_t)(count - done);
-    ssize_t got = place < 0 ? read(descriptor, bytes + done, left) : pread(descriptor, bytes + done, left, place + done);
+    ssize_t got = pread(descriptor, bytes + done, (size_t)(count - done), place + done);
     if (got == 0) break;
     if (got > 0) done += got;
     else if (errno != EINTR) return -1;
@@ -207,10 +206,7 @@ void dst_become(char *words, int count) {
 
 /* Threads. */
 
-/* Bytes that must be left when a thread begins: its work takes memory besides the stack. */
-static const size_t spare_bytes = (size_t)96 << 20;
-
-/* A new thread with a stack of so many bytes, for dst_join_thread; NULL if there is no memory for it and its work. */
+/* A new thread with a stack of so many bytes, for dst_join_thread; NULL if the system does not give one. */
 void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_bytes) {
   pthread_attr_t attributes;
   pthread_t *thread = malloc(sizeof *thread);
@@ -218,11 +214,7 @@ void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_byt
     free(thread);
     return NULL;
   }
-  /* Volatile: the compiler would leave out what is only allocated and freed. */
-  void *volatile spare = malloc(spare_bytes);
-  int failed = !spare || pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) ||
-               pthread_create(thread, &attributes, start, argument);
-  free(spare);
+  int failed = pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) || pthread_create(thread, &attributes, start, argument);
   pthread_attr_destroy(&attributes);
   if (!failed) return thread;
   free(thread);

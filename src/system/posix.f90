@@ -70,12 +70,6 @@ module dst_posix
       integer(c_int), value :: descriptor
     end subroutine c_keep_mode
 
-    integer(c_int) function c_set_environment(name, value, replace) bind(c, name='setenv')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: name(*), value(*)
-      integer(c_int), value :: replace
-    end function c_set_environment
-
     integer(c_int) function c_link(from, to) bind(c, name='link')
       import :: c_int, c_char
       character(c_char), intent(in) :: from(*), to(*)

@@ -36,8 +36,8 @@ module dst_threads
   !> Bytes of a stack: the default of Linux for a program, and the size that suffices.
   integer(c_int64_t), parameter :: stack_bytes = 8*1024**2, least_stack_bytes = 1024**2
 
-  !> Bytes that the work of a thread may need besides: an arena of malloc holds 64 MB, for two threads or more.
-  integer(c_int64_t), parameter :: work_bytes = 32*1024**2
+  !> Bytes that the work of a thread may need besides (an arena of malloc holds 64 MB, for two threads or more), and that of all.
+  integer(c_int64_t), parameter :: work_bytes = 32*1024**2, common_bytes = 64*1024**2
 
 contains
 
@@ -68,7 +68,7 @@ contains
 
     threads_with_room = max(1, wanted)
     do while (threads_with_room > 1)
-      allocate (room((threads_with_room - 1)*(stack_bytes + work_bytes)), stat=status)
+      allocate (room(common_bytes + (threads_with_room - 1)*(stack_bytes + work_bytes)), stat=status)
       if (status == 0) exit
       threads_with_room = threads_with_room - max(1, threads_with_room/8)
     end do

@@ -1,7 +1,8 @@
 !> Names, reasons and times as the user of a result file sees them. What is done with files: test_result_file.f90, tests/faults.
 program test_disk
   use checks, only: check, finish
-  use dst_disk, only: folder_of, place_of, true_path, with_remedy, utc_at
+  use dst_disk, only: folder_of, place_of, true_path, with_remedy
+  use dst_machine, only: utc_at
   use dst_kinds, only: int64
   implicit none
 

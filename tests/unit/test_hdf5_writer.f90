@@ -1,25 +1,19 @@
 !> The result file through its writer: rows and events that are written are read back, also over the ends of chunks and over a
 !> resumption; what else a file holds: tests/python/test_file.py.
 program test_hdf5_writer
-  use, intrinsic :: iso_c_binding, only: c_loc, nul => c_null_char
   use checks, only: check, finish
   use dst_disk, only: delete_file
   use dst_kinds, only: wp, real64
   use dst_errors, only: error_t, file_error, result_done, stopped_early
   use dst_writer, only: event_t, quantity_t, outcome_t
-  use dst_hdf5_library, only: hid_t, h5fopen, h5fclose, h5dopen, h5dread, h5idec_ref, h5dget_space, h5sget_simple_extent_npoints, &
-    h5f_acc_rdonly, h5t_native_double, h5s_all, h5p_default
-  use dst_hdf5_tools, only: hdf5_t, start_hdf5
+  use dst_hdf5_tools, only: hid_t, hdf5_t, open_existing, close_file, read_list, get_number
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
   use dst_parameters, only: parameter_t
   implicit none
 
   character(*), parameter :: file_name = 'test_hdf5_writer.h5'
-  type(hdf5_t) :: h5
 
   call delete_file(file_name)
-  call start_hdf5(h5)
-  call check('HDF5 starts', h5%status >= 0)
   call test_written_is_read()
   call test_refusals()
   call delete_file(file_name)
@@ -60,7 +54,7 @@ contains
     call check_rows('time_series/sticking', [(real(modulo(i, 2), wp), i=0, first - 1)])
     call check_rows('events/time', [(i/3.0_wp, i=1, size(blocks))])
     call check_rows('events/kind', [(real(2 - modulo(i, 2), wp), i=1, size(blocks))])
-    call check_rows('statistics/steps', [3.0e10_wp])
+    call check_steps(3.0e10_wp)
     call delete_file(former)
   end subroutine test_written_is_read
 
@@ -149,21 +143,28 @@ contains
     end if
   end subroutine check_rows
 
+  subroutine check_steps(expected)
+    real(wp), intent(in) :: expected
+    type(hdf5_t) :: h5
+    integer(hid_t) :: file
+    real(wp) :: found
+
+    call open_existing(file_name, file, h5)
+    call get_number(file, 'statistics/steps', found, h5)
+    call close_file(file, h5)
+    call check('statistics/steps is read', h5%status >= 0)
+    call check('statistics/steps', abs(found - expected) <= 0.0_wp)
+  end subroutine check_steps
+
   subroutine read_column(path, values)
     character(*), intent(in) :: path
     real(wp), allocatable, intent(out) :: values(:)
-    real(real64), allocatable, target :: stored(:)
-    integer(hid_t) :: file, dataset, space
-    integer :: ignored
+    type(hdf5_t) :: h5
+    integer(hid_t) :: file
 
-    file = h5fopen(file_name//nul, h5f_acc_rdonly, h5p_default)
-    dataset = h5dopen(file, path//nul, h5p_default)
-    space = h5dget_space(dataset)
-    allocate (stored(h5sget_simple_extent_npoints(space)))
-    call check('read '//path, h5dread(dataset, h5t_native_double, h5s_all, h5s_all, h5p_default, c_loc(stored)) >= 0)
-    allocate (values(size(stored)), source=real(stored, wp))
-    ignored = h5idec_ref(space)
-    ignored = h5idec_ref(dataset)
-    ignored = h5fclose(file)
+    call open_existing(file_name, file, h5)
+    call read_list(file, path, values, h5)
+    call close_file(file, h5)
+    call check('read '//path, h5%status >= 0)
   end subroutine read_column
 end program test_hdf5_writer

@@ -1,10 +1,8 @@
 !> The life of a result file: which process has its name, what is refused and left unchanged.
 !> Damage: tests/python/test_damaged_files.py and test_checkpoint.py.
 program test_result_file
-  use, intrinsic :: iso_c_binding, only: c_int
   use checks, only: check, finish
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, create_file, delete_file, file_exists, place_file, &
-    matching_files, path_t, write_bytes
+  use dst_disk, only: identity_t, identity_of, operator(==), delete_file, file_exists, place_file, matching_files, path_t
   use dst_ending, only: read_state
   use dst_errors, only: error_t
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
@@ -218,13 +216,12 @@ contains
 
   subroutine write_file(file_name, text)
     character(*), intent(in) :: file_name, text
-    character(:), allocatable :: reason
-    integer(c_int) :: descriptor
+    integer :: unit, io_status
 
-    call create_file(file_name, descriptor, reason)
-    if (.not. allocated(reason)) call write_bytes(descriptor, text, reason, 0_int64)
-    call check('written '//file_name, .not. allocated(reason))
-    call close_descriptor(descriptor)
+    open (newunit=unit, file=file_name, status='new', action='write', access='stream', form='unformatted', iostat=io_status)
+    if (io_status == 0) write (unit, iostat=io_status) text
+    call check('written '//file_name, io_status == 0)
+    close (unit)
   end subroutine write_file
 
   subroutine refused(error, words)
