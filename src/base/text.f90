@@ -5,9 +5,9 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, value_in, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
+  public :: lower_case, starts_with, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
     printable, one_per_line, utf8_width
-  public :: short_length, real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
+  public :: short_length, real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
@@ -114,22 +114,6 @@ contains
 
     starts_with = index(text, beginning) == 1
   end function starts_with
-
-  !> The remainder of the first line of `text`, except its very first line, that begins with `name` and a blank; '' if there is
-  !> none.
-  pure function value_in(text, name) result(value)
-    character(*), intent(in) :: text, name
-    character(:), allocatable :: value
-    integer :: first, width
-
-    value = ''
-    first = index(text, newline//name//' ')
-    if (first == 0) return
-    first = first + len(name) + 2
-    width = index(text(first:), newline) - 1
-    if (width < 0) width = len(text) - first + 1
-    value = text(first:first + width - 1)
-  end function value_in
 
   !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
@@ -528,15 +512,4 @@ contains
     rest = text
     if (scan(text, '+-') == 1) rest = text(2:)
   end function unsigned
-
-  !> A number in the format `form`, without blanks around it: for people, for whom `real_text` would have too many digits.
-  pure function formatted(form, value) result(text)
-    character(*), intent(in) :: form
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(40) :: buffer
-
-    write (buffer, form) value
-    text = trim(adjustl(buffer))
-  end function formatted
 end module dst_text

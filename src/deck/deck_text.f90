@@ -1,7 +1,7 @@
 !> Decks as text: the resolved deck (every key as used) and the template (every key explained).
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, alternatives
   use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, is_automatic, is_word_of, &
                         range_text, choice_problem, real_kind, reals_kind, integer_kind, texts_kind, choice_kind, &
@@ -75,15 +75,15 @@ contains
     integer, intent(in) :: i
     character(:), allocatable :: text
 
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      text = real_text(value%reals(i))
-      if (is_automatic(key, value%reals(i))) text = quoted_text(trim(key%choices))
-    case (integer_kind)
-      text = integer_text(value%integer)
-    case default
+    if (is_text(key)) then
       text = quoted_text(trim(value%texts(i)))
-    end select
+    else if (is_automatic(key, value%reals(i))) then
+      text = quoted_text(trim(key%choices))
+    else if (key%kind == integer_kind) then
+      text = integer_text(nint(value%reals(i), int64))
+    else
+      text = real_text(value%reals(i))
+    end if
   end function element_text
 
   function unit_text(key) result(text)

@@ -3,9 +3,9 @@ module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
   use dst_faults, only: faults_t, place_t
-  use dst_text, only: read_real, read_integer, has_word
-  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, real_kind, reals_kind, &
-                        integer_kind, condition_count, automatic, is_word_of
+  use dst_text, only: read_real, has_word
+  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, is_text, &
+                        condition_count, automatic, is_word_of
   implicit none
   private
 
@@ -21,8 +21,7 @@ module dst_deck_values
     logical :: attempted = .false.   !! the deck tries to set it, perhaps under a wrong name
     logical :: valid = .true.        !! the given value could be understood
     type(place_t) :: place
-    integer(int64) :: integer = 0_int64
-    real(wp), allocatable :: reals(:)
+    real(wp), allocatable :: reals(:)   !! whole numbers, too
     character(longest_text), allocatable :: texts(:)
   end type value_t
 
@@ -73,7 +72,7 @@ contains
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
 
-    integer_of = self%value(find_key(group, key))%integer
+    integer_of = nint(self%real_of(group, key), int64)
   end function integer_of
 
   pure function text_of(self, group, key) result(text)
@@ -194,19 +193,16 @@ contains
     type(value_t), intent(out) :: value
     character(:), allocatable :: problem
 
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      allocate (value%reals(merge(0, 1, key%default == '')))
-      if (is_word_of(key, trim(key%default))) then
-        value%reals = automatic
-      else if (size(value%reals) == 1) then
-        call read_real(trim(key%default), value%reals(1), problem)
-      end if
-    case (integer_kind)
-      call read_integer(trim(key%default), value%integer, problem)
-    case default
+    if (is_text(key)) then
       value%texts = [character(longest_text) :: key%default]
-    end select
+      return
+    end if
+    allocate (value%reals(merge(0, 1, key%default == '')))
+    if (is_word_of(key, trim(key%default))) then
+      value%reals = automatic
+    else if (size(value%reals) == 1) then
+      call read_real(trim(key%default), value%reals(1), problem)
+    end if
   end subroutine set_default
 
   !> Whether the value is the schema's default; for an unused key, the value that switches it off.
@@ -215,17 +211,13 @@ contains
     type(value_t), intent(in) :: value
     type(value_t) :: standard
 
-    is_default = .false.
     call set_default(key, standard)
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      if (size(value%reals) /= size(standard%reals) .or. size(value%reals) == 0) return
-      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
-    case (integer_kind)
-      is_default = value%integer == standard%integer
-    case default
-      if (size(value%texts) /= size(standard%texts)) return
+    is_default = element_count(value) == element_count(standard) .and. element_count(value) > 0
+    if (.not. is_default) return
+    if (is_text(key)) then
       is_default = all(value%texts == standard%texts)
-    end select
+    else
+      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
+    end if
   end function is_default
 end module dst_deck_values

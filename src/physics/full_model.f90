@@ -17,7 +17,6 @@ module dst_full_model
 
   !> The exact contact in slip, in the unknowns y = (v, theta).
   type, extends(slip_system_t) :: full_polar_t
-    type(slider_t) :: slider
   contains
     procedure :: kinematics => polar_kinematics
     procedure :: dynamics => polar_dynamics
@@ -28,7 +27,6 @@ module dst_full_model
 
   !> The smoothed contact, in the unknowns y = w.
   type, extends(slip_system_t) :: full_smoothed_t
-    type(slider_t) :: slider
   contains
     procedure :: kinematics => smoothed_kinematics
     procedure :: dynamics => smoothed_dynamics
@@ -43,17 +41,9 @@ contains
     type(slider_t), intent(in) :: slider
     type(full_polar_t) :: model
 
-    model%slider = slider
+    call model%take(slider)
     model%is_polar = .true.
-    model%drive_coupling = slider%along
     model%advance_by_slip = slider%along
-    model%drive_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%damping
-    model%relaxation = slider%relaxation()
   end function new_full_polar
 
   !> For slider%smoothing > 0.
@@ -61,16 +51,8 @@ contains
     type(slider_t), intent(in) :: slider
     type(full_smoothed_t) :: model
 
-    model%slider = slider
-    model%drive_coupling = slider%along
+    call model%take(slider)
     model%advance_by_slip = slider%along
-    model%drive_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%damping
-    model%relaxation = slider%relaxation()
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)

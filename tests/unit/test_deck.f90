@@ -550,12 +550,10 @@ contains
     integer :: j
 
     select case (schema(i)%kind)
-    case (real_kind, reals_kind)
+    case (real_kind, reals_kind, integer_kind)
       same_value = size(a%value(i)%reals) == size(b%value(i)%reals)
       if (.not. same_value) return
       same_value = all([(same_bits(a%value(i)%reals(j), b%value(i)%reals(j)), j=1, size(a%value(i)%reals))])
-    case (integer_kind)
-      same_value = a%value(i)%integer == b%value(i)%integer
     case default
       same_value = size(a%value(i)%texts) == size(b%value(i)%texts)
       if (same_value) same_value = all(a%value(i)%texts == b%value(i)%texts)
