@@ -14,7 +14,7 @@ module dst_stability
   use dst_errors, only: error_t, raise, usage_error
   use dst_friction, only: exponential_form
   use dst_slider, only: slider_t
-  use dst_text, only: short_length, short_text
+  use dst_text, only: short_text
   implicit none
   private
 
@@ -107,7 +107,7 @@ contains
     if (allocated(error)) return
     alpha = own%alpha
     beta = own%beta
-    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. differ(slider%stiffness))) &
+    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp)) &
       critical%window = [0.0_wp, 0.5_wp*pi]
     if (alpha >= 0.0_wp .or. alpha + beta <= 0.0_wp) return
 
@@ -318,7 +318,7 @@ contains
     call check_slider(slider, error)
     drift = abs(velocity*slider%along(2))
     if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
-      call raise(error, usage_error, 'V sin(phi) = '//trim(shown(drift))//' m/s: Eq. (10) divides by it, '// &
+      call raise(error, usage_error, 'V sin(phi) = '//trim(short_text(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
     if (allocated(error)) return
     lambda = 0.5_wp*slider%law%kinetic_limit/(drift*impedance(slider))
@@ -342,7 +342,7 @@ contains
     if (lambda >= 1.0_wp) then
       angle = asin(lambda**(-1.0_wp/3.0_wp))
     else
-      call raise(error, usage_error, 'Lambda = '//trim(shown(lambda))// &
+      call raise(error, usage_error, 'Lambda = '//trim(short_text(lambda))// &
                  ': the slow motion is overdamped at no angle; theta* exists for Lambda >= 1')
     end if
   end subroutine overdamped_angle
@@ -390,7 +390,7 @@ contains
     if (allocated(error)) return
     speed = abs(velocity)
     if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
-      call raise(error, usage_error, 'V = '//trim(shown(velocity))// &
+      call raise(error, usage_error, 'V = '//trim(short_text(velocity))// &
                  ' m/s: there is no steady sliding; the drive velocity must be finite and not 0')
       return
     end if
@@ -449,21 +449,7 @@ contains
 
       if (allocated(error)) return
       if (.not. (value > 0.0_wp .and. value <= huge(value))) &
-        call raise(error, usage_error, name//' = '//trim(shown(value))//' '//unit//': it must be finite and > 0')
+        call raise(error, usage_error, name//' = '//trim(short_text(value))//' '//unit//': it must be finite and > 0')
     end subroutine check
   end subroutine check_slider
-
-  !> A number as messages show it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the length of
-  !> an allocatable text that a function returns in static storage.
-  pure character(short_length) function shown(value) result(text)
-    real(wp), intent(in) :: value
-
-    text = short_text(value)
-  end function shown
-
-  pure logical function differ(pair)
-    real(wp), intent(in) :: pair(2)
-
-    differ = abs(pair(1) - pair(2)) > 0.0_wp
-  end function differ
 end module dst_stability
