@@ -119,35 +119,20 @@ contains
       call builder%line('&'//group)
       do i = 1, key_count
         if (schema(i)%group == group .and. has_model(i, model)) &
-          call add_template_entry(builder, schema(i), template_value(i, model))
+          call add_template_entry(builder, schema(i), template_value(i, model), '')
       end do
       call builder%line('/')
     end do
-    call add_sweep_lines(builder)
-    text = builder%content()
-  end subroutine template
-
-  !> The additional group of a deck with many cases, as comments.
-  subroutine add_sweep_lines(builder)
-    type(text_builder_t), intent(inout) :: builder
-    character(:), allocatable :: shown
-    integer :: i
-
     call builder%line('')
     call builder%line('! A deck of many cases has this group too: remove the first ! of its lines.')
     call builder%line('! For a quick look: dynstiction sweep DECK --vary system.misalignment_deg=0.5:20:40')
     call builder%line('!&'//sweep_group)
     do i = 1, key_count
-      if (schema(i)%group /= sweep_group) cycle
-      shown = trim(schema(i)%sample)
-      if (shown == '') shown = trim(schema(i)%default)
-      if (is_text(schema(i))) shown = quoted_text(shown)
-      shown = '!  '//trim(schema(i)%name)//' = '//shown
-      call builder%line('!  ! '//trim(schema(i)%meaning))
-      call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(schema(i)))
+      if (schema(i)%group == sweep_group) call add_template_entry(builder, schema(i), template_value(i, model), '!')
     end do
     call builder%line('!/')
-  end subroutine add_sweep_lines
+    text = builder%content()
+  end subroutine template
 
   !> Whether key `i` can be used with `model`, for any law, contact and method.
   pure recursive function has_model(i, model) result(answer)
@@ -179,19 +164,19 @@ contains
     if (schema(i)%name == 'model') value = model
   end function template_value
 
-  subroutine add_template_entry(builder, key, value)
+  subroutine add_template_entry(builder, key, value, prefix)
     type(text_builder_t), intent(inout) :: builder
     type(key_t), intent(in) :: key
-    character(*), intent(in) :: value
+    character(*), intent(in) :: value, prefix
     character(:), allocatable :: shown, meaning
 
     shown = value
     if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
-    shown = '  '//trim(key%name)//' = '//shown
+    shown = prefix//'  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)
     ! Conditions on the model are omitted in the template of that model.
     if (has_other_condition(key)) meaning = meaning//'; only with '//condition_text(key)
-    call builder%line('  ! '//meaning)
+    call builder%line(prefix//'  ! '//meaning)
     call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(key))
   end subroutine add_template_entry
 

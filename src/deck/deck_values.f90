@@ -14,6 +14,7 @@ module dst_deck_values
 
   !> Whether a key has a meaning in this deck; unknown as long as the choice on which it depends is faulty.
   integer, parameter :: used = 1, unused = 2, unknown = 3
+  integer, parameter :: undecided = -1
 
   !> The value of a key, and where it comes from.
   type :: value_t
@@ -122,47 +123,36 @@ contains
   end function is_sweep
 
   !> Whether key `i` is used: all its conditions are true, and the keys that they name are used themselves.
-  pure recursive function usage(deck, i) result(answer)
+  pure integer function usage(deck, i)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
-    integer :: answer
-    integer :: n, on, its_usage
 
-    answer = used
-    do n = 1, condition_count(schema(i))
-      on = find_name(schema(i)%used_by(n)%on)
-      its_usage = usage(deck, on)
-      if (its_usage == used .and. .not. deck%value(on)%valid) its_usage = unknown
-      if (its_usage == unknown) then
-        answer = unknown
-        cycle
-      end if
-      if (its_usage == used) then
-        if (has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) cycle
-      end if
-      answer = unused
-      return
-    end do
+    usage = unused
+    if (excluding_key(deck, i) == 0) usage = used
+    if (excluding_key(deck, i) == undecided) usage = unknown
   end function usage
 
-  !> The key whose value is the reason why key `i` is not used, 0 if it is used.
+  !> The key whose value is the reason why key `i` is not used, 0 if it is used; `undecided` as long as a value is faulty on which
+  !> that hangs.
   pure recursive function excluding_key(deck, i) result(key)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
     integer :: key
-    integer :: n, on
+    integer :: n, on, its
 
     key = 0
     do n = 1, condition_count(schema(i))
       on = find_name(schema(i)%used_by(n)%on)
-      if (usage(deck, on) == unused) then
-        key = excluding_key(deck, on)
+      its = excluding_key(deck, on)
+      if (its == undecided .or. (its == 0 .and. .not. deck%value(on)%valid)) then
+        key = undecided
+      else if (its > 0) then
+        key = its
+        return
       else if (.not. has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) then
         key = on
-      else
-        cycle
+        return
       end if
-      return
     end do
   end function excluding_key
 

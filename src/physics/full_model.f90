@@ -80,7 +80,7 @@ contains
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
-    real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
+    real(wp) :: friction(stages), slope(stages), velocity(stages, 2), springs(stages, 2), accel_x, accel_y, per_mass
     integer :: i
 
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
@@ -112,20 +112,8 @@ contains
         terms%dissipation_y(i, 2) = 0.0_wp
       end do
     end associate
-    if (self%is_damped) call damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
-  end subroutine polar_dynamics
-
-  !> Add the dampers: their force turns with the direction of slip as the force of the springs does.
-  pure subroutine damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
-    class(full_polar_t), intent(in) :: self
-    integer, intent(in) :: stages
-    real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: y(stages, self%unknowns)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
-    type(stage_terms_t), intent(inout) :: terms
-    real(wp) :: velocity(stages, 2), springs(stages, 2)
-    integer :: i
-
+    if (.not. self%is_damped) return
+    ! The force of the dampers turns with the direction of slip as that of the springs does.
     velocity(:, 1) = y(:, 1)*velocity_y(:, 1, 1)
     velocity(:, 2) = y(:, 1)*velocity_y(:, 2, 1)
     springs = terms%force(1:stages, 1:2)
@@ -134,7 +122,7 @@ contains
       terms%force_y(i, 1, 2) = terms%force_y(i, 1, 2) + (terms%force(i, 2) - springs(i, 2))
       terms%force_y(i, 2, 2) = terms%force_y(i, 2, 2) - (terms%force(i, 1) - springs(i, 1))
     end do
-  end subroutine damp_polar
+  end subroutine polar_dynamics
 
   pure function polar_velocity(self, y, drive_velocity) result(velocity)
     class(full_polar_t), intent(in) :: self
