@@ -24,7 +24,7 @@ module dst_deck
 
   !> A file with more bytes is not a deck.
   integer, parameter :: largest_deck = 1000000
-  !> Up to here every whole number is one in double precision.
+  !> Below this every whole number is one in double precision.
   real(wp), parameter :: most_whole = 2.0_wp**53
 
 contains
@@ -413,7 +413,7 @@ contains
       kind = 'an integer, like 1000'
       call read_integer(given, integer, problem)
       number = real(integer, wp)
-      if (abs(number) > most_whole) problem = 'is beyond 2^53'
+      if (problem == '' .and. abs(number) >= most_whole) problem = 'is not below 2^53'
     else
       kind = 'a finite real number, like 1.0 or 2.5e-3'
       call read_real(given, number, problem)
