@@ -10,7 +10,7 @@ module dst_python_api
   use dst_build_info, only: version, git_revision, compiler, build_flags
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
-  use dst_kinds, only: wp, pi
+  use dst_kinds, only: wp, int64, pi
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_cycle_return, only: find_return, return_values
@@ -585,7 +585,7 @@ contains
         table%text(1:2, row) = [character(longest_cell) :: schema(i)%group, schema(i)%name]
         select case (schema(i)%kind)
         case (integer_kind)
-          table%text(3, row) = integer_text(deck%value(i)%integer)
+          table%text(3, row) = integer_text(nint(deck%value(i)%reals(k), int64))
         case (real_kind, reals_kind)
           table%number(1, row) = deck%value(i)%reals(k)
           if (is_automatic(schema(i), deck%value(i)%reals(k))) table%text(3, row) = schema(i)%choices

@@ -14,7 +14,7 @@ module dst_deck_check
   use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
   use dst_plain_numbers, only: number_text, bytes_text
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_scene_notes, only: scene_notes, sweep_notes
+  use dst_scene_notes, only: scene_notes
   use dst_schema, only: sweep_group
   use dst_share, only: share_t
   use dst_simulation, only: simulation_t
@@ -135,7 +135,7 @@ contains
     demand%bytes = 8.0_wp*cases*(real(value_count + 3, wp) + numbers)/real(share%count, wp)
     demand%what = number_text(cases)//' cases of '//number_text(real(value_count, wp) + numbers)//' numbers'
     call scene_from_deck(deck, scene)
-    call sweep_notes(deck, scene, cases, notes)
+    call scene_notes(deck, scene, notes, cases)
   end subroutine weigh_sweep
 
   !> Number of values in the series of a case.

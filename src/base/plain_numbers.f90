@@ -1,50 +1,25 @@
 !> Numbers for people: few digits, sizes and times in units that fit.
 module dst_plain_numbers
   use dst_kinds, only: wp, int64
-  use dst_text, only: integer_text
+  use dst_text, only: integer_text, short_text
   implicit none
   private
 
   public :: number_text, long_text, bytes_text, duration_text
 
-  integer, parameter :: width = 24
-
 contains
 
-  !> '0', '12.3', '0.00123', '123456', '1.23e7': up to `figures` (3) significant digits; whole numbers up to a million with all
-  !> digits.
+  !> The same as `short_text`, of the length that is needed: up to `figures` (3) significant digits. What has fewer digits than
+  !> other numbers have is 0: a reader cannot distinguish the two.
   pure function number_text(value, figures) result(text)
     real(wp), intent(in) :: value
     integer, intent(in), optional :: figures
     character(:), allocatable :: text
-    character(width) :: buffer, mantissa, form
-    integer :: exponent, decimals
+    integer :: wanted
 
-    decimals = 2
-    if (present(figures)) decimals = figures - 1
-    if (.not. abs(value) <= huge(value)) then
-      text = 'infinite'
-      return
-    else if (abs(value) > 0.0_wp .and. abs(value) <= tiny(value)) then
-      ! Fewer digits than other numbers have: a reader cannot distinguish it from 0.
-      text = '0'
-      return
-    end if
-    write (form, '(a, i0, a)') '(es24.', decimals, 'e4)'
-    write (buffer, form) value
-    mantissa = adjustl(buffer(:index(buffer, 'E') - 1))
-    read (buffer(index(buffer, 'E') + 1:), *) exponent
-    if (exponent < -3 .or. exponent > 5) then
-      write (buffer, '(a, a, i0)') without_zeros(mantissa), 'e', exponent
-    else
-      write (form, '(a, i0, a)') '(f24.', max(0, decimals - exponent), ')'
-      write (buffer, form) value
-      if (exponent < decimals) buffer = without_zeros(buffer)
-    end if
-    text = trim(adjustl(buffer))
-    if (text(len(text):) == '.') text = text(:len(text) - 1)
-    if (text(1:1) == '.') text = '0'//text
-    if (index(text, '-.') == 1) text = '-0'//text(2:)
+    wanted = 3
+    if (present(figures)) wanted = figures
+    text = trim(short_text(merge(0.0_wp, value, abs(value) <= tiny(value)), wanted))
   end function number_text
 
   !> Ten digits, for tables with which other programs compute.
@@ -54,18 +29,6 @@ contains
 
     text = number_text(value, 10)
   end function long_text
-
-  !> Without the zeros that end a decimal fraction.
-  pure function without_zeros(digits) result(text)
-    character(*), intent(in) :: digits
-    character(:), allocatable :: text
-
-    text = trim(digits)
-    do while (text(len(text):) == '0')
-      text = text(:len(text) - 1)
-    end do
-    if (text(len(text):) == '.') text = text(:len(text) - 1)
-  end function without_zeros
 
   !> '12 bytes', '1.5 kB', '80 GB': decimal units, as disk tools use them.
   pure function bytes_text(bytes) result(text)

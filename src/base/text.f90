@@ -1,13 +1,14 @@
 !> Text operations that decks and the command line need: words, numbers, the nearest valid name.
 module dst_text
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_kinds, only: wp, real64, int64
   implicit none
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, value_in, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
+  public :: lower_case, starts_with, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
     printable, one_per_line, utf8_width
-  public :: short_length, real_text, short_text, integer_text, formatted, quoted_text, read_real, read_integer
+  public :: short_length, real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
@@ -36,8 +37,8 @@ module dst_text
   !> No number needs more characters than this.
   integer, parameter :: longest_number = 256
 
-  !> Characters of `short_text`: '-1.2345e-4950' is the longest, in quadruple precision.
-  integer, parameter :: short_length = 13
+  !> Characters of `short_text`: room for ten digits of any number, in quadruple precision, too.
+  integer, parameter :: short_length = 24
 
 contains
 
@@ -114,22 +115,6 @@ contains
 
     starts_with = index(text, beginning) == 1
   end function starts_with
-
-  !> The remainder of the first line of `text`, except its very first line, that begins with `name` and a blank; '' if there is
-  !> none.
-  pure function value_in(text, name) result(value)
-    character(*), intent(in) :: text, name
-    character(:), allocatable :: value
-    integer :: first, width
-
-    value = ''
-    first = index(text, newline//name//' ')
-    if (first == 0) return
-    first = first + len(name) + 2
-    width = index(text(first:), newline) - 1
-    if (width < 0) width = len(text) - first + 1
-    value = text(first:first + width - 1)
-  end function value_in
 
   !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
@@ -359,39 +344,49 @@ contains
     if (sign(1.0_wp, value) < 0.0_wp) text = '-'//text
   end function real_text
 
-  !> A number with four digits, for messages of the solver. Not of deferred length as `real_text` is: gfortran keeps such a length
-  !> in static storage, which threads would share.
-  pure function short_text(value) result(text)
+  !> A number for people: '0', '12.3', '0.00123', '123456', '1.23e7': up to `figures` (5) significant digits; whole numbers up to a
+  !> million with all digits. Not of deferred length as `real_text` is: gfortran keeps such a length in static storage, which
+  !> threads would share.
+  pure function short_text(value, figures) result(text)
     real(wp), intent(in) :: value
-    character(short_length) :: text, buffer
-    character(8) :: form
-    integer :: exponent, last
+    integer, intent(in), optional :: figures
+    character(short_length) :: text, buffer, form
+    integer :: exponent, decimals
 
-    text = '0'
+    decimals = 4
+    if (present(figures)) decimals = figures - 1
     if (.not. abs(value) <= huge(value)) then
-      write (text, '(f11.1)') value
-      text = adjustl(text)
+      text = merge('NaN     ', 'infinite', ieee_is_nan(value))
+      return
+    else if (.not. abs(value) > 0.0_wp) then
+      text = '0'
       return
     end if
-    if (.not. abs(value) > 0.0_wp) return
-    write (buffer, '(es13.4e4)') value
-    read (buffer(9:), '(i5)') exponent
-    if (exponent >= -4 .and. exponent < 5) then
-      write (form, '(a, i0, a)') '(f11.', 4 - exponent, ')'
-      write (text, form) value
-      text = adjustl(text)
-      last = len_trim(text)
-      if (exponent < 4) last = verify(text(:last), '0', back=.true.)
-      if (text(last:last) == '.') last = last - 1
-      text = text(:last)
-      if (text(1:1) == '.') text = '0'//text(:len(text) - 1)
-      if (text(1:2) == '-.') text = '-0'//text(2:len(text) - 1)
+    write (form, '(a, i0, a)') '(es24.', decimals, 'e4)'
+    write (buffer, form) value
+    read (buffer(index(buffer, 'E') + 1:), *) exponent
+    if (exponent < -3 .or. exponent > 5) then
+      write (text, '(a, a, i0)') trim(without_zeros(buffer(:index(buffer, 'E') - 1))), 'e', exponent
     else
-      last = verify(buffer(:7), '0', back=.true.)
-      if (buffer(last:last) == '.') last = last - 1
-      write (text, '(a, a, i0)') trim(adjustl(buffer(:last))), 'e', exponent
+      write (form, '(a, i0, a)') '(f24.', max(0, decimals - exponent), ')'
+      write (text, form) value
+      if (exponent < decimals) text = without_zeros(text)
     end if
+    text = adjustl(text)
+    if (text(len_trim(text):) == '.') text = text(:len_trim(text) - 1)
+    if (text(1:1) == '.') text = '0'//text(:len(text) - 1)
+    if (text(1:2) == '-.') text = '-0'//text(2:len(text) - 1)
   end function short_text
+
+  !> A decimal fraction without blanks and without the zeros at its end, of fixed length as `short_text` is.
+  pure function without_zeros(decimal) result(text)
+    character(*), intent(in) :: decimal
+    character(short_length) :: text
+
+    text = adjustl(decimal)
+    text = text(:verify(text, ' 0', back=.true.))
+    if (text(len_trim(text):) == '.') text = text(:len_trim(text) - 1)
+  end function without_zeros
 
   !> The number d.ddd·10^exponent from its significant digits, without an exponent if it is easy to read without one.
   pure function decimal_text(mantissa, exponent) result(text)
@@ -528,15 +523,4 @@ contains
     rest = text
     if (scan(text, '+-') == 1) rest = text(2:)
   end function unsigned
-
-  !> A number in the format `form`, without blanks around it: for people, for whom `real_text` would have too many digits.
-  pure function formatted(form, value) result(text)
-    character(*), intent(in) :: form
-    real(wp), intent(in) :: value
-    character(:), allocatable :: text
-    character(40) :: buffer
-
-    write (buffer, form) value
-    text = trim(adjustl(buffer))
-  end function formatted
 end module dst_text

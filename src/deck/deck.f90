@@ -24,6 +24,8 @@ module dst_deck
 
   !> A file with more bytes is not a deck.
   integer, parameter :: largest_deck = 1000000
+  !> Below this every whole number is one in double precision.
+  real(wp), parameter :: most_whole = 2.0_wp**53
 
 contains
 
@@ -313,7 +315,6 @@ contains
     character(:), allocatable :: given, problem
     integer(int64) :: total, most
     integer :: i, n
-    real(wp) :: number
 
     call start_value(place, value)
     do i = first, last
@@ -334,7 +335,7 @@ contains
                     integer_text(most)//' allowed')
       if (.not. value%valid) return
     end do
-    allocate (reals(merge(total, 0_int64, any(key%kind == [real_kind, reals_kind]))))
+    allocate (reals(merge(0_int64, total, is_text(key))))
     allocate (texts(merge(total, 0_int64, is_text(key))))
     n = 0
     do i = first, last
@@ -344,9 +345,9 @@ contains
           call refuse(text_problem(key, given))
           texts(n + 1:end) = given
         else
-          call read_number(key, given, number, value%integer, problem)
+          call read_number(key, given, reals(n + 1), problem)
           call refuse(problem)
-          if (size(reals) > 0) reals(n + 1:end) = number
+          reals(n + 2:end) = reals(n + 1)
         end if
         n = end
       end associate
@@ -399,19 +400,20 @@ contains
   end function form_problem
 
   !> A number of a key; `problem` is '' or says what is wrong with the word.
-  subroutine read_number(key, given, number, integer, problem)
+  subroutine read_number(key, given, number, problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     real(wp), intent(out) :: number
-    integer(int64), intent(inout) :: integer     !! also the number, for a key of integers
     character(:), allocatable, intent(out) :: problem
     character(:), allocatable :: kind
+    integer(int64) :: integer
     type(value_t) :: alone
 
     if (key%kind == integer_kind) then
       kind = 'an integer, like 1000'
       call read_integer(given, integer, problem)
       number = real(integer, wp)
+      if (problem == '' .and. abs(number) >= most_whole) problem = 'is not below 2^53'
     else
       kind = 'a finite real number, like 1.0 or 2.5e-3'
       call read_real(given, number, problem)

@@ -3,7 +3,7 @@ module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dst_kinds, only: wp
   use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
-  use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, range_text, real_kind, reals_kind, &
+  use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, is_text, range_text, reals_kind, &
                         integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word, alternatives
   implicit none
@@ -232,8 +232,7 @@ contains
     k = varied_key(name)
     if (k == 0) then
       problem = "there is no key '"//excerpt(name)//"': name it as GROUP.KEY, like system.misalignment_deg"
-    else if (has_word(fixed_groups, trim(schema(k)%group)) .or. &
-             .not. any(schema(k)%kind == [real_kind, reals_kind, integer_kind])) then
+    else if (has_word(fixed_groups, trim(schema(k)%group)) .or. is_text(schema(k))) then
       problem = "'"//name//"' cannot be varied: name a number of &scene, &system, &friction, &drive, &initial or &integrator"
     else if (schema(k)%name == 'mu_0' .and. deck%text_of('friction', 'law') == 'table' .and. &
              usage(deck, find_key('friction', 'law')) == used) then

@@ -1,7 +1,7 @@
 !> Decks as text: the resolved deck (every key as used) and the template (every key explained).
 module dst_deck_text
   use dst_errors, only: error_t, raise, usage_error
-  use dst_kinds, only: wp
+  use dst_kinds, only: wp, int64
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, alternatives
   use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, is_automatic, is_word_of, &
                         range_text, choice_problem, real_kind, reals_kind, integer_kind, texts_kind, choice_kind, &
@@ -75,15 +75,15 @@ contains
     integer, intent(in) :: i
     character(:), allocatable :: text
 
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      text = real_text(value%reals(i))
-      if (is_automatic(key, value%reals(i))) text = quoted_text(trim(key%choices))
-    case (integer_kind)
-      text = integer_text(value%integer)
-    case default
+    if (is_text(key)) then
       text = quoted_text(trim(value%texts(i)))
-    end select
+    else if (is_automatic(key, value%reals(i))) then
+      text = quoted_text(trim(key%choices))
+    else if (key%kind == integer_kind) then
+      text = integer_text(nint(value%reals(i), int64))
+    else
+      text = real_text(value%reals(i))
+    end if
   end function element_text
 
   function unit_text(key) result(text)
@@ -119,35 +119,20 @@ contains
       call builder%line('&'//group)
       do i = 1, key_count
         if (schema(i)%group == group .and. has_model(i, model)) &
-          call add_template_entry(builder, schema(i), template_value(i, model))
+          call add_template_entry(builder, schema(i), template_value(i, model), '')
       end do
       call builder%line('/')
     end do
-    call add_sweep_lines(builder)
-    text = builder%content()
-  end subroutine template
-
-  !> The additional group of a deck with many cases, as comments.
-  subroutine add_sweep_lines(builder)
-    type(text_builder_t), intent(inout) :: builder
-    character(:), allocatable :: shown
-    integer :: i
-
     call builder%line('')
     call builder%line('! A deck of many cases has this group too: remove the first ! of its lines.')
     call builder%line('! For a quick look: dynstiction sweep DECK --vary system.misalignment_deg=0.5:20:40')
     call builder%line('!&'//sweep_group)
     do i = 1, key_count
-      if (schema(i)%group /= sweep_group) cycle
-      shown = trim(schema(i)%sample)
-      if (shown == '') shown = trim(schema(i)%default)
-      if (is_text(schema(i))) shown = quoted_text(shown)
-      shown = '!  '//trim(schema(i)%name)//' = '//shown
-      call builder%line('!  ! '//trim(schema(i)%meaning))
-      call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(schema(i)))
+      if (schema(i)%group == sweep_group) call add_template_entry(builder, schema(i), template_value(i, model), '!')
     end do
     call builder%line('!/')
-  end subroutine add_sweep_lines
+    text = builder%content()
+  end subroutine template
 
   !> Whether key `i` can be used with `model`, for any law, contact and method.
   pure recursive function has_model(i, model) result(answer)
@@ -179,19 +164,19 @@ contains
     if (schema(i)%name == 'model') value = model
   end function template_value
 
-  subroutine add_template_entry(builder, key, value)
+  subroutine add_template_entry(builder, key, value, prefix)
     type(text_builder_t), intent(inout) :: builder
     type(key_t), intent(in) :: key
-    character(*), intent(in) :: value
+    character(*), intent(in) :: value, prefix
     character(:), allocatable :: shown, meaning
 
     shown = value
     if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
-    shown = '  '//trim(key%name)//' = '//shown
+    shown = prefix//'  '//trim(key%name)//' = '//shown
     meaning = trim(key%meaning)
     ! Conditions on the model are omitted in the template of that model.
     if (has_other_condition(key)) meaning = meaning//'; only with '//condition_text(key)
-    call builder%line('  ! '//meaning)
+    call builder%line(prefix//'  ! '//meaning)
     call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(key))
   end subroutine add_template_entry
 

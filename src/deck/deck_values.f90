@@ -3,9 +3,9 @@ module dst_deck_values
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
   use dst_faults, only: faults_t, place_t
-  use dst_text, only: read_real, read_integer, has_word
-  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, real_kind, reals_kind, &
-                        integer_kind, condition_count, automatic, is_word_of
+  use dst_text, only: read_real, has_word
+  use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, is_text, &
+                        condition_count, automatic, is_word_of
   implicit none
   private
 
@@ -14,6 +14,7 @@ module dst_deck_values
 
   !> Whether a key has a meaning in this deck; unknown as long as the choice on which it depends is faulty.
   integer, parameter :: used = 1, unused = 2, unknown = 3
+  integer, parameter :: undecided = -1
 
   !> The value of a key, and where it comes from.
   type :: value_t
@@ -21,8 +22,7 @@ module dst_deck_values
     logical :: attempted = .false.   !! the deck tries to set it, perhaps under a wrong name
     logical :: valid = .true.        !! the given value could be understood
     type(place_t) :: place
-    integer(int64) :: integer = 0_int64
-    real(wp), allocatable :: reals(:)
+    real(wp), allocatable :: reals(:)   !! whole numbers, too
     character(longest_text), allocatable :: texts(:)
   end type value_t
 
@@ -73,7 +73,7 @@ contains
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
 
-    integer_of = self%value(find_key(group, key))%integer
+    integer_of = nint(self%real_of(group, key), int64)
   end function integer_of
 
   pure function text_of(self, group, key) result(text)
@@ -123,47 +123,36 @@ contains
   end function is_sweep
 
   !> Whether key `i` is used: all its conditions are true, and the keys that they name are used themselves.
-  pure recursive function usage(deck, i) result(answer)
+  pure integer function usage(deck, i)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
-    integer :: answer
-    integer :: n, on, its_usage
 
-    answer = used
-    do n = 1, condition_count(schema(i))
-      on = find_name(schema(i)%used_by(n)%on)
-      its_usage = usage(deck, on)
-      if (its_usage == used .and. .not. deck%value(on)%valid) its_usage = unknown
-      if (its_usage == unknown) then
-        answer = unknown
-        cycle
-      end if
-      if (its_usage == used) then
-        if (has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) cycle
-      end if
-      answer = unused
-      return
-    end do
+    usage = unused
+    if (excluding_key(deck, i) == 0) usage = used
+    if (excluding_key(deck, i) == undecided) usage = unknown
   end function usage
 
-  !> The key whose value is the reason why key `i` is not used, 0 if it is used.
+  !> The key whose value is the reason why key `i` is not used, 0 if it is used; `undecided` as long as a value is faulty on which
+  !> that hangs.
   pure recursive function excluding_key(deck, i) result(key)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
     integer :: key
-    integer :: n, on
+    integer :: n, on, its
 
     key = 0
     do n = 1, condition_count(schema(i))
       on = find_name(schema(i)%used_by(n)%on)
-      if (usage(deck, on) == unused) then
-        key = excluding_key(deck, on)
+      its = excluding_key(deck, on)
+      if (its == undecided .or. (its == 0 .and. .not. deck%value(on)%valid)) then
+        key = undecided
+      else if (its > 0) then
+        key = its
+        return
       else if (.not. has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) then
         key = on
-      else
-        cycle
+        return
       end if
-      return
     end do
   end function excluding_key
 
@@ -194,19 +183,16 @@ contains
     type(value_t), intent(out) :: value
     character(:), allocatable :: problem
 
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      allocate (value%reals(merge(0, 1, key%default == '')))
-      if (is_word_of(key, trim(key%default))) then
-        value%reals = automatic
-      else if (size(value%reals) == 1) then
-        call read_real(trim(key%default), value%reals(1), problem)
-      end if
-    case (integer_kind)
-      call read_integer(trim(key%default), value%integer, problem)
-    case default
+    if (is_text(key)) then
       value%texts = [character(longest_text) :: key%default]
-    end select
+      return
+    end if
+    allocate (value%reals(merge(0, 1, key%default == '')))
+    if (is_word_of(key, trim(key%default))) then
+      value%reals = automatic
+    else if (size(value%reals) == 1) then
+      call read_real(trim(key%default), value%reals(1), problem)
+    end if
   end subroutine set_default
 
   !> Whether the value is the schema's default; for an unused key, the value that switches it off.
@@ -215,17 +201,13 @@ contains
     type(value_t), intent(in) :: value
     type(value_t) :: standard
 
-    is_default = .false.
     call set_default(key, standard)
-    select case (key%kind)
-    case (real_kind, reals_kind)
-      if (size(value%reals) /= size(standard%reals) .or. size(value%reals) == 0) return
-      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
-    case (integer_kind)
-      is_default = value%integer == standard%integer
-    case default
-      if (size(value%texts) /= size(standard%texts)) return
+    is_default = element_count(value) == element_count(standard) .and. element_count(value) > 0
+    if (.not. is_default) return
+    if (is_text(key)) then
       is_default = all(value%texts == standard%texts)
-    end select
+    else
+      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
+    end if
   end function is_default
 end module dst_deck_values

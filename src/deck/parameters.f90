@@ -1,8 +1,8 @@
 !> The keys of a deck as a result file shows them: name, unit, meaning, value.
 module dst_parameters
   use dst_kinds, only: wp
-  use dst_deck_values, only: deck_t, usage, used
-  use dst_schema, only: schema, key_count, sweep_group, is_automatic, real_kind, reals_kind, integer_kind
+  use dst_deck_values, only: deck_t, usage, element_count, used
+  use dst_schema, only: schema, key_count, sweep_group, is_automatic, is_text
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -32,22 +32,18 @@ contains
     do i = 1, key_count
       associate (key => schema(i), value => deck%value(i))
         if (key%group == sweep_group .or. usage(deck, i) /= used) cycle
-        if (key%kind == reals_kind) then
-          if (size(value%reals) /= 1) cycle
-        end if
+        if (.not. is_text(key) .and. element_count(value) /= 1) cycle
         is_chosen = .false.
-        if (key%kind == real_kind) is_chosen = is_automatic(key, deck%real_of(trim(key%group), trim(key%name)))
+        if (.not. is_text(key)) is_chosen = is_automatic(key, value%reals(1))
         if (is_chosen .and. .not. present(interval)) cycle
         n = n + 1
         found(n)%quantity = quantity_t(key%name, key%unit, key%meaning)
         if (key%unit == '') found(n)%quantity%units = '1'
-        if (key%kind == integer_kind) then
-          found(n)%value = real(value%integer, wp)
-        else if (key%kind == real_kind .or. key%kind == reals_kind) then
-          found(n)%value = deck%real_of(trim(key%group), trim(key%name))
-          if (is_chosen) found(n)%value = interval
-        else
+        if (is_text(key)) then
           found(n)%text = joined(value%texts)
+        else
+          found(n)%value = value%reals(1)
+          if (is_chosen) found(n)%value = interval
         end if
       end associate
     end do

@@ -100,12 +100,8 @@ contains
     do i = 1, key_count
       associate (key => schema(i))
         if (key%required .and. .not. deck%is_used(trim(key%group), trim(key%name))) cycle
-        select case (key%kind)
-        case (real_kind)
+        if (key%kind == real_kind .or. key%kind == integer_kind) &
           call set_number(scene, trim(key%name), deck%real_of(trim(key%group), trim(key%name)))
-        case (integer_kind)
-          call set_number(scene, trim(key%name), real(deck%integer_of(trim(key%group), trim(key%name)), wp))
-        end select
       end associate
     end do
   end subroutine scene_from_deck

@@ -39,7 +39,6 @@ module dst_past_rest
     procedure :: restart
     procedure :: begin_slip
     procedure :: attempt
-    procedure :: attempt_stop
     procedure :: accept
     procedure :: serialise
   end type past_rest_t
@@ -79,7 +78,7 @@ contains
     call self%near%begin_slip(rate, curvature)
   end subroutine begin_slip
 
-  subroutine attempt(self, system, drive, from, step, to, outcome)
+  subroutine attempt(self, system, drive, from, step, to, outcome, to_stop)
     class(past_rest_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
@@ -87,9 +86,11 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+    logical, intent(in), optional :: to_stop
     real(wp) :: coefficient(0:max_degree)
 
     self%is_near = .not. (system%turns_back .or. from%y(1) > slow*max(self%peak_speed, self%usual_speed))
+    if (present(to_stop)) self%is_near = self%is_near .or. to_stop
     if (.not. self%is_near) then
       call lend(self, self%away)
       call self%away%attempt(system, drive, from, step, to, outcome)
@@ -106,24 +107,9 @@ contains
       if (.not. self%is_near) return
     end if
     call lend(self, self%near)
-    call self%near%attempt(system, drive, from, step, to, outcome)
+    call self%near%attempt(system, drive, from, step, to, outcome, to_stop)
     call take_back(self, self%near)
   end subroutine attempt
-
-  subroutine attempt_stop(self, system, drive, from, guess, to, outcome)
-    class(past_rest_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: guess
-    type(state_t), intent(out) :: to
-    type(attempt_t), intent(out) :: outcome
-
-    self%is_near = .true.
-    call lend(self, self%near)
-    call self%near%attempt_stop(system, drive, from, guess, to, outcome)
-    call take_back(self, self%near)
-  end subroutine attempt_stop
 
   !> What a method needs of the motion so far.
   pure subroutine lend(self, method)

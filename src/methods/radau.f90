@@ -27,7 +27,7 @@ module dst_radau
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms, max_components, max_unknowns
   use dst_state, only: state_t
   use dst_step_control, only: step_control_t, new_step_control, shortened
-  use dst_stepper, only: stepper_t, attempt_t, work_count_t, serialise_stepper
+  use dst_stepper, only: stepper_t, attempt_t, serialise_stepper
   implicit none
   private
 
@@ -116,7 +116,6 @@ module dst_radau
     procedure :: restart
     procedure :: begin_slip
     procedure :: attempt
-    procedure :: attempt_stop
     procedure :: accept
     procedure :: serialise
   end type radau_t
@@ -214,7 +213,8 @@ contains
     call self%history%memory_of_slips%begin()
   end subroutine begin_slip
 
-  subroutine attempt(self, system, drive, from, step, to, outcome)
+  !> A step of the given length or, to a stop, of a length that is solved for with this guess.
+  subroutine attempt(self, system, drive, from, step, to, outcome, to_stop)
     class(radau_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
@@ -222,67 +222,220 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
-
-    call try(self, system, drive, from, .false., step, to, outcome)
-  end subroutine attempt
-
-  subroutine attempt_stop(self, system, drive, from, guess, to, outcome)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: guess
-    type(state_t), intent(out) :: to
-    type(attempt_t), intent(out) :: outcome
-
-    self%count%landings = self%count%landings + 1
-    call try(self, system, drive, from, .true., guess, to, outcome)
-  end subroutine attempt_stop
-
-  !> A step of the given length or, for a step to a stop, of a length that is solved for with this guess.
-  subroutine try(self, system, drive, from, to_stop, step, to, outcome)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    logical, intent(in) :: to_stop
-    real(wp), intent(in) :: step
-    type(state_t), intent(out) :: to
-    type(attempt_t), intent(out) :: outcome
+    logical, intent(in), optional :: to_stop
     real(wp) :: own_speed(max_components)
     integer :: iterations
+    logical :: lands
 
+    lands = present(to_stop)
+    if (lands) lands = to_stop
+    if (lands) self%count%landings = self%count%landings + 1
     self%step = step
     own_speed = own_share*system%spring_speed(from%u)
     associate (s => self%method%stages, n => system%components, m => system%unknowns)
       call predict(self, s, m, from, self%y)
-      call solve_stages(s, n, m, system, self%method, drive, from, to_stop, self%newton_share*self%rtol, own_speed(system%axis:), &
+      call solve_stages(s, n, m, system, self%method, drive, from, lands, self%newton_share*self%rtol, own_speed(system%axis:), &
         self%step, self%y, self%u, self%velocity, self%velocity_y, self%increment, self%drive_velocity, self%terms, &
         self%speed_scale, iterations, outcome%solved)
-      call count_work(self%count, s, iterations)
+      ! Every Newton iteration evaluates all stages and solves one linear system.
+      self%count%newton = self%count%newton + iterations
+      self%count%jacobians = self%count%jacobians + iterations
+      self%count%factorisations = self%count%factorisations + iterations
+      self%count%rhs = self%count%rhs + s*iterations
       outcome%solved = outcome%solved .and. self%step > 0.0_wp
       if (.not. outcome%solved) self%step = step
       self%history%retry = outcome%solved
       self%history%attempted_step = self%step
-      if (.not. outcome%solved) self%history%repeated = .true.
-      if (.not. outcome%solved) return
-      call complete(self, system, drive, s, n, m, from, self%y, self%u, self%velocity, self%increment, to)
-      call estimate_error(self, system, drive, s, n, m, from, own_speed(system%axis:), self%velocity, outcome)
-      call follow_growth(self, system, drive, s, n, m, from, self%y, outcome)
+      if (outcome%solved) then
+        call complete(s, n, m, self%y, self%u, self%velocity, self%increment)
+        call estimate_error(s, n, m, own_speed(system%axis:), self%velocity)
+        call follow_growth(s, n, m, self%y)
+      end if
       self%history%repeated = .true.
     end associate
-  end subroutine try
 
-  !> Every Newton iteration evaluates all stages and solves one linear system.
-  pure subroutine count_work(count, stages, iterations)
-    type(work_count_t), intent(inout) :: count
-    integer, intent(in) :: stages, iterations
+  contains
 
-    count%newton = count%newton + iterations
-    count%jacobians = count%jacobians + iterations
-    count%factorisations = count%factorisations + iterations
-    count%rhs = count%rhs + stages*iterations
-  end subroutine count_work
+    !> Node values for the dense output, quadratures, and the state at the end of the step.
+    subroutine complete(s, n, m, y, u, velocity, increment)
+      integer, intent(in) :: s, n, m
+      real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
+      real(wp) :: x_rate(s), displacement(s), advanced(max_rows), drive_power, friction_power, supplied
+      real(wp) :: damper_power, driven, taken
+      integer :: i, k, axis
+
+      do i = 1, s
+        displacement(i) = drive%displacement(from%time, self%grid%node(i)*self%step)
+      end do
+      to%u = from%u
+      to%y = from%y
+      x_rate = 0.0_wp
+      do k = 1, n
+        axis = system%axis + k - 1
+        x_rate = x_rate + system%advance_by_slip(axis)*velocity(:, k)
+        self%nodal(0, column_u + axis - 1) = from%u(axis)
+        self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%drive_coupling(axis)
+        to%u(axis) = u(s, k)
+      end do
+      do k = 1, m
+        self%nodal(0, column_y + k - 1) = from%y(k)
+        self%nodal(1:s, column_y + k - 1) = y(:, k)
+        to%y(k) = y(s, k)
+      end do
+      self%nodal(0, column_position) = from%position
+      advanced = 0.0_wp
+      do i = 1, s
+        advanced = advanced + self%method%integral(:, i)*x_rate(i)
+      end do
+      self%nodal(1:s, column_position) = from%position + system%advance_by_drive*displacement + self%step*advanced(1:s)
+      drive_power = 0.0_wp
+      friction_power = 0.0_wp
+      do i = 1, s
+        associate (b => self%method%weight(i), terms => self%terms)
+          drive_power = drive_power + b*terms%supply(i)
+          friction_power = friction_power + b*terms%dissipation(i)
+          do k = 1, m
+            supplied = terms%supply_y(i, k)*increment(i, k)
+            if (k <= n) supplied = supplied + self%drive_velocity(i)*system%drive_stiffness(system%axis + k - 1)*u(i, k)
+            drive_power = drive_power + b*supplied
+            friction_power = friction_power + b*terms%dissipation_y(i, k)*increment(i, k)
+          end do
+        end associate
+      end do
+      call to%later(from, self%step)
+      to%position = self%nodal(s, column_position)
+      to%drive_work = from%drive_work + self%step*drive_power
+      to%friction_work = from%friction_work + self%step*friction_power
+      to%damper_work = from%damper_work
+      if (.not. system%is_damped) return
+      drive_power = 0.0_wp
+      damper_power = 0.0_wp
+      do i = 1, s
+        call system%damper_powers(self%drive_velocity(i), velocity(i, :), driven, taken)
+        drive_power = drive_power + self%method%weight(i)*driven
+        damper_power = damper_power + self%method%weight(i)*taken
+      end do
+      to%drive_work = to%drive_work + self%step*drive_power
+      to%damper_work = to%damper_work + self%step*damper_power
+    end subroutine complete
+
+    !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
+    !> of the step or, along an axis, to the own speed of that axis if that is lower: so the spring forces are as accurate as the
+    !> slip velocity, each in its own scale. The defect is probed at the start and at one point inside, where it also shows
+    !> directions that turn quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
+    subroutine estimate_error(s, n, m, own_speed, stage_velocity)
+      integer, intent(in) :: s, n, m
+      real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
+      real(wp) :: error(n), noise(n), allowed(n)
+
+      call defect_error(s, n, m, self%start, stage_velocity, error, noise)
+      allowed = self%estimate_tolerance*min(self%speed_scale, own_speed) + velocity_roundoff*self%speed_scale
+      outcome%error = norm(error/max(allowed + noise, tiny(noise)))
+      call defect_error(s, n, m, self%inside, stage_velocity, error, noise)
+      outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
+      if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
+        self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
+      call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
+    end subroutine estimate_error
+
+    !> A long implicit step damps exponential growth, and would stay on a motion that has become unstable: it may be no longer than
+    !> a step that follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no
+    !> disturbance is visible, there is nothing to follow.
+    subroutine follow_growth(s, n, m, y)
+      integer, intent(in) :: s, n, m
+      real(wp), intent(in) :: y(s, m)
+      real(wp) :: longest, growth, fastest, steepest(s), y_there(m), coefficient(0:n + m), weakening, limit, rate
+      integer :: point(2), k
+      logical :: disturbed
+
+      self%unseen_growth = 0.0_wp
+      self%emerged = .false.
+      ! At the point where friction falls most with the speed, and at the end of the step.
+      steepest = self%terms%force_y(1:s, 1, 1)
+      if (system%is_damped) steepest = steepest + self%terms%damping(1:s, 1, 1)
+      point = [maxloc(steepest, dim=1), s]
+      fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, steepest(point(1)))
+      if (self%step*fastest <= self%harmless_phase) return
+      longest = huge(longest)
+      growth = 0.0_wp
+      do k = 1, 2
+        y_there = y(point(k), :)
+        call system%decay_polynomial(y_there, self%drive_velocity(point(k)), coefficient, weakening)
+        call follow_instability(coefficient, 2*s - 1, self%error_constant, limit, rate)
+        longest = min(longest, limit)
+        growth = max(growth, rate)
+      end do
+      if (.not. growth > 0.0_wp) return
+      ! Growth is ignored if it is slower than the change that the roundoff of the forces makes in the time of the growth.
+      disturbed = self%speed_scale*growth > growing_noise*system%acceleration_noise
+      if (disturbed) disturbed = self%is_disturbed(system, drive, from, 0.0_wp, seen_on_ramp*self%estimate_tolerance)
+      call self%look_at_growth(drive, from, growth, disturbed)
+      if (disturbed) then
+        if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)
+        outcome%factor = min(outcome%factor, shortened(longest, self%step))
+      else
+        outcome%factor = min(outcome%factor, largest_unseen_factor)
+      end if
+    end subroutine follow_growth
+
+    !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at a probe,
+    !>
+    !>     d_u = V e - w(y) - p_u',      d_y = g - B p_y',
+    !>
+    !> and the contribution of the roundoff of the forces.
+    subroutine defect_error(s, n, m, probe, stage_velocity, error, noise)
+      integer, intent(in) :: s, n, m
+      type(probe_t), intent(in) :: probe
+      real(wp), intent(in) :: stage_velocity(s, n)
+      real(wp), intent(out) :: error(n), noise(n)
+      real(wp) :: velocity(1, n), velocity_y(1, n, m), defect(m), shift(n), u(n), y(m), drive_velocity, elapsed, filter_step
+      real(wp) :: filter(m, m), response(n, m)
+      logical :: singular
+      integer :: k, l, axis
+
+      elapsed = probe%position*self%step
+      drive_velocity = drive%velocity_at(from%time + elapsed)
+      do k = 1, n
+        axis = system%axis + k - 1
+        u(k) = from%u(axis)
+        if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation, self%nodal(:, column_u + axis - 1)) &
+          + system%drive_coupling(axis)*drive%displacement(from%time, elapsed)
+      end do
+      do k = 1, m
+        y(k) = from%y(k)
+        if (elapsed > 0.0_wp) y(k) = dot_product(probe%interpolation, self%nodal(:, column_y + k - 1))
+      end do
+      call system%kinematics(1, y, velocity, velocity_y)
+      call system%dynamics(1, [drive_velocity], u, y, velocity_y, self%point_terms)
+      self%count%rhs = self%count%rhs + 1
+      self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%prescribed*drive_velocity)**2))
+      filter_step = self%method%gamma*self%step
+      do k = 1, n
+        shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
+      end do
+      do k = 1, m
+        defect(k) = self%point_terms%force(1, k)
+        do l = 1, n
+          defect(k) = defect(k) + self%point_terms%force_u(1, k, l)*shift(l)
+        end do
+        defect(k) = probe%weight*(self%step*defect(k) - self%point_terms%inertia(1, k) &
+          *dot_product(probe%derivative, self%nodal(:, column_y + k - 1)))
+      end do
+      call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
+      if (system%is_damped) call add_dampers(m, self%point_terms, filter_step, filter)
+      call respond(n, m, filter, velocity_y, response, singular)
+      do k = 1, n
+        error(k) = 0.0_wp
+        noise(k) = 0.0_wp
+        do l = 1, m
+          error(k) = error(k) + response(k, l)*defect(l)
+          noise(k) = noise(k) + abs(response(k, l))
+        end do
+      end do
+      noise = self%step*system%acceleration_noise*noise
+      if (singular) error = huge(error)
+    end subroutine defect_error
+  end subroutine attempt
 
   !> First guess of the stage values: from the last attempt if it began at the same point, else from the last slips if they are
   !> alike, else from the last step, or from the rate and curvature at the start.
@@ -315,205 +468,6 @@ contains
       end if
     end associate
   end subroutine predict
-
-  !> Node values for the dense output, quadratures, and the state at the end of the step.
-  subroutine complete(self, system, drive, s, n, m, from, y, u, velocity, increment, to)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n, m
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: y(s, m), u(s, n), velocity(s, n), increment(s, m)
-    type(state_t), intent(out) :: to
-    real(wp) :: x_rate(s), displacement(s), advanced(max_rows), drive_power, friction_power, supplied
-    real(wp) :: damper_power, driven, taken
-    integer :: i, k, axis
-
-    do i = 1, s
-      displacement(i) = drive%displacement(from%time, self%grid%node(i)*self%step)
-    end do
-    to%u = from%u
-    to%y = from%y
-    x_rate = 0.0_wp
-    do k = 1, n
-      axis = system%axis + k - 1
-      x_rate = x_rate + system%advance_by_slip(axis)*velocity(:, k)
-      self%nodal(0, column_u + axis - 1) = from%u(axis)
-      self%nodal(1:s, column_u + axis - 1) = u(:, k) - displacement*system%drive_coupling(axis)
-      to%u(axis) = u(s, k)
-    end do
-    do k = 1, m
-      self%nodal(0, column_y + k - 1) = from%y(k)
-      self%nodal(1:s, column_y + k - 1) = y(:, k)
-      to%y(k) = y(s, k)
-    end do
-    self%nodal(0, column_position) = from%position
-    advanced = 0.0_wp
-    do i = 1, s
-      advanced = advanced + self%method%integral(:, i)*x_rate(i)
-    end do
-    self%nodal(1:s, column_position) = from%position + system%advance_by_drive*displacement + self%step*advanced(1:s)
-    drive_power = 0.0_wp
-    friction_power = 0.0_wp
-    do i = 1, s
-      associate (b => self%method%weight(i), terms => self%terms)
-        drive_power = drive_power + b*terms%supply(i)
-        friction_power = friction_power + b*terms%dissipation(i)
-        do k = 1, m
-          supplied = terms%supply_y(i, k)*increment(i, k)
-          if (k <= n) supplied = supplied + self%drive_velocity(i)*system%drive_stiffness(system%axis + k - 1)*u(i, k)
-          drive_power = drive_power + b*supplied
-          friction_power = friction_power + b*terms%dissipation_y(i, k)*increment(i, k)
-        end do
-      end associate
-    end do
-    call to%later(from, self%step)
-    to%position = self%nodal(s, column_position)
-    to%drive_work = from%drive_work + self%step*drive_power
-    to%friction_work = from%friction_work + self%step*friction_power
-    to%damper_work = from%damper_work
-    if (.not. system%is_damped) return
-    drive_power = 0.0_wp
-    damper_power = 0.0_wp
-    do i = 1, s
-      call system%damper_powers(self%drive_velocity(i), velocity(i, :), driven, taken)
-      drive_power = drive_power + self%method%weight(i)*driven
-      damper_power = damper_power + self%method%weight(i)*taken
-    end do
-    to%drive_work = to%drive_work + self%step*drive_power
-    to%damper_work = to%damper_work + self%step*damper_power
-  end subroutine complete
-
-  !> Filtered defect of the collocation polynomial, as an error of the slip velocity at the end relative to the largest slip speed
-  !> of the step or, along an axis, to the own speed of that axis if that is lower: so the spring forces are as accurate as the slip
-  !> velocity, each in its own scale. The defect is probed at the start and at one point inside, where it also shows directions that
-  !> turn quickly while the start is at rest; and wherever the slip turns back (`error_of_turns`).
-  subroutine estimate_error(self, system, drive, s, n, m, from, own_speed, stage_velocity, outcome)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n, m
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: own_speed(n), stage_velocity(s, n)
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: error(n), noise(n), allowed(n)
-
-    call defect_error(self, system, drive, s, n, m, from, self%start, stage_velocity, error, noise)
-    allowed = self%estimate_tolerance*min(self%speed_scale, own_speed) + velocity_roundoff*self%speed_scale
-    outcome%error = norm(error/max(allowed + noise, tiny(noise)))
-    call defect_error(self, system, drive, s, n, m, from, self%inside, stage_velocity, error, noise)
-    outcome%error = max(outcome%error, norm(error/max(allowed + noise, tiny(noise))))
-    if (outcome%error <= 1.0_wp) outcome%error = max(outcome%error, &
-      self%error_of_turns(system, drive, from, allowed*(turn_allowance*self%rtol/self%estimate_tolerance)))
-    call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
-  end subroutine estimate_error
-
-  !> A long implicit step damps exponential growth, and would stay on a motion that has become unstable: it may be no longer than a
-  !> step that follows the growth at the stage where it is fastest. If the motion is so close to steady sliding that no disturbance
-  !> is visible, there is nothing to follow.
-  subroutine follow_growth(self, system, drive, s, n, m, from, y, outcome)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n, m
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: y(s, m)
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: longest, growth, fastest, steepest(s), y_there(m), coefficient(0:n + m), weakening, limit, rate
-    integer :: point(2), k
-    logical :: disturbed
-
-    self%unseen_growth = 0.0_wp
-    self%emerged = .false.
-    ! At the point where friction falls most with the speed, and at the end of the step.
-    steepest = self%terms%force_y(1:s, 1, 1)
-    if (system%is_damped) steepest = steepest + self%terms%damping(1:s, 1, 1)
-    point = [maxloc(steepest, dim=1), s]
-    fastest = maxval(system%frequency(system%axis:system%axis + n - 1)) + max(0.0_wp, steepest(point(1)))
-    if (self%step*fastest <= self%harmless_phase) return
-    longest = huge(longest)
-    growth = 0.0_wp
-    do k = 1, 2
-      y_there = y(point(k), :)
-      call system%decay_polynomial(y_there, self%drive_velocity(point(k)), coefficient, weakening)
-      call follow_instability(coefficient, 2*s - 1, self%error_constant, limit, rate)
-      longest = min(longest, limit)
-      growth = max(growth, rate)
-    end do
-    if (.not. growth > 0.0_wp) return
-    ! Growth is ignored if it is slower than the change that the roundoff of the forces makes in the time of the growth.
-    disturbed = self%speed_scale*growth > growing_noise*system%acceleration_noise
-    if (disturbed) disturbed = self%is_disturbed(system, drive, from, 0.0_wp, seen_on_ramp*self%estimate_tolerance)
-    call self%look_at_growth(drive, from, growth, disturbed)
-    if (disturbed) then
-      if (self%step > longest) outcome%error = max(outcome%error, self%step/longest)
-      outcome%factor = min(outcome%factor, shortened(longest, self%step))
-    else
-      outcome%factor = min(outcome%factor, largest_unseen_factor)
-    end if
-  end subroutine follow_growth
-
-  !> Slip-velocity error at the end of the step from the defects of the collocation polynomial p at a probe,
-  !>
-  !>     d_u = V e - w(y) - p_u',      d_y = g - B p_y',
-  !>
-  !> and the contribution of the roundoff of the forces.
-  subroutine defect_error(self, system, drive, s, n, m, from, probe, stage_velocity, error, noise)
-    class(radau_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    integer, intent(in) :: s, n, m
-    type(state_t), intent(in) :: from
-    type(probe_t), intent(in) :: probe
-    real(wp), intent(in) :: stage_velocity(s, n)
-    real(wp), intent(out) :: error(n), noise(n)
-    real(wp) :: velocity(1, n), velocity_y(1, n, m), defect(m), shift(n), u(n), y(m), drive_velocity, elapsed, filter_step
-    real(wp) :: filter(m, m), response(n, m)
-    logical :: singular
-    integer :: k, l, axis
-
-    elapsed = probe%position*self%step
-    drive_velocity = drive%velocity_at(from%time + elapsed)
-    do k = 1, n
-      axis = system%axis + k - 1
-      u(k) = from%u(axis)
-      if (elapsed > 0.0_wp) u(k) = dot_product(probe%interpolation, self%nodal(:, column_u + axis - 1)) &
-        + system%drive_coupling(axis)*drive%displacement(from%time, elapsed)
-    end do
-    do k = 1, m
-      y(k) = from%y(k)
-      if (elapsed > 0.0_wp) y(k) = dot_product(probe%interpolation, self%nodal(:, column_y + k - 1))
-    end do
-    call system%kinematics(1, y, velocity, velocity_y)
-    call system%dynamics(1, [drive_velocity], u, y, velocity_y, self%point_terms)
-    self%count%rhs = self%count%rhs + 1
-    self%speed_scale = max(self%speed_scale, sqrt(sum(velocity**2) + (system%prescribed*drive_velocity)**2))
-    filter_step = self%method%gamma*self%step
-    do k = 1, n
-      shift(k) = filter_step*(dot_product(probe%extrapolation(1:s), stage_velocity(:, k)) - velocity(1, k))
-    end do
-    do k = 1, m
-      defect(k) = self%point_terms%force(1, k)
-      do l = 1, n
-        defect(k) = defect(k) + self%point_terms%force_u(1, k, l)*shift(l)
-      end do
-      defect(k) = probe%weight*(self%step*defect(k) - self%point_terms%inertia(1, k) &
-        *dot_product(probe%derivative, self%nodal(:, column_y + k - 1)))
-    end do
-    call set_filter(n, m, self%point_terms, filter_step, velocity_y, filter)
-    if (system%is_damped) call add_dampers(m, self%point_terms, filter_step, filter)
-    call respond(n, m, filter, velocity_y, response, singular)
-    do k = 1, n
-      error(k) = 0.0_wp
-      noise(k) = 0.0_wp
-      do l = 1, m
-        error(k) = error(k) + response(k, l)*defect(l)
-        noise(k) = noise(k) + abs(response(k, l))
-      end do
-    end do
-    noise = self%step*system%acceleration_noise*noise
-    if (singular) error = huge(error)
-  end subroutine defect_error
 
   !> The matrix of a one-stage implicit step of length `filter_step` at one point: B + h^2 (dg/du)(dw/dy) - h dg/dy. Of the last
   !> term only the damping part is used, and the coupling with a state of friction.

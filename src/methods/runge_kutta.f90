@@ -45,7 +45,6 @@ module dst_runge_kutta
   real(wp), parameter :: tolerance_of_one = 0.05_wp, tolerance_of_two = 1.0_wp
   !> Share of the error of order 3 with which DOP853 stretches the error of order 5. Hairer & Wanner's convention. Twice: the same
   !> work and error.
-  !> and error.
   real(wp), parameter :: stretch_share = 0.1_wp
   !> A disturbance below this many tolerances of the estimate is not noticed. Convention.
   real(wp), parameter :: seen = 10.0_wp
@@ -134,7 +133,7 @@ contains
     call self%history%control%restart()
   end subroutine restart
 
-  subroutine attempt(self, system, drive, from, step, to, outcome)
+  subroutine attempt(self, system, drive, from, step, to, outcome, to_stop)
     class(runge_kutta_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
@@ -142,182 +141,252 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+    logical, intent(in), optional :: to_stop
+    real(wp) :: state(n_values)
 
+    ! An explicit method cannot solve for the length of a step.
+    if (present(to_stop)) then
+      if (to_stop) return
+    end if
     self%step = step
     self%speed_scale = 0.0_wp
-    call step_stages(self, system, drive, from, to, outcome)
-    if (outcome%solved) call judge(self, system, outcome)
-    if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages(self, system, drive, from, outcome)
-    if (outcome%solved .and. outcome%error <= 1.0_wp) call judge_dense(self, system, outcome)
+    call step_stages()
+    if (outcome%solved) call judge()
+    if (outcome%solved .and. outcome%error <= 1.0_wp) call dense_stages()
+    if (outcome%solved .and. outcome%error <= 1.0_wp) call judge_dense()
     if (outcome%solved .and. outcome%error <= 1.0_wp) then
-      call set_nodal(self, system, drive, from)
-      if (self%method%errors > 0) call judge_turns(self, system, drive, from, outcome)
-      call look_for_growth(self, system, drive, from)
+      call set_nodal()
+      if (self%method%errors > 0) call judge_turns()
+      call look_for_growth()
     end if
+
+  contains
+
+    !> The stages of the step itself, its end and the slope there.
+    subroutine step_stages()
+      integer :: i
+
+      call begin()
+      associate (s => self%method%stages)
+        do i = 2, s + 1
+          if (.not. outcome%solved) return
+          call stage_state(i)
+          call evaluate(i)
+        end do
+        self%history%end = [state, drive%velocity_at(from%time + self%step)]
+        self%history%end_known = outcome%solved
+        associate (b => self%method%b(1:s))
+          call to%later(from, self%step)
+          to%u = state(1:max_components)
+          to%y = state(first_y:)
+          to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
+            - self%step*dot_product(system%advance_by_slip, matmul(self%history%slope(1:max_components, 1:s), b))
+          to%drive_work = from%drive_work + self%step*dot_product(b, self%history%drive_power(1:s))
+          to%friction_work = from%friction_work + self%step*dot_product(b, self%history%friction_power(1:s))
+          to%damper_work = from%damper_work + self%step*dot_product(b, self%history%damper_power(1:s))
+        end associate
+      end associate
+    end subroutine step_stages
+
+    !> The first stage: it is reused if the slope of this state is known.
+    subroutine begin()
+      real(wp) :: first(n_values + 1)
+
+      first = [from%u, from%y, drive%velocity_at(from%time)]
+      outcome%solved = .true.
+      self%history%repeated = self%history%start_known .and. all_equal(first, self%history%start)
+      if (self%history%end_known .and. all_equal(first, self%history%end)) then
+        self%history%slope(:, 1) = self%history%slope(:, self%method%stages + 1)
+        self%history%friction_power(1) = self%history%friction_power(self%method%stages + 1)
+        self%history%drive_power(1) = self%history%drive_power(self%method%stages + 1)
+        self%history%damper_power(1) = self%history%damper_power(self%method%stages + 1)
+      else if (.not. self%history%repeated) then
+        state = first(:n_values)
+        call evaluate(1)
+      end if
+      self%speed_scale = max(self%speed_scale, sqrt(sum(self%history%slope(1:max_components, 1)**2) &
+        + (system%prescribed*first(n_values + 1))**2))
+      self%history%start = first
+      ! The limit of the fixed step is checked in the evaluation, so a failed evaluation has to be repeated.
+      self%history%start_known = outcome%solved .and. self%method%errors > 0
+      self%history%end_known = .false.
+    end subroutine begin
+
+    !> u and y of stage i.
+    subroutine stage_state(i)
+      integer, intent(in) :: i
+      integer :: j
+
+      state = 0.0_wp
+      do j = 1, i - 1
+        state = state + self%method%a(i, j)*self%history%slope(:, j)
+      end do
+      state = self%step*state
+      state(1:max_components) = from%u + state(1:max_components) &
+        + drive%displacement(from%time, self%method%c(i)*self%step)*system%drive_coupling
+      state(first_y:) = from%y + state(first_y:)
+    end subroutine stage_state
+
+    !> Slope and powers of stage i; not solved if the state is invalid, at rest, or if the step is beyond the stability limit of a
+    !> method that cannot detect it otherwise.
+    subroutine evaluate(i)
+      integer, intent(in) :: i
+      real(wp) :: drive_velocity, velocity(max_components), step_rate, driven
+
+      outcome%solved = .false.
+      if (.not. all(abs(state) <= merge(no_state, huge(1.0_wp), system%is_damped))) return
+      self%count%rhs = self%count%rhs + 1
+      drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
+      associate (n => system%components, m => system%unknowns, first => system%axis, &
+          last => system%axis + system%components - 1, terms => self%terms)
+        call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
+        call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
+        if (any(terms%inertia(1, :) <= 0.0_wp)) return
+        self%history%slope(:, i) = 0.0_wp
+        self%history%slope(first:last, i) = -velocity(1:n)
+        self%history%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
+        self%history%friction_power(i) = terms%dissipation(1)
+        self%history%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) &
+          + terms%supply(1)
+        if (system%is_damped) then
+          call system%damper_powers(drive_velocity, velocity(1:n), driven, self%history%damper_power(i))
+          self%history%drive_power(i) = self%history%drive_power(i) + driven
+        end if
+        self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
+        outcome%solved = .true.
+        if (self%method%errors > 0) return
+        step_rate = self%step*fastest_rate(n, m, terms, self%velocity_y)
+        outcome%solved = step_rate <= stability_limit
+        if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_limit/step_rate)
+      end associate
+    end subroutine evaluate
+
+    !> Error and step size factor.
+    subroutine judge()
+      real(wp) :: size, stretch
+
+      outcome%error = 0.0_wp
+      outcome%factor = 1.0_wp
+      if (self%method%errors == 0) return
+      size = error_size(self%method%error(:, 1), self%velocity_y)
+      if (self%method%errors == 2) then
+        stretch = stretch_share*error_size(self%method%error(:, 2), self%velocity_y)
+        if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
+      end if
+      outcome%error = size/tolerance()
+      call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
+    end subroutine judge
+
+    !> Permitted slip-velocity error of the step [m/s].
+    real(wp) function tolerance()
+      tolerance = self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise
+    end function tolerance
+
+    !> An error estimate as a slip velocity [m/s]: the error of y, and that of u times the frequency with which the springs convert
+    !> it to velocity; magnified along an axis whose spring has a smaller scale than the slip speed.
+    real(wp) function error_size(weight, velocity_y) result(size)
+      real(wp), intent(in) :: weight(max_stages), velocity_y(system%components, system%unknowns)
+      real(wp) :: error(n_values), square, frequency_square, own_speed(max_components)
+      integer :: j, k, l, axis
+
+      error = 0.0_wp
+      do j = 1, self%method%all_stages
+        error = error + weight(j)*self%history%slope(:, j)
+      end do
+      error = self%step*error
+      square = 0.0_wp
+      own_speed = system%spring_speed(self%history%start(1:max_components))
+      do k = 1, system%components
+        axis = system%axis + k - 1
+        frequency_square = 0.0_wp
+        do l = 1, system%unknowns
+          frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
+        end do
+        square = square + (dot_product(velocity_y(k, :), error(first_y:max_components + system%unknowns))**2 &
+          + abs(frequency_square)*error(axis)**2)*max(1.0_wp, self%speed_scale/own_speed(axis))**2
+      end do
+      size = sqrt(square)
+    end function error_size
+
+    !> The stages that only the dense output needs.
+    subroutine dense_stages()
+      real(wp) :: factor
+      integer :: i
+
+      factor = outcome%factor
+      outcome%factor = unsolved_factor
+      do i = self%method%stages + 2, self%method%all_stages
+        call stage_state(i)
+        call evaluate(i)
+        if (.not. outcome%solved) return
+      end do
+      outcome%factor = factor
+    end subroutine dense_stages
+
+    !> Refuse the step if its dense output is not accurate enough. A step at the limit of stability leaves a remainder of the
+    !> quickly relaxing part, which is harmless at its end, but is magnified by the extra stages of DOP853.
+    subroutine judge_dense()
+      real(wp) :: error
+
+      if (self%method%errors < 2) return
+      error = error_size(self%method%dense_error, self%velocity_y)/(dense_allowance*tolerance())
+      outcome%error = max(outcome%error, error)
+      outcome%factor = min(outcome%factor, factor_for(error, dense_order))
+    end subroutine judge_dense
+
+    !> Node values of the dense output.
+    subroutine set_nodal()
+      real(wp) :: change(n_values)
+      integer :: i, j
+
+      do i = 0, self%grid%degree
+        change = 0.0_wp
+        do j = 1, self%method%all_stages
+          change = change + self%dense_weight(j, i)*self%history%slope(:, j)
+        end do
+        change = self%step*change
+        self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
+        self%nodal(i, column_y:column_y + max_unknowns - 1) = from%y + change(first_y:)
+        self%nodal(i, column_position) = from%position - dot_product(system%advance_by_slip, change(1:max_components)) &
+          + system%advance_by_drive*drive%displacement(from%time, self%grid%node(i)*self%step)
+      end do
+    end subroutine set_nodal
+
+    !> Refuse the step if it has missed a peak of friction where the slip turns back.
+    subroutine judge_turns()
+      real(wp) :: allowed(max_components), error
+
+      allowed = turn_allowance*tolerance()
+      error = self%error_of_turns(system, drive, from, allowed)
+      outcome%error = max(outcome%error, error)
+      if (error > 1.0_wp) outcome%factor = min(outcome%factor, turn_factor)
+    end subroutine judge_turns
+
+    !> Whether steady sliding is unstable and no disturbance is visible: an explicit method cannot resolve any below its tolerance.
+    subroutine look_for_growth()
+      !> Share of the drive's velocity up to which the motion may be steady sliding. Convention.
+      real(wp), parameter :: close = 0.01_wp
+      real(wp) :: coefficient(0:system%components + system%unknowns), weakening, longest, growth, velocity
+
+      self%unseen_growth = 0.0_wp
+      self%emerged = .false.
+      velocity = drive%velocity_at(from%time)
+      associate (first => system%axis, last => system%axis + system%components - 1)
+        if (any(abs(self%history%slope(first:last, 1) + velocity*system%drive_coupling(first:last)) > close*abs(velocity))) &
+          return
+        call system%decay_polynomial(from%y(1:system%unknowns), velocity, coefficient, weakening)
+        call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
+      end associate
+      if (growth > 0.0_wp) call self%look_at_growth(drive, from, growth, &
+        self%is_disturbed(system, drive, from, self%noise_floor, self%noise_floor))
+    end subroutine look_for_growth
   end subroutine attempt
 
-  !> Refuse the step if it has missed a peak of friction where the slip turns back.
-  subroutine judge_turns(self, system, drive, from, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: allowed(max_components), error
-
-    allowed = turn_allowance*tolerance(self, system)
-    error = self%error_of_turns(system, drive, from, allowed)
-    outcome%error = max(outcome%error, error)
-    if (error > 1.0_wp) outcome%factor = min(outcome%factor, turn_factor)
-  end subroutine judge_turns
-
-  !> Whether steady sliding is unstable and no disturbance is visible: an explicit method cannot resolve any below its tolerance.
-  subroutine look_for_growth(self, system, drive, from)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    !> Share of the drive's velocity up to which the motion may be steady sliding. Convention.
-    real(wp), parameter :: close = 0.01_wp
-    real(wp) :: coefficient(0:system%components + system%unknowns), weakening, longest, growth, velocity
-
-    self%unseen_growth = 0.0_wp
-    self%emerged = .false.
-    velocity = drive%velocity_at(from%time)
-    associate (first => system%axis, last => system%axis + system%components - 1)
-      if (any(abs(self%history%slope(first:last, 1) + velocity*system%drive_coupling(first:last)) > close*abs(velocity))) return
-      call system%decay_polynomial(from%y(1:system%unknowns), velocity, coefficient, weakening)
-      call follow_instability(coefficient, self%method%order, 1.0_wp, longest, growth)
-    end associate
-    if (growth > 0.0_wp) call self%look_at_growth(drive, from, growth, &
-      self%is_disturbed(system, drive, from, self%noise_floor, self%noise_floor))
-  end subroutine look_for_growth
-
-  !> The stages of the step itself, its end and the slope there.
-  subroutine step_stages(self, system, drive, from, to, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    type(state_t), intent(out) :: to
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: state(n_values)
-    integer :: i
-
-    call begin(self, system, drive, from, outcome)
-    associate (s => self%method%stages)
-      do i = 2, s + 1
-        if (.not. outcome%solved) return
-        call stage_state(self, system, drive, from, i, state)
-        call evaluate(self, system, drive, from, i, state, outcome)
-      end do
-      self%history%end = [state, drive%velocity_at(from%time + self%step)]
-      self%history%end_known = outcome%solved
-      associate (b => self%method%b(1:s))
-        call to%later(from, self%step)
-        to%u = state(1:max_components)
-        to%y = state(first_y:)
-        to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
-          - self%step*dot_product(system%advance_by_slip, matmul(self%history%slope(1:max_components, 1:s), b))
-        to%drive_work = from%drive_work + self%step*dot_product(b, self%history%drive_power(1:s))
-        to%friction_work = from%friction_work + self%step*dot_product(b, self%history%friction_power(1:s))
-        to%damper_work = from%damper_work + self%step*dot_product(b, self%history%damper_power(1:s))
-      end associate
-    end associate
-  end subroutine step_stages
-
-  !> The first stage: it is reused if the slope of this state is known.
-  subroutine begin(self, system, drive, from, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: state(n_values + 1)
-
-    state = [from%u, from%y, drive%velocity_at(from%time)]
-    outcome%solved = .true.
-    self%history%repeated = self%history%start_known .and. same(state, self%history%start)
-    if (self%history%end_known .and. same(state, self%history%end)) then
-      self%history%slope(:, 1) = self%history%slope(:, self%method%stages + 1)
-      self%history%friction_power(1) = self%history%friction_power(self%method%stages + 1)
-      self%history%drive_power(1) = self%history%drive_power(self%method%stages + 1)
-      self%history%damper_power(1) = self%history%damper_power(self%method%stages + 1)
-    else if (.not. self%history%repeated) then
-      call evaluate(self, system, drive, from, 1, state(:n_values), outcome)
-    end if
-    self%speed_scale = max(self%speed_scale, sqrt(sum(self%history%slope(1:max_components, 1)**2) &
-      + (system%prescribed*state(n_values + 1))**2))
-    self%history%start = state
-    ! The limit of the fixed step is checked in the evaluation, so a failed evaluation has to be repeated.
-    self%history%start_known = outcome%solved .and. self%method%errors > 0
-    self%history%end_known = .false.
-  end subroutine begin
-
-  pure logical function same(a, b)
+  pure logical function all_equal(a, b)
     real(wp), intent(in) :: a(:), b(:)
 
-    same = .not. any(abs(a - b) > 0.0_wp)
-  end function same
-
-  !> u and y of stage i.
-  pure subroutine stage_state(self, system, drive, from, i, state)
-    class(runge_kutta_t), intent(in) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    integer, intent(in) :: i
-    real(wp), intent(out) :: state(n_values)
-    integer :: j
-
-    state = 0.0_wp
-    do j = 1, i - 1
-      state = state + self%method%a(i, j)*self%history%slope(:, j)
-    end do
-    state = self%step*state
-    state(1:max_components) = from%u + state(1:max_components) &
-      + drive%displacement(from%time, self%method%c(i)*self%step)*system%drive_coupling
-    state(first_y:) = from%y + state(first_y:)
-  end subroutine stage_state
-
-  !> Slope and powers of stage i; not solved if the state is invalid, at rest, or if the step is beyond the stability limit of a
-  !> method that cannot detect it otherwise.
-  subroutine evaluate(self, system, drive, from, i, state, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    integer, intent(in) :: i
-    real(wp), intent(in) :: state(n_values)
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: drive_velocity, velocity(max_components), step_rate, driven
-
-    outcome%solved = .false.
-    if (.not. all(abs(state) <= merge(no_state, huge(1.0_wp), system%is_damped))) return
-    self%count%rhs = self%count%rhs + 1
-    drive_velocity = drive%velocity_at(from%time + self%method%c(i)*self%step)
-    associate (n => system%components, m => system%unknowns, first => system%axis, &
-        last => system%axis + system%components - 1, terms => self%terms)
-      call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
-      call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
-      if (any(terms%inertia(1, :) <= 0.0_wp)) return
-      self%history%slope(:, i) = 0.0_wp
-      self%history%slope(first:last, i) = -velocity(1:n)
-      self%history%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
-      self%history%friction_power(i) = terms%dissipation(1)
-      self%history%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
-      if (system%is_damped) then
-        call system%damper_powers(drive_velocity, velocity(1:n), driven, self%history%damper_power(i))
-        self%history%drive_power(i) = self%history%drive_power(i) + driven
-      end if
-      self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
-      outcome%solved = .true.
-      if (self%method%errors > 0) return
-      step_rate = self%step*fastest_rate(n, m, terms, self%velocity_y)
-      outcome%solved = step_rate <= stability_limit
-      if (.not. outcome%solved) outcome%factor = max(least_stable_factor, stability_margin*stability_limit/step_rate)
-    end associate
-  end subroutine evaluate
+    all_equal = .not. any(abs(a - b) > 0.0_wp)
+  end function all_equal
 
   !> An upper bound of the fastest rate [1/s] of the linearised motion.
   pure real(wp) function fastest_rate(n, m, terms, velocity_y) result(rate)
@@ -338,119 +407,6 @@ contains
     end associate
     rate = max(relaxation, sqrt(abs(elasticity)))
   end function fastest_rate
-
-  !> Error and step size factor.
-  pure subroutine judge(self, system, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: size, stretch
-
-    outcome%error = 0.0_wp
-    outcome%factor = 1.0_wp
-    if (self%method%errors == 0) return
-    size = error_size(self, system, system%components, system%unknowns, self%method%error(:, 1), self%velocity_y)
-    if (self%method%errors == 2) then
-      stretch = stretch_share*error_size(self, system, system%components, system%unknowns, self%method%error(:, 2), self%velocity_y)
-      if (size > 0.0_wp) size = size*(size/hypot(size, stretch))
-    end if
-    outcome%error = size/tolerance(self, system)
-    call self%history%control%advise(self%step, self%history%repeated, outcome%error, outcome%factor)
-  end subroutine judge
-
-  !> Permitted slip-velocity error of the step [m/s].
-  pure real(wp) function tolerance(self, system)
-    class(runge_kutta_t), intent(in) :: self
-    class(slip_system_t), intent(in) :: system
-
-    tolerance = self%speed_scale*self%estimate_tolerance + self%step*system%acceleration_noise
-  end function tolerance
-
-  !> An error estimate as a slip velocity [m/s]: the error of y, and that of u times the frequency with which the springs convert it
-  !> to velocity; magnified along an axis whose spring has a smaller scale than the slip speed.
-  pure real(wp) function error_size(self, system, n, m, weight, velocity_y) result(size)
-    class(runge_kutta_t), intent(in) :: self
-    class(slip_system_t), intent(in) :: system
-    integer, intent(in) :: n, m
-    real(wp), intent(in) :: weight(max_stages), velocity_y(n, m)
-    real(wp) :: error(n_values), square, frequency_square, own_speed(max_components)
-    integer :: j, k, l, axis
-
-    error = 0.0_wp
-    do j = 1, self%method%all_stages
-      error = error + weight(j)*self%history%slope(:, j)
-    end do
-    error = self%step*error
-    square = 0.0_wp
-    own_speed = system%spring_speed(self%history%start(1:max_components))
-    do k = 1, n
-      axis = system%axis + k - 1
-      frequency_square = 0.0_wp
-      do l = 1, m
-        frequency_square = frequency_square + velocity_y(k, l)*self%terms%force_u(1, l, k)/self%terms%inertia(1, l)
-      end do
-      square = square + (dot_product(velocity_y(k, :), error(first_y:max_components + m))**2 &
-        + abs(frequency_square)*error(axis)**2)*max(1.0_wp, self%speed_scale/own_speed(axis))**2
-    end do
-    size = sqrt(square)
-  end function error_size
-
-  !> The stages that only the dense output needs.
-  subroutine dense_stages(self, system, drive, from, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: state(n_values), factor
-    integer :: i
-
-    factor = outcome%factor
-    outcome%factor = unsolved_factor
-    do i = self%method%stages + 2, self%method%all_stages
-      call stage_state(self, system, drive, from, i, state)
-      call evaluate(self, system, drive, from, i, state, outcome)
-      if (.not. outcome%solved) return
-    end do
-    outcome%factor = factor
-  end subroutine dense_stages
-
-  !> Refuse the step if its dense output is not accurate enough. A step at the limit of stability leaves a remainder of the quickly
-  !> relaxing part, which is harmless at its end, but is magnified by the extra stages of DOP853.
-  pure subroutine judge_dense(self, system, outcome)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(attempt_t), intent(inout) :: outcome
-    real(wp) :: error
-
-    if (self%method%errors < 2) return
-    error = error_size(self, system, system%components, system%unknowns, self%method%dense_error, self%velocity_y) &
-      /(dense_allowance*tolerance(self, system))
-    outcome%error = max(outcome%error, error)
-    outcome%factor = min(outcome%factor, factor_for(error, dense_order))
-  end subroutine judge_dense
-
-  !> Node values of the dense output.
-  pure subroutine set_nodal(self, system, drive, from)
-    class(runge_kutta_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    real(wp) :: change(n_values)
-    integer :: i, j
-
-    do i = 0, self%grid%degree
-      change = 0.0_wp
-      do j = 1, self%method%all_stages
-        change = change + self%dense_weight(j, i)*self%history%slope(:, j)
-      end do
-      change = self%step*change
-      self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
-      self%nodal(i, column_y:column_y + max_unknowns - 1) = from%y + change(first_y:)
-      self%nodal(i, column_position) = from%position - dot_product(system%advance_by_slip, change(1:max_components)) &
-        + system%advance_by_drive*drive%displacement(from%time, self%grid%node(i)*self%step)
-    end do
-  end subroutine set_nodal
 
   pure subroutine accept(self)
     class(runge_kutta_t), intent(inout) :: self

@@ -83,10 +83,9 @@ module dst_stepper
     procedure(restart), deferred :: restart
     !> The same at a release, from rest.
     procedure :: begin_slip
-    !> Try one step of length `step` from `from` and, if solved, give its end `to`.
+    !> Try one step of length `step` from `from` and, if solved, give its end `to`; with `to_stop` a step of unknown length, near
+    !> `step`, that ends where the slip speed vanishes: self%step is its length then. Only implicit methods can do that.
     procedure(attempt), deferred :: attempt
-    !> The same for a step of unknown length, near `guess`, that ends where the slip speed vanishes; `step` is its length then.
-    procedure :: attempt_stop
     !> The last attempt has been accepted.
     procedure(accept), deferred :: accept
     !> Save or load everything on which a later attempt depends; a method adds its own data.
@@ -111,7 +110,7 @@ module dst_stepper
       real(wp), intent(in) :: rate(:), curvature(:)
     end subroutine restart
 
-    subroutine attempt(self, system, drive, from, step, to, outcome)
+    subroutine attempt(self, system, drive, from, step, to, outcome, to_stop)
       import :: stepper_t, slip_system_t, drive_segment_t, state_t, attempt_t, wp
       class(stepper_t), intent(inout) :: self
       class(slip_system_t), intent(in) :: system
@@ -120,6 +119,7 @@ module dst_stepper
       real(wp), intent(in) :: step
       type(state_t), intent(out) :: to
       type(attempt_t), intent(out) :: outcome
+      logical, intent(in), optional :: to_stop
     end subroutine attempt
 
     pure subroutine accept(self)
@@ -136,22 +136,6 @@ contains
 
     call self%restart(rate, curvature)
   end subroutine begin_slip
-
-  !> Most methods cannot solve for the length of a step.
-  subroutine attempt_stop(self, system, drive, from, guess, to, outcome)
-    class(stepper_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: guess
-    type(state_t), intent(out) :: to
-    type(attempt_t), intent(out) :: outcome
-
-    associate (unused => [self%step, drive%velocity, from%time, guess], also_unused => system%components)
-    end associate
-    to = from
-    outcome = attempt_t()
-  end subroutine attempt_stop
 
   !> Where the slip turns back, its speed passes through a minimum and friction through its peak, perhaps in such a short time that
   !> no stage is in it. The largest error over tolerance of such turns in the last attempt; `allowed` is the permitted error of the
@@ -171,110 +155,105 @@ contains
     associate (last => column_y + system%unknowns - 1, s => self%grid%degree, c => self%grid%node, y => self%nodal)
       do i = 1, s
         if (system%has_turned(y(i - 1, column_y:last), y(i, column_y:last))) error = max(error, &
-          defect_around(self, system, drive, from, turn_between(self, system, c(i - 1), c(i)), allowed))
+          defect_around(turn_between(c(i - 1), c(i))))
       end do
       if (.not. system%turns_back) return
       if (abs(self%nodal(0, column_y)) < close*abs(self%nodal(1, column_y))) &
-        error = max(error, defect_around(self, system, drive, from, 0.0_wp, allowed))
+        error = max(error, defect_around(0.0_wp))
       if (abs(self%nodal(s, column_y)) < close*abs(self%nodal(s - 1, column_y))) &
-        error = max(error, defect_around(self, system, drive, from, 1.0_wp, allowed))
+        error = max(error, defect_around(1.0_wp))
     end associate
-  end function error_of_turns
-
-  !> Position between two others at which the slip of the last attempt has turned by a right angle from the first one.
-  real(wp) function turn_between(self, system, first, last) result(position)
-    class(stepper_t), intent(in) :: self
-    class(slip_system_t), intent(in) :: system
-    real(wp), intent(in) :: first, last
-    !> 1e-12 of a step: a shorter turn is a point.
-    integer, parameter :: halvings = 40
-    type(bracket_t) :: bracket
-    integer :: iteration
-
-    bracket = bracket_t([first, last], [-1.0_wp, 1.0_wp])
-    do iteration = 1, halvings
-      position = bracket%middle()
-      call bracket%narrow(position, merge(1.0_wp, -1.0_wp, system%has_turned(y_at(first), y_at(position))))
-    end do
 
   contains
 
-    pure function y_at(tau) result(y)
+    !> Position between two others at which the slip of the last attempt has turned by a right angle from the first one.
+    real(wp) function turn_between(first, last) result(position)
+      real(wp), intent(in) :: first, last
+      !> 1e-12 of a step: a shorter turn is a point.
+      integer, parameter :: halvings = 40
+      type(bracket_t) :: bracket
+      integer :: iteration
+
+      bracket = bracket_t([first, last], [-1.0_wp, 1.0_wp])
+      do iteration = 1, halvings
+        position = bracket%middle()
+        call bracket%narrow(position, merge(1.0_wp, -1.0_wp, system%has_turned(y_at(first), y_at(position))))
+      end do
+    end function turn_between
+
+    !> The slip unknowns of the last attempt at a position.
+    function y_at(tau) result(y)
       real(wp), intent(in) :: tau
       real(wp) :: y(system%unknowns), basis(0:max_degree)
 
       call self%grid%lagrange(tau, basis)
       y = matmul(basis(0:self%grid%degree), self%nodal(0:self%grid%degree, column_y:column_y + system%unknowns - 1))
     end function y_at
-  end function turn_between
 
-  !> The defect of the polynomials, B y' - g, summed at distances from a position that are halved again and again: whatever the
-  !> width of a peak is, some of these points are in it. The result is an error over tolerance of the slip velocity, with quickly
-  !> relaxing components damped.
-  real(wp) function defect_around(self, system, drive, from, middle, allowed) result(total)
-    class(stepper_t), intent(inout) :: self
-    class(slip_system_t), intent(in) :: system
-    type(drive_segment_t), intent(in) :: drive
-    type(state_t), intent(in) :: from
-    real(wp), intent(in) :: middle, allowed(:)
-    integer, parameter :: distances = 24
-    !> Share of the step in which a relaxing component decays: about gamma of Radau IIA. Twice: no change in Fig. 3.
-    real(wp), parameter :: relaxation = 0.2_wp
-    real(wp), dimension(system%components) :: u, velocity
-    real(wp), dimension(system%unknowns) :: y, rate, defect
-    real(wp) :: velocity_y(system%components, system%unknowns), basis(0:max_degree), slope(0:max_degree)
-    real(wp) :: matrix(system%unknowns, system%unknowns)
-    logical :: singular
-    real(wp) :: distance, place, elapsed, weight
-    integer :: j, k, side
+    !> The defect of the polynomials, B y' - g, summed at distances from a position that are halved again and again: whatever the
+    !> width of a peak is, some of these points are in it. The result is an error over tolerance of the slip velocity, with quickly
+    !> relaxing components damped.
+    real(wp) function defect_around(middle) result(total)
+      real(wp), intent(in) :: middle
+      integer, parameter :: distances = 24
+      !> Share of the step in which a relaxing component decays: about gamma of Radau IIA. Twice: no change in Fig. 3.
+      real(wp), parameter :: relaxation = 0.2_wp
+      real(wp), dimension(system%components) :: u, velocity
+      real(wp), dimension(system%unknowns) :: y, rate, defect
+      real(wp) :: velocity_y(system%components, system%unknowns), basis(0:max_degree), slope(0:max_degree)
+      real(wp) :: matrix(system%unknowns, system%unknowns)
+      logical :: singular
+      real(wp) :: distance, place, elapsed, weight
+      integer :: j, k, side
 
-    if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components, system%unknowns)
-    total = 0.0_wp
-    distance = 0.5_wp
-    associate (n => system%components, m => system%unknowns, s => self%grid%degree, terms => self%turn_terms)
-      do j = 1, distances
-        distance = 0.5_wp*distance
-        do side = -1, 1, 2
-          place = middle + real(side, wp)*distance
-          if (place < 0.0_wp .or. place > 1.0_wp) cycle
-          elapsed = place*self%step
-          call self%grid%lagrange(place, basis)
-          slope(0:s) = matmul(basis(0:s), self%grid%derivative(0:s, 0:s))
-          do k = 1, n
-            u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
-              + system%drive_coupling(system%axis + k - 1)*drive%displacement(from%time, elapsed)
-          end do
-          do k = 1, m
-            y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
-            rate(k) = dot_product(slope(0:s), self%nodal(0:s, column_y + k - 1))
-          end do
-          call system%kinematics(1, y, velocity, velocity_y)
-          call system%dynamics(1, [drive%velocity_at(from%time + elapsed)], u, y, velocity_y, terms)
-          do k = 1, m
-            weight = abs(terms%inertia(1, k)) &
-              + relaxation*self%step*max(0.0_wp, -(terms%force_y(1, k, k) + terms%damping(1, k, k)))
-            defect(k) = max(0.0_wp, abs(self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k)) &
-              - self%step*system%acceleration_noise)
+      if (.not. allocated(self%turn_terms%force)) self%turn_terms = new_terms(1, system%components, system%unknowns)
+      total = 0.0_wp
+      distance = 0.5_wp
+      associate (n => system%components, m => system%unknowns, s => self%grid%degree, terms => self%turn_terms)
+        do j = 1, distances
+          distance = 0.5_wp*distance
+          do side = -1, 1, 2
+            place = middle + real(side, wp)*distance
+            if (place < 0.0_wp .or. place > 1.0_wp) cycle
+            elapsed = place*self%step
+            call self%grid%lagrange(place, basis)
+            slope(0:s) = matmul(basis(0:s), self%grid%derivative(0:s, 0:s))
+            do k = 1, n
+              u(k) = dot_product(basis(0:s), self%nodal(0:s, column_u + system%axis + k - 2)) &
+                + system%drive_coupling(system%axis + k - 1)*drive%displacement(from%time, elapsed)
+            end do
+            do k = 1, m
+              y(k) = dot_product(basis(0:s), self%nodal(0:s, column_y + k - 1))
+              rate(k) = dot_product(slope(0:s), self%nodal(0:s, column_y + k - 1))
+            end do
+            call system%kinematics(1, y, velocity, velocity_y)
+            call system%dynamics(1, [drive%velocity_at(from%time + elapsed)], u, y, velocity_y, terms)
+            do k = 1, m
+              weight = abs(terms%inertia(1, k)) &
+                + relaxation*self%step*max(0.0_wp, -(terms%force_y(1, k, k) + terms%damping(1, k, k)))
+              defect(k) = max(0.0_wp, abs(self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k)) &
+                - self%step*system%acceleration_noise)
+              if (system%is_damped) then
+                matrix(k, 1:m) = relaxation*self%step*terms%damping(1, k, :)
+                matrix(k, k) = matrix(k, k) + weight
+                defect(k) = sign(defect(k), self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k))
+              else
+                defect(k) = defect(k)/max(weight, tiny(weight))
+              end if
+            end do
+            ! A damper resists the slip along its axis only.
             if (system%is_damped) then
-              matrix(k, 1:m) = relaxation*self%step*terms%damping(1, k, :)
-              matrix(k, k) = matrix(k, k) + weight
-              defect(k) = sign(defect(k), self%step*terms%force(1, k) - terms%inertia(1, k)*rate(k))
-            else
-              defect(k) = defect(k)/max(weight, tiny(weight))
+              call solve_in_place(m, matrix, defect, singular)
+              if (singular) cycle
+              total = total + distance*maxval(abs(matmul(velocity_y, defect))/max(allowed(1:n), tiny(distance)))
+              cycle
             end if
+            total = total + distance*maxval(matmul(abs(velocity_y), defect)/max(allowed(1:n), tiny(distance)))
           end do
-          ! A damper resists the slip along its axis only.
-          if (system%is_damped) then
-            call solve_in_place(m, matrix, defect, singular)
-            if (singular) cycle
-            total = total + distance*maxval(abs(matmul(velocity_y, defect))/max(allowed(1:n), tiny(distance)))
-            cycle
-          end if
-          total = total + distance*maxval(matmul(abs(velocity_y), defect)/max(allowed(1:n), tiny(distance)))
         end do
-      end do
-    end associate
-  end function defect_around
+      end associate
+    end function defect_around
+  end function error_of_turns
 
   !> Whether the motion at the start of the step differs from steady sliding by more than roundoff; under a drive that changes its
   !> velocity, by more than the lag with which steady sliding follows and more than the step's own error. Smaller differences are

@@ -529,7 +529,7 @@ contains
     type(attempt_t), intent(inout) :: outcome
     logical, intent(out) :: stopped
 
-    call self%stepper%attempt_stop(self%system, self%piece%drive, self%piece%from, guess, to, outcome)
+    call self%stepper%attempt(self%system, self%piece%drive, self%piece%from, guess, to, outcome, to_stop=.true.)
     stopped = outcome%solved .and. self%stepper%step <= longest
     if (stopped) stopped = is_first_stop(self)
     if (stopped) return

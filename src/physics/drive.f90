@@ -146,21 +146,10 @@ contains
   !> Whether V has the same sign at all times.
   pure logical function never_reverses(self)
     class(drive_t), intent(in) :: self
-    real(wp) :: lowest, highest
-    integer :: i
 
-    lowest = 0.0_wp
-    highest = 0.0_wp
-    do i = 1, size(self%segment)
-      associate (segment => self%segment(i))
-        lowest = min(lowest, segment%velocity)
-        highest = max(highest, segment%velocity)
-        if (i == size(self%segment)) cycle
-        lowest = min(lowest, segment%velocity_at(segment%end))
-        highest = max(highest, segment%velocity_at(segment%end))
-      end associate
-    end do
-    never_reverses = .not. (lowest < 0.0_wp .and. highest > 0.0_wp)
+    associate (velocity => knot_velocities(self%segment))
+      never_reverses = .not. (any(velocity < 0.0_wp) .and. any(velocity > 0.0_wp))
+    end associate
   end function never_reverses
 
   !> Whether the velocity is the same at all times up to one [s], however many knots there are.
@@ -192,14 +181,19 @@ contains
   !> Largest |V| of the profile [m/s]: it is reached at a knot.
   pure real(wp) function largest_speed(self)
     class(drive_t), intent(in) :: self
+
+    largest_speed = maxval(abs(knot_velocities(self%segment)))
+  end function largest_speed
+
+  !> V [m/s] at both ends of each segment; the last one has the same V at its end, or none.
+  pure function knot_velocities(segment) result(velocity)
+    type(drive_segment_t), intent(in) :: segment(:)
+    real(wp) :: velocity(2*size(segment) - 1)
     integer :: i
 
-    largest_speed = 0.0_wp
-    do i = 1, size(self%segment)
-      associate (segment => self%segment(i))
-        largest_speed = max(largest_speed, abs(segment%velocity))
-        if (i < size(self%segment)) largest_speed = max(largest_speed, abs(segment%velocity_at(segment%end)))
-      end associate
+    velocity(1::2) = segment%velocity
+    do i = 1, size(segment) - 1
+      velocity(2*i) = segment(i)%velocity_at(segment(i)%end)
     end do
-  end function largest_speed
+  end function knot_velocities
 end module dst_drive

@@ -63,13 +63,7 @@ module dst_friction
   end type weakening_friction_t
 
   !> F = [mu_inf + (mu_0 - mu_inf) exp(-(v/v_f)^p) + viscous v] W, p >= 1.
-  type, extends(friction_law_t) :: stribeck_friction_t
-    !> mu_inf W [N].
-    real(wp) :: limit = 0.0_wp
-    !> (mu_0 - mu_inf) W [N].
-    real(wp) :: drop = 0.0_wp
-    !> 1/v_f [s/m].
-    real(wp) :: decay = 0.0_wp
+  type, extends(weakening_friction_t) :: stribeck_friction_t
     !> p, without unit.
     real(wp) :: exponent = 1.0_wp
     !> viscous W [N s/m].

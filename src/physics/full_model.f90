@@ -17,7 +17,6 @@ module dst_full_model
 
   !> The exact contact in slip, in the unknowns y = (v, theta).
   type, extends(slip_system_t) :: full_polar_t
-    type(slider_t) :: slider
   contains
     procedure :: kinematics => polar_kinematics
     procedure :: dynamics => polar_dynamics
@@ -28,7 +27,6 @@ module dst_full_model
 
   !> The smoothed contact, in the unknowns y = w.
   type, extends(slip_system_t) :: full_smoothed_t
-    type(slider_t) :: slider
   contains
     procedure :: kinematics => smoothed_kinematics
     procedure :: dynamics => smoothed_dynamics
@@ -43,17 +41,9 @@ contains
     type(slider_t), intent(in) :: slider
     type(full_polar_t) :: model
 
-    model%slider = slider
+    call model%take(slider)
     model%is_polar = .true.
-    model%drive_coupling = slider%along
     model%advance_by_slip = slider%along
-    model%drive_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%damping
-    model%relaxation = slider%relaxation()
   end function new_full_polar
 
   !> For slider%smoothing > 0.
@@ -61,16 +51,8 @@ contains
     type(slider_t), intent(in) :: slider
     type(full_smoothed_t) :: model
 
-    model%slider = slider
-    model%drive_coupling = slider%along
+    call model%take(slider)
     model%advance_by_slip = slider%along
-    model%drive_stiffness = slider%stiffness*slider%along
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%damping
-    model%relaxation = slider%relaxation()
   end function new_full_smoothed
 
   pure subroutine polar_kinematics(self, stages, y, velocity, velocity_y)
@@ -98,7 +80,7 @@ contains
     real(wp), intent(in) :: u(stages, self%components), y(stages, self%unknowns)
     real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
     type(stage_terms_t), intent(inout) :: terms
-    real(wp) :: friction(stages), slope(stages), accel_x, accel_y, per_mass
+    real(wp) :: friction(stages), slope(stages), velocity(stages, 2), springs(stages, 2), accel_x, accel_y, per_mass
     integer :: i
 
     call self%slider%law%evaluate(stages, y(:, 1), friction, slope)
@@ -130,20 +112,8 @@ contains
         terms%dissipation_y(i, 2) = 0.0_wp
       end do
     end associate
-    if (self%is_damped) call damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
-  end subroutine polar_dynamics
-
-  !> Add the dampers: their force turns with the direction of slip as the force of the springs does.
-  pure subroutine damp_polar(self, stages, drive_velocity, y, velocity_y, terms)
-    class(full_polar_t), intent(in) :: self
-    integer, intent(in) :: stages
-    real(wp), intent(in) :: drive_velocity(stages)
-    real(wp), intent(in) :: y(stages, self%unknowns)
-    real(wp), intent(in) :: velocity_y(stages, self%components, self%unknowns)
-    type(stage_terms_t), intent(inout) :: terms
-    real(wp) :: velocity(stages, 2), springs(stages, 2)
-    integer :: i
-
+    if (.not. self%is_damped) return
+    ! The force of the dampers turns with the direction of slip as that of the springs does.
     velocity(:, 1) = y(:, 1)*velocity_y(:, 1, 1)
     velocity(:, 2) = y(:, 1)*velocity_y(:, 2, 1)
     springs = terms%force(1:stages, 1:2)
@@ -152,7 +122,7 @@ contains
       terms%force_y(i, 1, 2) = terms%force_y(i, 1, 2) + (terms%force(i, 2) - springs(i, 2))
       terms%force_y(i, 2, 2) = terms%force_y(i, 2, 2) - (terms%force(i, 1) - springs(i, 1))
     end do
-  end subroutine damp_polar
+  end subroutine polar_dynamics
 
   pure function polar_velocity(self, y, drive_velocity) result(velocity)
     class(full_polar_t), intent(in) :: self

@@ -21,7 +21,6 @@ module dst_low_frequency
 
   !> The slow motion of a slider, in the unknown y = w_x.
   type, extends(slip_system_t) :: low_frequency_t
-    type(slider_t) :: slider
   contains
     procedure :: kinematics
     procedure :: dynamics
@@ -36,7 +35,7 @@ contains
     type(slider_t), intent(in) :: slider
     type(low_frequency_t) :: model
 
-    model%slider = slider
+    call model%take(slider)
     model%components = 1
     model%unknowns = 1
     model%turns_back = .true.
@@ -46,12 +45,6 @@ contains
     model%advance_by_slip = model%drive_coupling
     model%advance_by_drive = slider%along(2)**2
     model%prescribed = slider%along(2)
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%free*slider%damping
-    model%relaxation = slider%relaxation()
   end function new_low_frequency
 
   pure subroutine kinematics(self, stages, y, velocity, velocity_y)

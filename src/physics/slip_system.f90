@@ -12,6 +12,7 @@
 !> along it is a function of y and V.
 module dst_slip_system
   use dst_kinds, only: wp
+  use dst_slider, only: slider_t
   implicit none
   private
 
@@ -38,6 +39,7 @@ module dst_slip_system
 
   !> A model as an integrator uses it: u' = V e - w(y), B(y) y' = g(u, y).
   type, abstract :: slip_system_t
+    type(slider_t) :: slider
     !> Number of components n, and of slip unknowns m >= n.
     integer :: components = max_components
     integer :: unknowns = max_components
@@ -75,6 +77,8 @@ module dst_slip_system
     procedure(slip_velocity), deferred :: slip_velocity
     !> Growth or decay of disturbances of steady sliding, with these slip unknowns.
     procedure(decay_polynomial), deferred :: decay_polynomial
+    !> Become the model of a slider.
+    procedure :: take
     !> Add the force of the dampers to the terms of the springs.
     procedure :: add_dampers
     !> Powers of drive and dampers due to the dampers.
@@ -140,6 +144,22 @@ contains
     allocate (terms%dissipation(stages), terms%dissipation_y(stages, unknowns))
     allocate (terms%supply(stages), terms%supply_y(stages, unknowns), source=0.0_wp)
   end function new_terms
+
+  !> The slider, and what follows from it in every model that leaves the same axes free.
+  subroutine take(self, slider)
+    class(slip_system_t), intent(inout) :: self
+    type(slider_t), intent(in) :: slider
+
+    self%slider = slider
+    self%drive_coupling = slider%drive_coupling()
+    self%drive_stiffness = slider%stiffness*self%drive_coupling
+    self%acceleration_noise = slider%acceleration_noise()
+    self%frequency = slider%frequency()
+    self%static_speed = slider%static_speed()
+    self%is_damped = slider%is_damped()
+    self%damping = slider%free*slider%damping
+    self%relaxation = slider%relaxation()
+  end subroutine take
 
   !> Dampers act as longer springs: with the times r = c/k, k u becomes k (u + r u'), u' = V e - w. To be called last in `dynamics`,
   !> with dg/du of the springs, where w = `velocity`.

@@ -10,11 +10,11 @@
 !> of Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
   use dst_eigenvalues, only: find_eigenvalues
-  use dst_kinds, only: wp, real64, pi
-  use dst_errors, only: error_t, raise, usage_error, not_finite
-  use dst_friction, only: friction_law_t, exponential_form
+  use dst_kinds, only: wp, pi
+  use dst_errors, only: error_t, raise, usage_error
+  use dst_friction, only: exponential_form
   use dst_slider, only: slider_t
-  use dst_text, only: short_length, short_text
+  use dst_text, only: short_text
   implicit none
   private
 
@@ -37,20 +37,14 @@ module dst_stability
     real(wp) :: window(2) = 0.0_wp
   end type critical_t
 
-  !> A slider and its friction in units that are powers of two: the mass and the stiffer spring are about 1. The units change no
-  !> digit of a result, but keep squares and products in the range of the numbers if the results are in it.
-  type :: own_units_t
+  !> A slider as its perturbations see it: masses and springs, alpha and beta, and the dampers. SI units.
+  type :: perturbed_t
     real(wp) :: mass, stiffness(2)
     real(wp) :: alpha, beta, damping(2)
-    !> The unit of frequency is 2**rate 1/s.
-    integer :: rate
-  end type own_units_t
+  end type perturbed_t
 
   character(*), parameter :: beyond = 'beyond the range of the numbers: bring the mass, the stiffnesses, the friction and the '// &
     'velocity nearer to each other'
-
-  !> Range of exponents that is kept free above a number, for the sums and products of which it is a part.
-  integer, parameter :: room = 16
 
 contains
 
@@ -60,14 +54,14 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     complex(wp), intent(out) :: eigenvalues(4)
     type(error_t), allocatable, intent(out) :: error
-    type(own_units_t) :: own
-    complex(wp) :: own_eigenvalues(4)
-    real(wp) :: normal(2), frequency(2), parts(8), matrix(4, 4), real_part(4)
+    type(perturbed_t) :: own
+    complex(wp) :: unsorted(4)
+    real(wp) :: normal(2), frequency(2), matrix(4, 4), real_part(4)
     logical :: found
     integer :: i, j
 
     eigenvalues = (0.0_wp, 0.0_wp)
-    call to_own_units(slider, velocity, own, error)
+    call perturb(slider, velocity, own, error)
     if (allocated(error)) return
     ! Unknowns sqrt(k) u and sqrt(m) u': the elastic part is skew and the friction part symmetric.
     normal = [-slider%along(2), slider%along(1)]
@@ -81,19 +75,15 @@ contains
       end do
       matrix(i + 2, i + 2) = matrix(i + 2, i + 2) - own%damping(i)/own%mass
     end do
-    call find_eigenvalues(matrix, own_eigenvalues, found)
+    call find_eigenvalues(matrix, unsorted, found)
     if (.not. found) then
-      call raise(error, not_finite, 'the eigenvalues of steady sliding were not found: '// &
-                 'bring the mass, the stiffnesses and the friction nearer to each other')
+      call raise(error, usage_error, 'an eigenvalue of steady sliding is '//beyond)
       return
     end if
-    real_part = real(own_eigenvalues)
-    parts = [real_part, aimag(own_eigenvalues)]
-    call to_si('an eigenvalue of steady sliding', parts, own%rate, error)
-    if (allocated(error)) return
+    real_part = real(unsorted)
     do i = 1, 4
       j = maxloc(real_part, 1)
-      eigenvalues(i) = cmplx(parts(j), parts(j + 4), wp)
+      eigenvalues(i) = unsorted(j)
       real_part(j) = -huge(1.0_wp)
     end do
   end subroutine steady_sliding_eigenvalues
@@ -106,25 +96,24 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     type(critical_t), intent(out) :: critical
     type(error_t), allocatable, intent(out) :: error
-    type(own_units_t) :: own
+    type(perturbed_t) :: own
     real(wp) :: alpha, beta, coupling, root_sum, gap, share, p(2), below(2), above(2), soft(2), stiff(2), frequency(2)
 
     if (slider%is_damped()) then
       call damped_misalignment(slider, velocity, critical, error)
       return
     end if
-    call resistance(slider, velocity, alpha, beta, error)
+    call perturb(slider, velocity, own, error)
     if (allocated(error)) return
-    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. differ(slider%stiffness))) &
+    alpha = own%alpha
+    beta = own%beta
+    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp)) &
       critical%window = [0.0_wp, 0.5_wp*pi]
     if (alpha >= 0.0_wp .or. alpha + beta <= 0.0_wp) return
 
-    call to_own_units(slider, velocity, own, error)
-    if (allocated(error)) return
     associate (soft_stiffness => minval(own%stiffness), stiff_stiffness => maxval(own%stiffness))
       ! p has two real positive values if gap > 0: the sum of the roots is larger than twice the root of their product.
-      if (power_of(own%alpha) + power_of(own%beta) > room) return
-      coupling = -own%alpha*own%beta/own%mass
+      coupling = -alpha*beta/own%mass
       root_sum = sqrt(soft_stiffness) + sqrt(stiff_stiffness)
       gap = ((stiff_stiffness - soft_stiffness)/root_sum)**2 - coupling
       if (.not. gap > 0.0_wp) return
@@ -136,7 +125,7 @@ contains
       below(1) = coupling*p(1)/above(1)
     end associate
     frequency = sqrt(p/own%mass)
-    call to_si('the frequency at the critical angle', frequency, own%rate, error)
+    call check_finite('the frequency at the critical angle', [frequency, above, below], error)
     if (allocated(error)) return
     critical%exists = .true.
     critical%has = .true.
@@ -163,11 +152,11 @@ contains
     real(wp), intent(in) :: velocity
     type(critical_t), intent(out) :: critical
     type(error_t), allocatable, intent(out) :: error
-    type(own_units_t) :: own
-    real(wp) :: edge(4), angle, frequency(1), square, ratio
+    type(perturbed_t) :: own
+    real(wp) :: edge(4), angle, square, ratio
     integer :: side, i, edges, branch
 
-    call to_own_units(slider, velocity, own, error)
+    call perturb(slider, velocity, own, error)
     if (allocated(error)) return
     edge(1) = 0.0_wp
     edges = 1
@@ -181,14 +170,13 @@ contains
           angle = atan2(sqrt(ratio), sqrt(1.0_wp - ratio))
           if (side == 2) angle = atan2(sqrt(1.0_wp - ratio), sqrt(ratio))
           square = rigidity(own, side, ratio)/(trace(own)*own%mass)
-          frequency = sqrt(square)
-          call to_si('the frequency at the critical angle', frequency, own%rate, error)
+          call check_finite('the frequency at the critical angle', [square], error)
           if (allocated(error)) return
           branch = merge(low_branch, fast_branch, square*own%mass <= sqrt(product(own%stiffness)))
           if (critical%has(branch)) branch = 3 - branch
           critical%has(branch) = .true.
           critical%angle(branch) = angle
-          critical%frequency(branch) = frequency(1)
+          critical%frequency(branch) = sqrt(square)
           edges = edges + 1
           edge(edges) = angle
         end do
@@ -210,14 +198,14 @@ contains
 
   !> Trace of D + C, S above.
   pure real(wp) function trace(own)
-    type(own_units_t), intent(in) :: own
+    type(perturbed_t), intent(in) :: own
 
     trace = own%alpha + own%beta + sum(own%damping)
   end function trace
 
   !> The values at q = 0 (side 1; 2: at cos^2(phi) = 0) of D_11, D_22 and E above, and their slopes with sin^2 (cos^2).
   pure function damping_terms(own, side) result(term)
-    type(own_units_t), intent(in) :: own
+    type(perturbed_t), intent(in) :: own
     integer, intent(in) :: side
     real(wp) :: term(3, 2), here, there
 
@@ -229,7 +217,7 @@ contains
 
   !> R above, at sin^2(phi), or at cos^2(phi).
   pure real(wp) function rigidity(own, side, square)
-    type(own_units_t), intent(in) :: own
+    type(perturbed_t), intent(in) :: own
     integer, intent(in) :: side
     real(wp), intent(in) :: square
     real(wp) :: term(3, 2)
@@ -240,7 +228,7 @@ contains
 
   !> The zeros of G in sin^2(phi), or in cos^2(phi), the smaller one first; 2 if there are none.
   pure function zeros_of_stability(own, side) result(zeros)
-    type(own_units_t), intent(in) :: own
+    type(perturbed_t), intent(in) :: own
     integer, intent(in) :: side
     real(wp) :: zeros(2), term(3, 2), rest, slope, a, b, c, discriminant, larger
 
@@ -263,7 +251,7 @@ contains
 
   !> Routh's criterion at an angle [rad].
   pure logical function is_damped_stable(own, angle)
-    type(own_units_t), intent(in) :: own
+    type(perturbed_t), intent(in) :: own
     real(wp), intent(in) :: angle
     real(wp) :: term(3, 2), damping(3), square
     integer :: side
@@ -284,14 +272,14 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     real(wp), intent(out) :: angle
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: alpha, beta
+    type(perturbed_t) :: own
 
     angle = 0.0_wp
-    call resistance(slider, velocity, alpha, beta, error)
+    call perturb(slider, velocity, own, error)
     if (allocated(error)) return
-    alpha = alpha + slider%damping(1)
-    beta = beta + slider%damping(1)
-    if (alpha < 0.0_wp .and. beta >= 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
+    associate (alpha => own%alpha + slider%damping(1), beta => own%beta + slider%damping(1))
+      if (alpha < 0.0_wp .and. beta >= 0.0_wp) angle = atan2(sqrt(-alpha), sqrt(beta))
+    end associate
   end subroutine low_frequency_limit
 
   !> Whether all eigenvalues have negative real parts, decided without computing them: the sign of a real part far below the largest
@@ -302,21 +290,20 @@ contains
     logical, intent(out) :: stable
     type(error_t), allocatable, intent(out) :: error
     type(critical_t) :: critical
-    type(own_units_t) :: own
-    real(wp) :: alpha, beta, angle
+    type(perturbed_t) :: own
+    real(wp) :: angle
 
     stable = .false.
-    if (slider%is_damped()) then
-      call to_own_units(slider, velocity, own, error)
-      if (.not. allocated(error)) stable = is_damped_stable(own, atan2(abs(slider%along(2)), abs(slider%along(1))))
-      return
-    end if
-    call resistance(slider, velocity, alpha, beta, error)
-    if (.not. allocated(error)) call critical_misalignment(slider, velocity, critical, error)
+    call perturb(slider, velocity, own, error)
+    if (.not. (allocated(error) .or. slider%is_damped())) call critical_misalignment(slider, velocity, critical, error)
     if (allocated(error)) return
     angle = atan2(abs(slider%along(2)), abs(slider%along(1)))
-    ! Strengthening friction also damps along the axes.
-    stable = alpha > 0.0_wp .or. (angle > critical%window(1) .and. angle < critical%window(2))
+    if (slider%is_damped()) then
+      stable = is_damped_stable(own, angle)
+    else
+      ! Strengthening friction also damps along the axes.
+      stable = own%alpha > 0.0_wp .or. (angle > critical%window(1) .and. angle < critical%window(2))
+    end if
   end subroutine is_stable
 
   !> Lambda = mu_0 W/(2 V sin(phi) sqrt(m k_x)), the damping ratio at theta = 90 degrees (Eq. 10).
@@ -325,19 +312,17 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s
     real(wp), intent(out) :: lambda
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: drift, damping, values(1)
+    real(wp) :: drift
 
     lambda = 0.0_wp
     call check_slider(slider, error)
     drift = abs(velocity*slider%along(2))
     if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
-      call raise(error, usage_error, 'V sin(phi) = '//trim(shown(drift))//' m/s: Eq. (10) divides by it, '// &
+      call raise(error, usage_error, 'V sin(phi) = '//trim(short_text(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
     if (allocated(error)) return
-    damping = impedance(slider)
-    values = 0.5_wp*fraction(slider%law%kinetic_limit)/(fraction(drift)*fraction(damping))
-    call to_si('Lambda', values, exponent(slider%law%kinetic_limit) - exponent(drift) - exponent(damping), error)
-    if (.not. allocated(error)) lambda = values(1)
+    lambda = 0.5_wp*slider%law%kinetic_limit/(drift*impedance(slider))
+    call check_finite('Lambda', [lambda], error)
   end subroutine damping_scale
 
   !> sqrt(m k_x) [N s/m], half the damping above which the slow motion is overdamped.
@@ -357,7 +342,7 @@ contains
     if (lambda >= 1.0_wp) then
       angle = asin(lambda**(-1.0_wp/3.0_wp))
     else
-      call raise(error, usage_error, 'Lambda = '//trim(shown(lambda))// &
+      call raise(error, usage_error, 'Lambda = '//trim(short_text(lambda))// &
                  ': the slow motion is overdamped at no angle; theta* exists for Lambda >= 1')
     end if
   end subroutine overdamped_angle
@@ -378,9 +363,9 @@ contains
     real(wp), intent(in) :: theta                        !! from the soft axis to the friction, rad
     real(wp), intent(out) :: zeta
     type(error_t), allocatable, intent(out) :: error
-    !> Below this sine the damping is 0 to working precision, and v may overflow.
+    !> Below this sine the damping is 0 to working precision.
     real(wp), parameter :: smallest_sine = 1.0e-100_wp
-    real(wp) :: drift, sine, force, slope, damping, lambda, along(1), across(1)
+    real(wp) :: drift, sine, force(1), slope(1), lambda
 
     zeta = 0.0_wp
     call damping_scale(slider, velocity, lambda, error)
@@ -388,118 +373,46 @@ contains
     drift = abs(velocity*slider%along(2))
     sine = abs(sin(theta))
     if (sine < smallest_sine) return
-    if (exponent(drift) - exponent(sine) < maxexponent(drift)) then
-      call friction_at(slider%law, drift/sine, force, slope)
-    else
-      call friction_at(slider%law, huge(drift), force, slope)
-    end if
-    damping = impedance(slider)
-    along = 0.5_wp*fraction(slope)/fraction(damping)
-    across = 0.5_wp*fraction(force)/(fraction(drift)*fraction(damping))
-    call to_si('zeta', along, exponent(slope) - exponent(damping), error)
-    if (.not. allocated(error)) call to_si('zeta', across, exponent(force) - exponent(drift) - exponent(damping), error)
-    if (.not. allocated(error)) zeta = along(1)*cos(theta)**2 + across(1)*sine**3
+    call slider%law%evaluate(1, [drift/sine], force, slope)
+    zeta = 0.5_wp*slope(1)/impedance(slider)*cos(theta)**2 + 0.5_wp*force(1)/(drift*impedance(slider))*sine**3
+    call check_finite('zeta', [zeta], error)
   end subroutine weakening_damping_ratio
 
-  !> alpha = dG/dv and beta = G/v [N s/m] at v = |V|; G = F v/sqrt(v^2 + v_s^2) is the friction force.
-  subroutine resistance(slider, velocity, alpha, beta, error)
+  !> The slider with alpha = dG/dv and beta = G/v [N s/m] at v = |V|; G = F v/sqrt(v^2 + v_s^2) is the friction force.
+  subroutine perturb(slider, velocity, own, error)
     type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: velocity
-    real(wp), intent(out) :: alpha, beta
+    real(wp), intent(in) :: velocity                     !! of the drive, m/s
+    type(perturbed_t), intent(out) :: own
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: speed, force, slope, smoothing, smoothed
+    real(wp) :: speed, force(1), slope(1), smoothing, smoothed
 
-    alpha = 0.0_wp
-    beta = 0.0_wp
     call check_slider(slider, error)
     if (allocated(error)) return
     speed = abs(velocity)
     if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
-      call raise(error, usage_error, 'V = '//trim(shown(velocity))// &
+      call raise(error, usage_error, 'V = '//trim(short_text(velocity))// &
                  ' m/s: there is no steady sliding; the drive velocity must be finite and not 0')
       return
     end if
-    call friction_at(slider%law, speed, force, slope)
+    call slider%law%evaluate(1, [speed], force, slope)
     smoothing = sqrt(slider%smoothing)
     smoothed = hypot(speed, smoothing)
-    if (power_of(force) - exponent(smoothed) > maxexponent(force) - room) then
-      call raise(error, usage_error, 'F/V = '//trim(shown(force))//' N / '//trim(shown(speed))//' m/s is '//beyond)
-      return
-    end if
-    beta = force/smoothed
-    alpha = slope*(speed/smoothed) + beta*(smoothing/smoothed)**2
-  end subroutine resistance
+    own%mass = slider%mass
+    own%stiffness = slider%stiffness
+    own%damping = slider%damping
+    own%beta = force(1)/smoothed
+    own%alpha = slope(1)*(speed/smoothed) + own%beta*(smoothing/smoothed)**2
+    call check_finite('F/V', [own%alpha, own%beta], error)
+  end subroutine perturb
 
-  !> F [N] and F' [N s/m] of a law that has been checked. Beyond the largest speed its exponential is 0.
-  subroutine friction_at(law, speed, force, slope)
-    class(friction_law_t), intent(in) :: law
-    real(wp), intent(in) :: speed                        !! m/s
-    real(wp), intent(out) :: force, slope
-    real(wp) :: limit, drop, decay, forces(1), slopes(1), within
-    logical :: is_exponential
-
-    within = speed
-    call exponential_form(law, limit, drop, decay, is_exponential)
-    if (power_of(speed) + power_of(decay) > room) within = 2.0_wp**room/decay
-    ! Viscous friction grows with the speed without limit.
-    if (.not. is_exponential) within = min(speed, 2.0_wp**(maxexponent(speed)/2))
-    call law%evaluate(1, [within], forces, slopes)
-    force = forces(1)
-    slope = slopes(1)
-  end subroutine friction_at
-
-  !> The slider and the resistance of its friction in `own_units_t`.
-  subroutine to_own_units(slider, velocity, own, error)
-    type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: velocity                     !! of the drive, m/s
-    type(own_units_t), intent(out) :: own
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: alpha, beta
-    integer :: mass, stiffness, damping
-
-    call resistance(slider, velocity, alpha, beta, error)
-    if (allocated(error)) return
-    mass = exponent(slider%mass)
-    stiffness = exponent(maxval(slider%stiffness))
-    stiffness = stiffness + modulo(mass + stiffness, 2)
-    damping = (mass + stiffness)/2
-    if (exponent(minval(slider%stiffness)) - stiffness < minexponent(1.0_wp) + digits(1.0_wp)) &
-      call raise(error, usage_error, 'stiffness_x/stiffness_y is '//beyond)
-    if (max(power_of(alpha), power_of(beta)) - damping > maxexponent(1.0_real64) - room) &
-      call raise(error, usage_error, 'the friction over the mass and the stiffness is '//beyond)
-    if (slider%is_damped() .and. max(power_of(alpha), power_of(beta), maxval(power_of(slider%damping))) - damping &
-      > maxexponent(1.0_real64)/8) call raise(error, usage_error, 'the damping over the mass and the stiffness is '//beyond)
-    if (allocated(error)) return
-    own%damping = scale(slider%damping, -damping)
-    own%mass = scale(slider%mass, -mass)
-    own%stiffness = scale(slider%stiffness, -stiffness)
-    own%alpha = scale(alpha, -damping)
-    own%beta = scale(beta, -damping)
-    own%rate = (stiffness - mass)/2
-  end subroutine to_own_units
-
-  !> Exponent of a number; for 0 an exponent that is below all others.
-  elemental integer function power_of(number)
-    real(wp), intent(in) :: number
-
-    power_of = merge(exponent(number), -10*maxexponent(number), abs(number) > 0.0_wp)
-  end function power_of
-
-  !> Multiply by 2**power, if the results are numbers with room for a sum.
-  subroutine to_si(name, values, power, error)
+  !> Refuse what the range of the numbers was too small for.
+  subroutine check_finite(name, values, error)
     character(*), intent(in) :: name
-    real(wp), intent(inout) :: values(:)
-    integer, intent(in) :: power
+    real(wp), intent(in) :: values(:)
     type(error_t), allocatable, intent(out) :: error
 
-    if (all(abs(values) <= huge(values))) then
-      if (all(power_of(values) + power < maxexponent(values))) then
-        values = scale(values, power)
-        return
-      end if
-    end if
-    call raise(error, usage_error, name//' is '//beyond)
-  end subroutine to_si
+    if (.not. all(abs(values) <= huge(values))) call raise(error, usage_error, name//' is '//beyond)
+  end subroutine check_finite
 
   !> Decks are checked when they are read; other callers may pass anything.
   subroutine check_slider(slider, error)
@@ -526,8 +439,6 @@ contains
     if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
       call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
                  'must be finite and >= 0, v_f > 0')
-    else if (power_of(drop) + power_of(decay) > maxexponent(1.0_wp) - room) then
-      call raise(error, usage_error, '(mu_0 - mu_inf) normal_load/v_f is '//beyond)
     end if
 
   contains
@@ -538,21 +449,7 @@ contains
 
       if (allocated(error)) return
       if (.not. (value > 0.0_wp .and. value <= huge(value))) &
-        call raise(error, usage_error, name//' = '//trim(shown(value))//' '//unit//': it must be finite and > 0')
+        call raise(error, usage_error, name//' = '//trim(short_text(value))//' '//unit//': it must be finite and > 0')
     end subroutine check
   end subroutine check_slider
-
-  !> A number as messages show it, finite or not. Of fixed length, because several threads may be here: gfortran keeps the length of
-  !> an allocatable text that a function returns in static storage.
-  pure character(short_length) function shown(value) result(text)
-    real(wp), intent(in) :: value
-
-    text = short_text(value)
-  end function shown
-
-  pure logical function differ(pair)
-    real(wp), intent(in) :: pair(2)
-
-    differ = abs(pair(1) - pair(2)) > 0.0_wp
-  end function differ
 end module dst_stability

@@ -21,7 +21,6 @@ module dst_straight_slip
 
   !> Slip of a slider along a fixed line, in the unknown y = v.
   type, extends(slip_system_t) :: straight_slip_t
-    type(slider_t) :: slider
     !> Direction n of the slip, and the force of the spring of constant elongation in that direction [N].
     real(wp) :: direction(2) = [1.0_wp, 0.0_wp]
     real(wp) :: held_force = 0.0_wp
@@ -45,19 +44,11 @@ contains
     real(wp), intent(in) :: held(2)
     type(straight_slip_t) :: model
 
-    model%slider = slider
+    call model%take(slider)
     model%components = 1
     model%unknowns = 1
     model%axis = axis
     model%held = held
-    model%drive_coupling = slider%drive_coupling()
-    model%drive_stiffness = slider%stiffness*model%drive_coupling
-    model%acceleration_noise = slider%acceleration_noise()
-    model%frequency = slider%frequency()
-    model%static_speed = slider%static_speed()
-    model%is_damped = slider%is_damped()
-    model%damping = slider%free*slider%damping
-    model%relaxation = slider%relaxation()
     call model%set_slip_direction(0.0_wp)
   end function new_straight_slip
 

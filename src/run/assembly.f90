@@ -64,11 +64,6 @@ contains
     call choose_equations(scene, slider, drive, resting, sliding, error)
     if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
-    if (slider%is_damped()) then
-      if (allocated(resting)) call take_dampers(resting)
-      if (allocated(sliding)) call take_dampers(sliding)
-      if (allocated(error)) return
-    end if
     if (allocated(resting)) then
       call choose_method(scene, slider, resting, .true., stepper)
     else
@@ -76,8 +71,8 @@ contains
     end if
     rests_first = allocated(resting)
     if (rests_first .and. allocated(sliding)) rests_first = drive%segment(1)%rests
-    if (allocated(resting)) call new_resting(scene, slider, drive, resting, with_rest)
-    if (allocated(sliding)) call new_sliding(scene, slider, drive, sliding, without)
+    if (allocated(resting)) call new_steps(scene, slider, drive, resting, .true., with_rest)
+    if (allocated(sliding)) call new_steps(scene, slider, drive, sliding, .false., without)
     if (rests_first) then
       call move_alloc(with_rest, first)
     else
@@ -94,17 +89,6 @@ contains
     end if
     if (allocated(with_rest)) call move_alloc(with_rest, other)
     if (allocated(without)) call move_alloc(without, other)
-
-  contains
-
-    !> Refuse dampers in equations that have none; equations with dampers subtract larger forces.
-    subroutine take_dampers(system)
-      class(slip_system_t), intent(inout) :: system
-
-      if (.not. system%is_damped) call raise(error, deck_error, "model '"//scene%model//"' has no dampers: leave damping_x and "// &
-        'damping_y out', 'system.damping_x')
-      system%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
-    end subroutine take_dampers
   end subroutine new_motion
 
   !> The motion that has been started, slow cycle by slow cycle, with leaps if the scene permits.
@@ -252,38 +236,31 @@ contains
     stepper%memory = memory/maxval(slider%frequency())
   end subroutine choose_method
 
-  !> Motion that can rest.
-  subroutine new_resting(scene, slider, drive, system, motion)
+  !> Motion by steps of a system that can rest, or cannot.
+  subroutine new_steps(scene, slider, drive, system, can_rest, motion)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(drive_t), intent(in) :: drive
     class(slip_system_t), allocatable, intent(inout) :: system
+    logical, intent(in) :: can_rest
     class(stepping_t), allocatable, intent(out) :: motion
     type(slip_stick_t), allocatable :: made
 
-    allocate (made)
-    made%cut_share = cut_factor*sqrt(scene%rtol)
-    call move_alloc(made, motion)
+    if (.not. can_rest) then
+      allocate (stepping_t :: motion)
+      motion%may_rest = .false.
+      motion%fixed_step = scene%step
+    else
+      allocate (made)
+      made%cut_share = cut_factor*sqrt(scene%rtol)
+      call move_alloc(made, motion)
+    end if
     motion%step_max = scene%step_max
     call motion%set_up(slider, drive, scene%t_end)
+    ! With dampers, larger forces are subtracted.
+    if (slider%is_damped()) system%acceleration_noise = slider%acceleration_noise(drive%largest_speed())
     call move_alloc(system, motion%system)
-  end subroutine new_resting
-
-  !> Motion that has no rest.
-  subroutine new_sliding(scene, slider, drive, system, motion)
-    type(scene_t), intent(in) :: scene
-    type(slider_t), intent(in) :: slider
-    type(drive_t), intent(in) :: drive
-    class(slip_system_t), allocatable, intent(inout) :: system
-    class(stepping_t), allocatable, intent(out) :: motion
-
-    allocate (stepping_t :: motion)
-    motion%may_rest = .false.
-    motion%step_max = scene%step_max
-    motion%fixed_step = scene%step
-    call motion%set_up(slider, drive, scene%t_end)
-    call move_alloc(system, motion%system)
-  end subroutine new_sliding
+  end subroutine new_steps
 
   !> Initial elongation and slip velocity X'(0) = velocity_ratio V(0), Y'(0) = 0.
   subroutine start_motion(scene, motion)

@@ -14,7 +14,7 @@ module dst_sampling
   implicit none
   private
 
-  public :: settle_interval, sampling_note, fast_frequency, most_automatic
+  public :: settle_interval, sampling_note
 
   !> Smallest number of samples in a period of the fast oscillation, and of the slow one; of samples of a run, and of samples in the
   !> time in which the drive loads the soft spring up to slip. Conventions of pictures: with 10 in a period a curve through the

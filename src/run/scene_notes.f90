@@ -11,7 +11,7 @@ module dst_scene_notes
   implicit none
   private
 
-  public :: scene_notes, sweep_notes
+  public :: scene_notes
 
   !> A ratio above which a quantity is far larger. A convention: on Fig. 3 v_f is ten times V, which is intended.
   real(wp), parameter :: far = 30.0_wp
@@ -20,32 +20,43 @@ module dst_scene_notes
 
 contains
 
-  !> The notes on a deck, where `scene` has its final model and interval: one in each line, with places named as in errors.
-  subroutine scene_notes(deck, scene, text)
+  !> The notes on a deck, where `scene` has its final model and interval: one in each line, with places named as in errors. Of a
+  !> sweep of so many `cases` they are only those that hold for all.
+  subroutine scene_notes(deck, scene, text, cases)
     type(deck_t), intent(in) :: deck
     type(scene_t), intent(in) :: scene
     character(:), allocatable, intent(out) :: text
+    real(wp), intent(in), optional :: cases
     type(faults_t) :: notes
-    real(wp) :: fastest
 
     notes = deck%notes
-    fastest = maxval(abs(scene%drive_velocity))
-    if (.not. fastest > 0.0_wp) call note('drive', 'velocity', 'the drive never moves: give a velocity that is not 0')
-    if (scene%stiffness_y > 0.0_wp .and. scene%stiffness_x > scene%stiffness_y) call note('system', 'stiffness_x', &
-      'stiffness_x = '//number_text(scene%stiffness_x)//' is above stiffness_y = '//number_text(scene%stiffness_y)// &
-      ' N/m, but x is the soft axis: exchange them, and turn misalignment_deg by 90')
-    if (abs(scene%misalignment_deg) > 90.0_wp) call note('system', 'misalignment_deg', 'misalignment_deg = '// &
-      number_text(scene%misalignment_deg)//': the soft axis then points against the drive; '// &
-      number_text(scene%misalignment_deg - 180.0_wp*anint(scene%misalignment_deg/180.0_wp))//' is the same axis')
-    if (any(scene%law == [character(9) :: 'weakening', 'stribeck']) .and. deck%is_used('friction', 'mu_inf')) &
-      call note_weakening(fastest)
-    if (deck%is_used('friction', 'v_smooth')) call note_smoothing(fastest*abs(sin(scene%misalignment_deg*pi/180.0_wp)))
-    if (sampling_note(scene) /= '') call note('output', 'interval', sampling_note(scene))
-    call note_stiffness(deck, scene, 1.0_wp, notes)
+    if (present(cases)) then
+      call note('integrator', 'method', stiffness_note(scene, cases))
+    else
+      call note_scene()
+      call note('output', 'interval', sampling_note(scene))
+      call note('integrator', 'method', stiffness_note(scene, 1.0_wp))
+    end if
     text = ''
     if (notes%count > 0) text = notes%report(deck%name)//new_line('a')
 
   contains
+
+    subroutine note_scene()
+      real(wp) :: fastest
+
+      fastest = maxval(abs(scene%drive_velocity))
+      if (.not. fastest > 0.0_wp) call note('drive', 'velocity', 'the drive never moves: give a velocity that is not 0')
+      if (scene%stiffness_y > 0.0_wp .and. scene%stiffness_x > scene%stiffness_y) call note('system', 'stiffness_x', &
+        'stiffness_x = '//number_text(scene%stiffness_x)//' is above stiffness_y = '//number_text(scene%stiffness_y)// &
+        ' N/m, but x is the soft axis: exchange them, and turn misalignment_deg by 90')
+      if (abs(scene%misalignment_deg) > 90.0_wp) call note('system', 'misalignment_deg', 'misalignment_deg = '// &
+        number_text(scene%misalignment_deg)//': the soft axis then points against the drive; '// &
+        number_text(scene%misalignment_deg - 180.0_wp*anint(scene%misalignment_deg/180.0_wp))//' is the same axis')
+      if (any(scene%law == [character(9) :: 'weakening', 'stribeck']) .and. deck%is_used('friction', 'mu_inf')) &
+        call note_weakening(fastest)
+      if (deck%is_used('friction', 'v_smooth')) call note_smoothing(fastest*abs(sin(scene%misalignment_deg*pi/180.0_wp)))
+    end subroutine note_scene
 
     !> Friction that does not fall, or not at the velocities of this scene.
     subroutine note_weakening(fastest)
@@ -82,32 +93,7 @@ contains
     subroutine note(group, key, what)
       character(*), intent(in) :: group, key, what
 
-      call notes%add(deck%value(find_key(group, key))%place, 'note: '//what)
+      if (what /= '') call notes%add(deck%value(find_key(group, key))%place, 'note: '//what)
     end subroutine note
   end subroutine scene_notes
-
-  !> The notes on the deck of a sweep of so many `cases`, where `scene` is that of the deck itself.
-  subroutine sweep_notes(deck, scene, cases, text)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
-    real(wp), intent(in) :: cases
-    character(:), allocatable, intent(out) :: text
-    type(faults_t) :: notes
-
-    notes = deck%notes
-    call note_stiffness(deck, scene, cases, notes)
-    text = ''
-    if (notes%count > 0) text = notes%report(deck%name)//new_line('a')
-  end subroutine sweep_notes
-
-  subroutine note_stiffness(deck, scene, cases, notes)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
-    real(wp), intent(in) :: cases
-    type(faults_t), intent(inout) :: notes
-    character(:), allocatable :: what
-
-    what = stiffness_note(scene, cases)
-    if (what /= '') call notes%add(deck%value(find_key('integrator', 'method'))%place, 'note: '//what)
-  end subroutine note_stiffness
 end module dst_scene_notes

@@ -156,7 +156,8 @@ contains
     call flush_rows(self, writer, disk_error)
     if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
     passed = wall_clock() - begun
-    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) call raise_over_time(error)
+    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) &
+      call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
     self%elapsed = self%elapsed + passed
     self%finished = allocated(error) .or. at_end(self)
   end subroutine proceed
@@ -198,12 +199,6 @@ contains
     call self%motion%show(time)
     call row_of(self%motion%slider, self%motion%instant(time), self%selected, row)
   end subroutine state_at
-
-  subroutine raise_over_time(error)
-    type(error_t), allocatable, intent(out) :: error
-
-    call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
-  end subroutine raise_over_time
 
   pure logical function over_time(self, passed)
     class(simulation_t), intent(in) :: self

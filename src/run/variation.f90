@@ -58,46 +58,33 @@ contains
     real(wp), allocatable, intent(out) :: value(:)
     type(variation_t), allocatable, intent(out) :: variation(:)
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: name, problem
     integer :: i
 
     associate (n => word_count(names))
       allocate (key(n), value(n), variation(n))
     end associate
-    do i = 1, size(key)
-      key(i) = lower_case(word(names, i))
-      call vary_one(deck, scene, word(names, i), value(i), variation(i), error)
-      if (allocated(error)) return
-    end do
-  end subroutine vary
-
-  subroutine vary_one(deck, scene, name, value, variation, error)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
-    character(*), intent(in) :: name
-    real(wp), intent(out) :: value
-    type(variation_t), intent(out) :: variation
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: problem
-
     value = 0.0_wp
-    problem = variation_problem(deck, name)
-    if (problem == '') then
-      associate (key => schema(varied_key(name)))
-        if (.not. has_word(groups, trim(key%group))) then
-          problem = "no motion hangs on '"//name//"': name numbers of &system, &friction, &drive or &initial"
-        else
-          value = deck%real_of(trim(key%group), trim(key%name))
-          if (.not. abs(value) > 0.0_wp) problem = "'"//name//"' is 0, so that it has no small share: give a small value"
-        end if
-      end associate
-    end if
-    if (problem /= '') then
-      call raise(error, usage_error, problem)
-      return
-    end if
-    call take_rig(value*(1.0_wp + near), variation%more)
-    if (.not. allocated(error)) call take_rig(value*(1.0_wp - near), variation%less)
-    variation%apart = 2.0_wp*near*value
+    do i = 1, size(key)
+      name = word(names, i)
+      key(i) = lower_case(name)
+      problem = variation_problem(deck, name)
+      if (problem == '') then
+        associate (entry => schema(varied_key(name)))
+          if (.not. has_word(groups, trim(entry%group))) then
+            problem = "no motion hangs on '"//name//"': name numbers of &system, &friction, &drive or &initial"
+          else
+            value(i) = deck%real_of(trim(entry%group), trim(entry%name))
+            if (.not. abs(value(i)) > 0.0_wp) problem = "'"//name//"' is 0, so that it has no small share: give a small value"
+          end if
+        end associate
+      end if
+      if (problem /= '') call raise(error, usage_error, problem)
+      if (.not. allocated(error)) call take_rig(value(i)*(1.0_wp + near), variation(i)%more)
+      if (.not. allocated(error)) call take_rig(value(i)*(1.0_wp - near), variation(i)%less)
+      if (allocated(error)) return
+      variation(i)%apart = 2.0_wp*near*value(i)
+    end do
 
   contains
 
@@ -108,10 +95,8 @@ contains
       type(scene_t) :: changed
 
       changed = scene
-      associate (key => schema(varied_key(name)))
-        call set_number(changed, trim(key%name), other)
-      end associate
+      call set_number(changed, trim(schema(varied_key(name))%name), other)
       call steps_of(changed, rig, error)
     end subroutine take_rig
-  end subroutine vary_one
+  end subroutine vary
 end module dst_variation

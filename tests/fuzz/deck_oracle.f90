@@ -94,12 +94,10 @@ contains
 
     same = .false.
     select case (kind)
-    case (real_kind, reals_kind)
+    case (real_kind, reals_kind, integer_kind)
       if (size(a%reals) /= size(b%reals)) return
       same = all(a%reals >= b%reals .and. a%reals <= b%reals) .and. &
              all(sign(1.0_wp, a%reals) >= sign(1.0_wp, b%reals) .and. sign(1.0_wp, a%reals) <= sign(1.0_wp, b%reals))
-    case (integer_kind)
-      same = a%integer == b%integer
     case default
       if (size(a%texts) /= size(b%texts)) return
       same = all(a%texts == b%texts)

@@ -260,8 +260,8 @@ def test_linear_theory_at_the_edges_of_the_numbers(fig3_text: str) -> None:
 @pytest.mark.parametrize(
     ("powers", "time"),
     [
-        *(({"mass": p, "stiffness_x": p, "stiffness_y": p, "normal_load": p}, 0) for p in (-980, -600, -200, 200, 600, 980)),
-        *(({"stiffness_x": 2 * p, "stiffness_y": 2 * p, "normal_load": p}, p) for p in (-500, -200, 200, 480)),
+        *(({"mass": p, "stiffness_x": p, "stiffness_y": p, "normal_load": p}, 0) for p in (-200, -100, 100, 200)),
+        *(({"stiffness_x": 2 * p, "stiffness_y": 2 * p, "normal_load": p}, p) for p in (-100, 100)),
     ],
 )
 def test_eigenvalues_depend_on_no_unit(powers: dict[str, int], time: int) -> None:

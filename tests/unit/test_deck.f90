@@ -488,6 +488,7 @@ contains
     call set([character(21) :: 'friction.law=constant', 'friction.v_f=0.1'], "'v_f' is not used with law constant")
     call set(['integrator.step=1e-6'], "'step' is not used with method radau13")
     call set(['sweep.count=3'], '&sweep varies nothing')
+    call set(['integrator.max_steps=9007199254740993'], "'9007199254740993' is not below 2^53")
     call set(['scene.title=a'//achar(10)//'b'], "control characters in 'title'")
     call set(['scene.title='//char(228)], 'a character that is not UTF-8: give plain UTF-8 text')
     call set(['scene.title='//achar(127)], 'control characters, or a character that is not UTF-8')
@@ -546,12 +547,10 @@ contains
     integer :: j
 
     select case (schema(i)%kind)
-    case (real_kind, reals_kind)
+    case (real_kind, reals_kind, integer_kind)
       same_value = size(a%value(i)%reals) == size(b%value(i)%reals)
       if (.not. same_value) return
       same_value = all([(same_bits(a%value(i)%reals(j), b%value(i)%reals(j)), j=1, size(a%value(i)%reals))])
-    case (integer_kind)
-      same_value = a%value(i)%integer == b%value(i)%integer
     case default
       same_value = size(a%value(i)%texts) == size(b%value(i)%texts)
       if (same_value) same_value = all(a%value(i)%texts == b%value(i)%texts)

@@ -32,7 +32,7 @@ contains
     self%peak_speed = 0.0_wp
   end subroutine restart
 
-  subroutine attempt(self, system, drive, from, step, to, outcome)
+  subroutine attempt(self, system, drive, from, step, to, outcome, to_stop)
     class(failing_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system
     type(drive_segment_t), intent(in) :: drive
@@ -40,9 +40,13 @@ contains
     real(wp), intent(in) :: step
     type(state_t), intent(out) :: to
     type(attempt_t), intent(out) :: outcome
+    logical, intent(in), optional :: to_stop
 
     associate (unused => system, also_unused => drive)
     end associate
+    if (present(to_stop)) then
+      if (to_stop) return
+    end if
     self%attempts = self%attempts + 1
     self%step = step
     to = from

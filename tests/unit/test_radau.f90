@@ -311,7 +311,7 @@ contains
     start = state_t(u=[1.0e-3_wp, 2.0e-5_wp], y=[1.0e-2_wp, 0.2_wp, 0.0_wp])
     stepper = new_radau(stage_count, 2, 2, 1.0e-12_wp)
     call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
-    call stepper%attempt_stop(system, drive, start, 2.0e-3_wp, stop, outcome)
+    call stepper%attempt(system, drive, start, 2.0e-3_wp, stop, outcome, to_stop=.true.)
     length = stepper%step
     call check(name//': a step to a stop is solved', outcome%solved)
     call check(name//': its length is another than the guess', abs(length - 2.0e-3_wp) > 1.0e-4_wp)
@@ -329,7 +329,7 @@ contains
     ! It is pulled forwards so hard that it never stops.
     start%u(1) = 0.1_wp
     call stepper%restart([0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp])
-    call stepper%attempt_stop(system, drive, start, 2.0e-3_wp, stop, outcome)
+    call stepper%attempt(system, drive, start, 2.0e-3_wp, stop, outcome, to_stop=.true.)
     call check(name//': where there is no stop ahead, none is found', .not. outcome%solved)
   end subroutine test_landing
 
