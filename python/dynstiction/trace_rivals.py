@@ -6,27 +6,27 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import generator, names_in
-from ._fit.models import NoCycleError, full_cycles, steady_velocity
+from ._fit.models import NoCycleError, steady_velocity
 from ._fit.problem import LeadsNowhereError, Problem
+from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search
 from ._fit.solve import Solution, has_failed
 from ._fit.starts import glances
 from ._progress import progress_bar
-from .errors import Error, FitWarning, UsageError
+from .errors import Error, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
-from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, Search, problem_of, traces_of
+from .trace_fit import BAR, Fit, problem_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
 
@@ -201,22 +201,11 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
 
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
     """The best fit from the best of some starts, which name values of parameters; None if no start has stick-slip."""
-    begin = dict(zip(problem.names, problem.begin, strict=True))
-    places = [
-        np.append(
-            problem.coordinates(np.array([values.get(name, begin[name]) for name in problem.names])),
-            np.zeros(len(problem.recordings)),
-        )
-        for values in starts
-    ]
-    costs = [
-        math.inf if has_failed(there) else float(np.sum(there**2))
-        for there in problem.spread(lambda z: problem.residuals(z, COARSE_OF_OWN[0]), places)
-    ]
+    places = problem.cheapest([problem.place(values) for values in starts], COARSE_OF_OWN[0])
     rough: list[Solution] = []
-    for i in np.argsort(costs, kind="stable")[:TRIED]:
+    for place in places[:TRIED]:
         try:
-            rough.append(problem.improved(places[i], ROUGH))
+            rough.append(problem.improved(place, ROUGH))
         except LeadsNowhereError as error:
             rough.append(problem.at(error.z, ROUGH[-1]))
         except NoCycleError:
@@ -296,7 +285,6 @@ def creep_test(
     UsageError, FileError, DeckError
         As for `fit`.
     """
-    traces = traces_of(trace)
     rig = Scene(scene)
     if (rig.scene.model or "full") != "full":
         raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
@@ -304,8 +292,7 @@ def creep_test(
         raise UsageError(
             "creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'"
         )
-    names = names_in("free", free)
-    names = tuple(name for name in names if name != ANGLE)
+    names = tuple(name for name in names_in("free", free) if name != ANGLE)
     rig = rig.replace(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
@@ -314,20 +301,20 @@ def creep_test(
         turned = float(rig.system.misalignment_deg or 1.0)
         low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
         options: dict[str, Any] = {"each": each, "chain": chain, "spread": pool.map}
-        creep = problem_of(rig, traces, (ANGLE, *names), known=known, bounds={ANGLE: (low, high)}, **options)
+        creep = problem_of(rig, trace, (ANGLE, *names), known=known, bounds={ANGLE: (low, high)}, **options)
         without = {name: value for name, value in (known or {}).items() if name != ANGLE}
         period = min(record.wave.period for record in creep.recordings)
         resting = []
-        for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(traces))):
+        for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(creep.recordings))):
             show(0.1 * i)
             changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
-            problem = problem_of(changed, traces, (*names, *extra), known=without, **options)
+            problem = problem_of(changed, trace, (*names, *extra), known=without, **options)
             found = _best(problem, list(_resting_starts(problem)))
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
         show(0.3)
         explained = any(one.problem.misfit(one.solution.z)[1] >= USUAL for one in resting)
-        fits = _whole(creep, traces, rng, thorough=not explained)
+        fits = _near(creep, rng) if explained else _anywhere(creep, rng)
         if fits:
             # The errors of cycles that are not alike are known from their fit.
             resting = [one.weighted_as(fits[0].problem) for one in resting]
@@ -358,22 +345,34 @@ def _without_creep(
         yield "ageing", age, ("friction.ageing", "friction.ageing_time")
 
 
-def _whole(
-    problem: Problem, traces: Sequence[Trace], rng: int | np.random.Generator | None, *, thorough: bool
-) -> list[_Fitted]:
-    """The explanation by creep, by a whole fit; none where the full model has no stick-slip near."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FitWarning)
-        try:
-            whole = Search(problem, STARTS if thorough else 1, generator(rng), lambda _: None, thorough).fit(
-                traces
-            )
-        except Error:
-            return []
-    if whole.model != "full":
+def _near(problem: Problem, rng: int | np.random.Generator | None) -> list[_Fitted]:
+    """The explanation by creep, where another explains the traces: no search far from them; none without stick-slip near."""
+    search = Search(problem, 1, generator(rng))
+    try:
+        search.near()
+        if not search.found:
+            search.stay()
+        return _weighed(search)
+    except Error:
         return []
-    same = replace(whole.problem, spread=problem.spread)
-    return [_Fitted("creep", same, same.at(whole.coordinates))]
+
+
+def _anywhere(problem: Problem, rng: int | np.random.Generator | None) -> list[_Fitted]:
+    """The explanation by creep, by the search of a fit; none where the full model has no stick-slip near."""
+    search = Search(problem, STARTS, generator(rng))
+    try:
+        if not search.near():
+            search.beyond()
+        return _weighed(search)
+    except Error:
+        return []
+
+
+def _weighed(search: Search) -> list[_Fitted]:
+    if not search.found:
+        return []
+    search.weigh()
+    return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
 
 
 def _least_angle(near: _Fitted) -> float:
@@ -388,7 +387,7 @@ def _least_angle(near: _Fitted) -> float:
             replace(each, scene=each.scene.replace(system={"misalignment_deg": angle}))
             for each in problem.recordings
         )
-        there = replace(problem, recordings=turned, cycles_of=full_cycles).residuals(solution.z, 0.0)
+        there = replace(problem, recordings=turned).residuals(solution.z, 0.0)
         if has_failed(there):
             return False
         change = there - here
@@ -396,14 +395,8 @@ def _least_angle(near: _Fitted) -> float:
         return bool(math.sqrt(change @ change) > need)
 
     # A larger angle has a larger effect.
-    least, most = -1, len(ANGLES)
-    while most - least > 1:
-        middle = (least + most) // 2
-        if is_seen(ANGLES[middle]):
-            most = middle
-        else:
-            least = middle
-    return float(ANGLES[most]) if most < len(ANGLES) else math.nan
+    least = bisect_left(ANGLES, True, key=is_seen)
+    return ANGLES[least] if least < len(ANGLES) else math.nan
 
 
 def explanations(found: Fit) -> tuple[Explanation, ...]:
@@ -424,40 +417,28 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         base = replace(found.problem, spread=pool.map)
         fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
-        for name, extra, groups in _changes(found):
-            chain = groups.get("chain", {})
-            record = tuple(
-                replace(
-                    each,
-                    scene=each.scene.replace(**{k: v for k, v in groups.items() if k != "chain"}),
-                    chain=replace(each.chain, **chain),
-                )
-                for each in base.recordings
-            )
-            group, _, key = extra.partition(".")
-            begin = float(groups[group][key])
-            sizes = (1.0,) if name.startswith("another ") else SIZES
+        for name, extra, changes in _changes(found):
+            changed = [each.changed(changes) for each in base.recordings]
             problem = replace(
                 base,
                 names=(*base.names, extra),
                 heard=(*base.heard, extra),
-                begin=np.append(base.begin, begin),
-                recordings=record,
+                begin=np.append(base.begin, changes[extra]),
+                recordings=tuple(
+                    replace(each, scene=scene, chain=chain)
+                    for each, (scene, chain) in zip(base.recordings, changed, strict=True)
+                ),
                 runs=[],
             )
-            values = base.values(found.coordinates[: len(base.names)])
+            q, delays = np.split(found.coordinates, [len(base.names)])
             starts = [
                 np.append(
-                    problem.coordinates(np.append(values, size * begin)), found.coordinates[len(base.names) :]
+                    problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays
                 )
-                for size in sizes
-            ]
-            costs = [
-                float(np.sum(there**2))
-                for there in problem.spread(partial(problem.residuals, coarse=ROUGH[-1]), starts)
+                for size in ((1.0,) if name.startswith("another ") else SIZES)
             ]
             try:
-                best = problem.improved(starts[int(np.argmin(costs))], COARSE_OF_OWN[-3:])
+                best = problem.improved(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
             except LeadsNowhereError as error:
                 best = problem.at(error.z)
             except Error:
@@ -466,7 +447,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
         return _compared(fits)
 
 
-def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]:
+def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Name, key and initial values of what one more free parameter may explain."""
     scene, chain = found.traces[0].scene, found.traces[0].chain
     wave = found.waveform
@@ -477,36 +458,33 @@ def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]
         group, _, key = name.partition(".")
         value = getattr(getattr(scene, group), key)
         if name not in free and value:
-            yield f"another {key}", name, {group: {key: value}}
-    candidates: list[tuple[str, str, dict[str, Any], bool]] = [
-        ("a static limit", "friction.mu_static", {"mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
+            yield f"another {key}", name, {name: value}
+    candidates: list[tuple[str, dict[str, Any], bool]] = [
+        ("a static limit", {"friction.mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
         (
             "a limit that ages",
-            "friction.ageing",
-            {"ageing": BEGIN * mu_0, "ageing_time": AGE * wave.period},
+            {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": AGE * wave.period},
             not friction.ageing,
         ),
         (
             "another exponent of friction",
-            "friction.exponent",
-            {"law": "stribeck", "exponent": 1.0 + BEGIN},
+            {"friction.exponent": 1.0 + BEGIN, "friction.law": "stribeck"},
             friction.law in (None, "weakening"),
         ),
         (
             "a damper along the pull",
-            "system.damping_x",
-            {"damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
+            {"system.damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
             not system.damping_x,
         ),
         (
             "another velocity",
-            "drive.velocity",
-            {"velocity": scene.drive.velocity},
+            {"drive.velocity": scene.drive.velocity},
             len(found.traces) == 1 and not {"system.stiffness_x", "system.mass", "friction.v_f"} <= free,
         ),
-        ("a zero that is off", "chain.tare", {"tare": chain.tare + BEGIN * wave.swing}, True),
-        ("a low pass", "chain.filter", {"filter": BEGIN / wave.interval}, chain.filter is None),
+        ("a zero that is off", {"chain.tare": chain.tare + BEGIN * wave.swing}, True),
+        ("a low pass", {"chain.filter": BEGIN / wave.interval}, chain.filter is None),
     ]
-    for name, extra, values, applies in candidates:
+    for name, changes, applies in candidates:
+        extra = next(iter(changes))
         if applies and extra not in free:
-            yield name, extra, {extra.partition(".")[0]: values}
+            yield name, extra, changes

@@ -17,7 +17,7 @@ __all__ = [
     "Map",
     "Residuals",
     "Solution",
-    "central_derivatives",
+    "derivatives",
     "has_failed",
     "least_squares_of",
     "regressed",
@@ -67,37 +67,28 @@ def has_failed(residuals: _Floats) -> bool:
     return bool(np.all(residuals == FAILED))
 
 
-def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
-    """Jacobian by differences; 0 where there is stick-slip on neither side."""
+def derivatives(
+    at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map, central: bool = False
+) -> _Floats:
+    """Jacobian by differences: to one side with stick-slip, or central ones; 0 where there is stick-slip on neither side.
+
+    The weight of the period amplifies an error that is linear in the step: central differences have none.
+    """
 
     def column(i: int) -> _Floats:
-        for change in (step, -step):
+        def aside(change: float) -> _Floats | None:
             there = z.copy()
             there[i] += change
             values = at(there)
-            if not has_failed(values):
-                slope: _Floats = (values - here) / change
-                return slope
-        return np.zeros(here.size)
+            return None if has_failed(values) else values
 
-    return np.column_stack(list(spread(column, range(z.size))))
-
-
-def central_derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
-    """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
-
-    def column(i: int) -> _Floats:
-        sides = []
-        for change in (step, -step):
-            there = z.copy()
-            there[i] += change
-            sides.append(at(there))
-        good = [not has_failed(values) for values in sides]
-        if all(good):
-            return np.asarray((sides[0] - sides[1]) / (2.0 * step))
-        return np.asarray(
-            (sides[0] - here) / step if good[0] else (here - sides[1]) / step if good[1] else 0.0 * here
-        )
+        ahead = aside(step)
+        behind = aside(-step) if central or ahead is None else None
+        if ahead is not None and behind is not None:
+            return np.asarray((ahead - behind) / (2.0 * step))
+        if ahead is not None:
+            return np.asarray((ahead - here) / step)
+        return np.zeros(here.size) if behind is None else np.asarray((here - behind) / step)
 
     return np.column_stack(list(spread(column, range(z.size))))
 
@@ -201,7 +192,7 @@ def least_squares_of(
     if not last:
         return Solution(z, float(here @ here), known["jacobian"])
     # One step with all parameters: it includes the error of the period.
-    full = central_derivatives(at, z, here, step, spread)
+    full = derivatives(at, z, here, step, spread, central=True)
     change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + change)
     if there @ there < here @ here:
