@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +175,7 @@ class Trace:
                 f"{self.name}: {np.count_nonzero(inside)} samples from {low:g} to {high:g} s: "
                 f"it has times from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        columns = {quantity: values[inside] for quantity, values in self._columns().items()}
+        columns: Any = {quantity: values[inside] for quantity, values in self._columns().items()}
         return replace(self, **columns, lines=None if self.lines is None else self.lines[inside])
 
     def regular(self, interval: float | None = None) -> Trace:
@@ -193,7 +194,7 @@ class Trace:
         step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
             return self
-        columns = _at_interval(self._columns(), step)
+        columns: Any = _at_interval(self._columns(), step)
         if columns["time"].size < NEEDED:
             raise UsageError(
                 f"interval = {step:g} s: leaves {columns['time'].size} samples of a trace of {self.duration:g} s: "

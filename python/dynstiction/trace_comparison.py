@@ -267,7 +267,7 @@ def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statisti
         sure = SURE * max(abs(mine[0]), abs(theirs[0]))
         error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
         deviation = difference / error if error > 0.0 else 0.0
-        found.append(Statistic(*info, *mine, *theirs, difference, deviation))
+        found.append(Statistic._make((*info, *mine, *theirs, difference, deviation)))
     return tuple(found)
 
 

@@ -7,7 +7,6 @@ import gzip
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import mode
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -184,8 +183,8 @@ def _read(
             raise UsageError(f"{name}: is an HDF5 file, which has no delimiter: leave it out")
         found = _hdf5_columns(name, wanted, required)
     else:
-        table = _split_table(name, delimiter, " and ".join(required))
-        found = _table_columns(table, wanted, required)
+        table = _Table(name, delimiter, " and ".join(required))
+        found = table.columns(wanted, required)
         lines = np.array([line for line, _ in table.rows], dtype=np.int64)
     factors = {q: factors[q] if q in factors else _factor(q, column) for q, column in found.items()}
     words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in found)
@@ -259,14 +258,86 @@ def _is_hdf5(name: str, what: str) -> bool:
 # Tables -------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class _Table:
-    """Lines of a table, split."""
+    """A table of text: heads with names and units, and rows of data, each with the number of its line."""
 
-    name: str
-    delimiter: str
-    heads: list[tuple[int, list[str]]]
-    rows: list[tuple[int, list[str]]]
+    def __init__(self, name: str, delimiter: str | None, sample: str) -> None:
+        comments: list[tuple[int, str]] = []
+        lines: list[tuple[int, str]] = []
+        for i, line in enumerate(_text_of(name).split("\n"), 1):
+            before, mark, after = line.partition("#")
+            if before.strip() and not BEGINS_WITH_NUMBER.match(before):
+                # A sign in a name.
+                before = line
+            if before.strip():
+                lines.append((i, before.rstrip("\r")))
+            elif mark and not lines:
+                comments.append((i, after.strip().lstrip("#").strip()))
+        if not lines:
+            raise FileError(f"{name}: has no samples: a table has one a line, {sample}")
+        if delimiter is None:
+            delimiter = _sniff(name, lines, sample)
+        elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
+            raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
+        self.name, self.delimiter = name, delimiter
+        rows = [(i, _fields(line, delimiter)) for i, line in lines]
+        # Empty columns from delimiters at the ends of all lines.
+        empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
+        rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
+        # Data begin with a number, if any line does.
+        by_first = (i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter))
+        by_any = (i for i, (_, fields) in enumerate(rows) if self._has_number(fields))
+        begin = next(by_first, next(by_any, len(rows)))
+        above, self.rows = rows[:begin], rows[begin:]
+        if not self.rows:
+            raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
+        heads = [(i, fields) for i, fields in above if any(fields) and self._are_names(fields, delimiter)]
+        # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
+        has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
+        self.heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
+        # A line with numbers below the names is damaged, which is reported later.
+        last = self.heads[-1][0] if self.heads else 0
+        self.rows = [each for each in above if each[0] > last and self._has_number(each[1])] + self.rows
+        self.heads = self.heads or self._commented_head(comments)
+        self._refuse_either()
+
+    def _has_number(self, fields: Sequence[str]) -> bool:
+        return any(_is_number(field, self.delimiter) for field in fields)
+
+    def _are_names(self, fields: Sequence[str], delimiter: str) -> bool:
+        """Whether fields are words, one for each column."""
+        row = self.rows[0][1]
+        fits = len(fields) == len(row) or _filled(fields) == _filled(row)
+        return fits and not any(_is_number(field, delimiter) for field in fields)
+
+    def _commented_head(self, comments: Sequence[tuple[int, str]]) -> list[tuple[int, list[str]]]:
+        """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
+        known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
+        names_unit = {
+            line
+            for line, text in comments
+            if known & {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)}
+        }
+        for line, text in reversed(comments):
+            for mark in (self.delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):
+                if self._are_names(fields := _fields(text, mark), mark):
+                    return [(line, fields)]
+        if names_unit:
+            raise UsageError(
+                f"{self.name}:{min(names_unit)}: names units, but not {_filled(self.rows[0][1])} columns: name the units, like --unit "
+                "force=mN, units={'force': 'mN'}"
+            )
+        return []
+
+    def _refuse_either(self) -> None:
+        """Refuse a table in which every comma may separate thousands."""
+        fields = ((line, field) for line, fields in self.rows for field in fields)
+        doubtful = [(line, field) for line, field in fields if "," in field and "." not in field]
+        if self.delimiter != "," and doubtful and all(EITHER.fullmatch(field) for _, field in doubtful):
+            raise FileError(
+                f"{self.name}:{doubtful[0][0]}: the comma in all numbers may be a decimal one or separate thousands: write them with points, "
+                "or without separators"
+            )
 
     @property
     def names(self) -> list[str]:
@@ -275,7 +346,7 @@ class _Table:
 
     @property
     def width(self) -> int:
-        return len(self.rows[0][1]) if self.rows else len(self.names)
+        return len(self.rows[0][1])
 
     def about(self) -> str:
         """The columns, for a message."""
@@ -283,7 +354,48 @@ class _Table:
             return "the columns are " + ", ".join(f"{i} {shown(each)}" for i, each in enumerate(self.names))
         return f"there are {self.width} columns without names, 0 to {self.width - 1}"
 
-    def unit(self, quantity: str, column: int) -> str:
+    def columns(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, _Found]:
+        """The wanted columns; a required one that is not named is the one with a usual name, else that at its place."""
+        found = {
+            quantity: self._find(quantity, each) for quantity, each in wanted.items() if each is not None
+        }
+        for place, quantity in enumerate(required):
+            if quantity not in found:
+                found[quantity] = self._usual(quantity, place, set(found.values()))
+        twice = [q for q in found if list(found.values()).count(found[q]) > 1]
+        if twice:
+            raise UsageError(
+                f"{self.name}: {' and '.join(twice)} are the same column, {found[twice[0]]}: {self.about()}"
+            )
+        line = self.heads[0][0] if self.heads else 0
+        return {
+            q: _Found(self._numbers(q, i), self._unit(q, i), f"{self.name}:{line}: {q}")
+            for q, i in found.items()
+        }
+
+    def _find(self, quantity: str, column: Column) -> int:
+        if isinstance(column, int) and 0 <= column < self.width:
+            return column
+        for form in (str, _bare, lambda each: _bare(each).lower()) if isinstance(column, str) else ():
+            found = [i for i, each in enumerate(self.names) if form(each) == form(column)]
+            if len(found) == 1:
+                return found[0]
+            if len(found) > 1:
+                raise UsageError(
+                    f"{self.name}: {len(found)} columns are called {shown(column)}: give its number; {self.about()}"
+                )
+        raise UsageError(f"{self.name}: {quantity} is to be column {shown(column)}: {self.about()}")
+
+    def _usual(self, quantity: str, place: int, taken: set[int]) -> int:
+        bare = [_bare(each).lower() for each in self.names]
+        for name in ALTERNATIVES[quantity]:
+            if bare.count(name) == 1 and bare.index(name) not in taken:
+                return bare.index(name)
+        if place >= self.width or place in taken:
+            raise UsageError(f"{self.name}: which column is {quantity}? Name it: {self.about()}")
+        return place
+
+    def _unit(self, quantity: str, column: int) -> str:
         """Unit of a column in the head, '' if none: in a line of units, in brackets, after a slash or 'in', or, if it is one of the
         quantity, after a blank or an underscore.
         """
@@ -301,91 +413,29 @@ class _Table:
         before, _, unit = name.rpartition("_")
         return unit if before and _unit_name(unit) in UNITS[quantity] else ""
 
-
-def _table_columns(
-    table: _Table, wanted: Mapping[str, Column | None], required: Sequence[str]
-) -> dict[str, _Found]:
-    """The wanted columns of a table."""
-    columns = {
-        quantity: _find(table, quantity, column) for quantity, column in wanted.items() if column is not None
-    }
-    for usual, quantity in enumerate(required):
-        if quantity not in columns:
-            columns[quantity] = _usual(table, quantity, usual, set(columns.values()))
-    twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
-    if twice:
-        raise UsageError(
-            f"{table.name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
-        )
-    line = table.heads[0][0] if table.heads else 0
-    return {
-        q: _Found(_numbers(table, q, c), table.unit(q, c), f"{table.name}:{line}: {q}")
-        for q, c in columns.items()
-    }
-
-
-def _split_table(name: str, delimiter: str | None, sample: str) -> _Table:
-    text = _text_of(name)
-    comments: list[tuple[int, str]] = []
-    lines: list[tuple[int, str]] = []
-    for i, line in enumerate(text.split("\n"), 1):
-        before, mark, after = line.partition("#")
-        if before.strip() and not BEGINS_WITH_NUMBER.match(before):
-            # A sign in a name.
-            before = line
-        if before.strip():
-            lines.append((i, before.rstrip("\r")))
-        elif mark and not lines:
-            comments.append((i, after.strip().lstrip("#").strip()))
-    if not lines:
-        raise FileError(f"{name}: has no samples: a table has one a line, {sample}")
-    if delimiter is None:
-        delimiter = _sniff(name, lines, sample)
-    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
-        raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
-    rows = [(i, _fields(line, delimiter)) for i, line in lines]
-    # Empty columns from delimiters at the ends of all lines.
-    empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
-    rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
-    heads, rows = _heads_and_data(name, rows, delimiter, sample)
-    heads = heads or _commented_head(name, comments, delimiter, rows[0][1])
-    _refuse_either(name, delimiter, rows)
-    return _Table(name, delimiter, heads, rows)
-
-
-_Line = tuple[int, list[str]]
+    def _numbers(self, quantity: str, column: int) -> _Floats:
+        values = np.empty(len(self.rows))
+        for k, (line, fields) in enumerate(self.rows):
+            if column >= len(fields):
+                raise FileError(
+                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
+                    f"take it out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
+                )
+            field = fields[column]
+            try:
+                values[k] = _value(field, self.delimiter)
+            except ValueError:
+                what = f"is {shown(field)}, no number" if field else "is empty"
+                raise FileError(
+                    f"{self.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
+                    f"column; {self.about()}"
+                ) from None
+        return values
 
 
 def _filled(fields: Sequence[str]) -> int:
     """Number of fields up to the last one that is not empty."""
     return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
-
-
-def _heads_and_data(
-    name: str, rows: list[_Line], delimiter: str, sample: str
-) -> tuple[list[_Line], list[_Line]]:
-    """The lines with names and units, and those of the data."""
-    # What stands before the data, and begins with a word; the last lines of it with as many words as there are columns are names and
-    # units.
-    begin = next((i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter)), None)
-    if begin is None:
-        begin = next(
-            (i for i, (_, fields) in enumerate(rows) if any(_is_number(f, delimiter) for f in fields)),
-            len(rows),
-        )
-    above, rows = rows[:begin], rows[begin:]
-    if not rows:
-        raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
-    heads = [(i, fields) for i, fields in above if any(fields) and _are_names(fields, delimiter, rows[0][1])]
-    # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
-    has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
-    heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
-    # A line with numbers below the names is damaged, which is reported later.
-    last = heads[-1][0] if heads else 0
-    rows = [
-        each for each in above if each[0] > last and any(_is_number(f, delimiter) for f in each[1])
-    ] + rows
-    return heads, rows
 
 
 def _name_units(fields: Sequence[str]) -> bool:
@@ -397,47 +447,6 @@ def _are_units(fields: Sequence[str]) -> bool:
     """Whether one of the words is a unit."""
     every = {unit for units in UNITS.values() for unit in units}
     return any(_unit_name(field.strip("[]() ")) in every for field in fields)
-
-
-def _are_names(fields: Sequence[str], delimiter: str, row: Sequence[str]) -> bool:
-    """Whether fields are words, one for each column."""
-    return (len(fields) == len(row) or _filled(fields) == _filled(row)) and not any(
-        _is_number(field, delimiter) for field in fields
-    )
-
-
-def _commented_head(
-    name: str, comments: Sequence[tuple[int, str]], delimiter: str, row: Sequence[str]
-) -> list[tuple[int, list[str]]]:
-    """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
-    known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
-    names_unit = {
-        line
-        for line, text in comments
-        if known & {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)}
-    }
-    for line, text in reversed(comments):
-        for mark in (delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):
-            if _are_names(fields := _fields(text, mark), mark, row):
-                return [(line, fields)]
-    if names_unit:
-        raise UsageError(
-            f"{name}:{min(names_unit)}: names units, but not {_filled(row)} columns: name the units, like --unit force=mN, "
-            "units={'force': 'mN'}"
-        )
-    return []
-
-
-def _refuse_either(name: str, delimiter: str, rows: Sequence[tuple[int, list[str]]]) -> None:
-    """Refuse a table in which every comma may separate thousands."""
-    doubtful = [
-        (line, field) for line, fields in rows for field in fields if "," in field and "." not in field
-    ]
-    if delimiter != "," and doubtful and all(EITHER.fullmatch(field) for _, field in doubtful):
-        raise FileError(
-            f"{name}:{doubtful[0][0]}: the comma in all numbers may be a decimal one or separate thousands: write them with points, or without "
-            "separators"
-        )
 
 
 def _text_of(name: str) -> str:
@@ -523,52 +532,6 @@ def _bare(name: str) -> str:
         if before:
             name = before
     return name.strip()
-
-
-def _find(table: _Table, quantity: str, column: Column) -> int:
-    if isinstance(column, int):
-        if not 0 <= column < table.width:
-            raise UsageError(f"{table.name}: {quantity} is to be column {column}: {table.about()}")
-        return column
-    for form in (str, _bare, lambda each: _bare(each).lower()):
-        found = [i for i, each in enumerate(table.names) if form(each) == form(column)]
-        if len(found) == 1:
-            return found[0]
-        if len(found) > 1:
-            raise UsageError(
-                f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}"
-            )
-    raise UsageError(f"{table.name}: {quantity} is to be column {shown(column)}: {table.about()}")
-
-
-def _usual(table: _Table, quantity: str, usual: int, taken: set[int]) -> int:
-    bare = [_bare(each).lower() for each in table.names]
-    for name in ALTERNATIVES[quantity]:
-        if bare.count(name) == 1 and bare.index(name) not in taken:
-            return bare.index(name)
-    if usual >= table.width or usual in taken:
-        raise UsageError(f"{table.name}: which column is {quantity}? Name it: {table.about()}")
-    return usual
-
-
-def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
-    values = np.empty(len(table.rows))
-    for k, (line, fields) in enumerate(table.rows):
-        if column >= len(fields):
-            raise FileError(
-                f"{table.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
-                f"take it out (columns are separated by {WORDS.get(table.delimiter, table.delimiter)})"
-            )
-        field = fields[column]
-        try:
-            values[k] = _value(field, table.delimiter)
-        except ValueError:
-            what = f"is {shown(field)}, no number" if field else "is empty"
-            raise FileError(
-                f"{table.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
-                f"column; {table.about()}"
-            ) from None
-    return values
 
 
 # HDF5 ---------------------------------------------------------------------------------------------------------------------

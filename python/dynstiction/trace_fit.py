@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -377,15 +377,7 @@ def fit(
     whole("starts", starts, least=1)
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene),
-            trace,
-            free,
-            each=each,
-            known=known,
-            bounds=bounds,
-            ties=ties,
-            chain=chain,
-            spread=pool.map,
+            Scene(scene), trace, free, pool.map, each=each, known=known, bounds=bounds, ties=ties, chain=chain
         )
         search = Search(given, starts, generator(rng), show)
         if not search.near():
@@ -397,15 +389,10 @@ def fit(
         if search.slow is None or search.proposal is None:
             raise search.nothing()
         why = search.faults[-1] if search.faults else "the slow model's has none"
+        note = f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency"
         best = search.slow.improved(search.proposal, (0.0,))
         show(1.0)
-        return _told(
-            search.slow,
-            [best],
-            given,
-            search.slow,
-            f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency",
-        )
+        return _told(search.slow, [best], given, search.slow, note)
 
 
 def _told(
@@ -448,17 +435,14 @@ def _told(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
         )
-    others = [
-        each
-        for each in found
-        if each is not best
-        and each.cost - best.cost < ALSO * max(1.0, misfit)
-        and np.any(np.abs(problem.logarithms(each.z[:p]) - z) > error)
-    ]
     sets = []
-    for each in others:
-        spread = problem.covariance(each)[0] * max(1.0, misfit)
-        sets.append(np.array([problem.logarithms(each.z[:p]), np.sqrt(np.diag(spread))[:p]]))
+    for each in found:
+        if each is best or each.cost - best.cost >= ALSO * max(1.0, misfit):
+            continue
+        there = problem.logarithms(each.z[:p])
+        if np.any(np.abs(there - z) > error):
+            spread = problem.covariance(each)[0] * max(1.0, misfit)
+            sets.append(np.array([there, np.sqrt(np.diag(spread))[:p]]))
     if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):
         notes.append("other values explain the trace as well: the intervals contain them")
     for record in problem.recordings:
@@ -482,18 +466,9 @@ def _told(
         scene, chain = own.of_recording(given, best.z[:p])
         cycles = problem.cycles(best.z, k)
         force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
+        measured = record.cycles, record.wave
         fitted.append(
-            FittedTrace(
-                record.trace,
-                given.scene,
-                scene,
-                chain,
-                record.cycles,
-                record.wave,
-                force,
-                ahead,
-                cycles.period,
-            )
+            FittedTrace(record.trace, given.scene, scene, chain, *measured, force, ahead, cycles.period)
         )
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
@@ -516,33 +491,29 @@ def _told(
 def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
     """Weighted effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (residuals, 2)."""
     p = len(slow.names)
-    columns: list[list[_Floats]] = [[], []]
-    for k, record in enumerate(slow.recordings):
-        try:
+    effects: list[_Floats] = []
+    try:
+        for k, record in enumerate(slow.recordings):
             here, _ = slow.of_recording(record, z[:p])
-            friction = here.friction
+            friction, wave = here.friction, record.wave
             if friction.law not in (None, "weakening"):
                 return None
             drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
-            viscous = drop / fastest_slip(here, record.wave)
-            delay = float(z[p + k]) * record.wave.fall
-            before = slow_cycles(here, record.wave, delay, record.chain, False)
-            for i, law in enumerate(({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})):
-                there = slow_cycles(
-                    here.replace(friction={"law": "stribeck", **law}), record.wave, delay, record.chain, False
-                )
-                change = (there.rows - before.rows)[0] * record.wave.weights(0.0)
-                if not record.wave.repeats:
-                    n = len(record.wave.rows)
-                    change = np.tile(change / math.sqrt(n), n)
-                columns[i].append(
-                    np.append(change, (there.period - before.period) / record.period_error(0.0)) / LAW_STEP
-                )
-        except Error:
-            return None
-    for column in columns:
-        column.append(np.zeros(len(slow.known)))
-    return np.column_stack([np.concatenate(column) for column in columns])
+            viscous = drop / fastest_slip(here, wave)
+            laws = ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
+            scenes = [here, *(here.replace(friction={"law": "stribeck", **law}) for law in laws)]
+            delay = float(z[p + k]) * wave.fall
+            before, *after = (slow_cycles(each, wave, delay, record.chain, False) for each in scenes)
+            effect = []
+            for there in after:
+                change = (there.rows - before.rows)[0] * wave.weights(0.0)
+                if not wave.repeats:
+                    change = np.tile(change / math.sqrt(len(wave.rows)), len(wave.rows))
+                effect.append(np.append(change, (there.period - before.period) / record.period_error(0.0)))
+            effects.append(np.column_stack(effect) / LAW_STEP)
+    except Error:
+        return None
+    return np.vstack([*effects, np.zeros((len(slow.known), 2))])
 
 
 def _hanging_on_the_law(
@@ -602,27 +573,30 @@ def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
     return errors
 
 
+_Given: TypeAlias = Mapping[str, Any]
+"""What an option says of each key."""
+
+
 def problem_of(
     scene: Scene,
     trace: Trace | Sequence[Trace],
     free: Sequence[str] | str,
-    *,
-    each: Mapping[str, Sequence[float]] | None = None,
-    known: Mapping[str, tuple[float, float]] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    ties: Mapping[str, tuple[str, float]] | None = None,
-    chain: Chain | None = None,
     spread: Map,
+    *,
+    each: _Given | None = None,
+    known: _Given | None = None,
+    bounds: _Given | None = None,
+    ties: _Given | None = None,
+    chain: Chain | None = None,
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
+    each, known, bounds, ties = (dict(given or {}) for given in (each, known, bounds, ties))
     traces = trace if isinstance(trace, Sequence) else [trace]
     for one in traces:
         instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
-    each, known, bounds, ties = dict(each or {}), dict(known or {}), dict(bounds or {}), dict(ties or {})
-    chain = chain or Chain()
     names = names_in("free", free)
     scene.check()
-    instance("chain", chain, Chain, "give a dynstiction.Chain")
+    chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
     if not names or names == ("",):
         raise UsageError(
             "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
@@ -654,14 +628,9 @@ def problem_of(
 
 
 def _check_options(
-    names: Sequence[str],
-    traces: int,
-    each: Mapping[str, Sequence[float]],
-    known: Mapping[str, tuple[float, float]],
-    bounds: Mapping[str, tuple[float, float]],
-    ties: Mapping[str, tuple[str, float]],
+    names: Sequence[str], traces: int, each: _Given, known: _Given, bounds: _Given, ties: _Given
 ) -> None:
-    """Refuse what does not fit to the free parameters and the traces."""
+    """Refuse what does not fit to the free parameters and the number of traces."""
     for name, own in each.items():
         _check_key("each", name)
         if name in names:
@@ -670,8 +639,8 @@ def _check_options(
             raise UsageError(
                 f"each: {name} has {len(own)} values, and there are {traces} traces: give one for each"
             )
-    for option, of_free in (("known", known), ("bounds", bounds)):
-        for name in of_free:
+    for option, given in (("known", known), ("bounds", bounds)):
+        for name in given:
             if name not in names:
                 raise UsageError(f"{option}: {name} is not free: a fixed value stands in the deck")
     for name, (_, error) in known.items():
@@ -748,21 +717,20 @@ def verdict(found: Fit) -> tuple[bool, str]:
         for name, scene in (("fitted", each.scene), ("given", each.given)):
             try:
                 statistics = compare(scene, each.trace, chain=each.chain).statistics
-                differing = [one for one in statistics if abs(one.deviation) > limit]
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            agree[name] &= not differing
-            words = ", ".join(f"{one.name} by {one.deviation:.1f}" for one in differing)
-            lines.append(
-                f"the run of the {name} deck "
-                + (
-                    f"differs from the trace{of}: {words} standard errors"
-                    if differing
-                    else f"agrees with the trace{of}"
-                )
+            words = ", ".join(
+                f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit
             )
+            agree[name] &= not words
+            how = (
+                f"differs from the trace{of}: {words} standard errors"
+                if words
+                else f"agrees with the trace{of}"
+            )
+            lines.append(f"the run of the {name} deck {how}")
     explains = found.explains and agree["fitted"]
     first = (
         "the fit explains the trace"

@@ -117,7 +117,7 @@ def plan_traces(
             there = rig.replace(**cast(Any, {key: float(value)}))
             trace = _simulated(there, duration, interval)
             noisy = trace.with_noise(noise * float(np.ptp(trace.force)), 0)
-            problem = problem_of(there, noisy, free, chain=chain, spread=pool.map)
+            problem = problem_of(there, noisy, free, pool.map, chain=chain)
             names = problem.names
             tables[f"{value:g}"] = _information(problem)
     errors = {at: _errors(table, names) for at, table in tables.items()}

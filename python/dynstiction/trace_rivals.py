@@ -9,6 +9,7 @@ import os
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from ._arguments import generator, names_in
 from ._fit.models import NoCycleError, steady_velocity
-from ._fit.problem import LeadsNowhereError, Problem
+from ._fit.problem import Problem
 from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search
 from ._fit.solve import Solution, has_failed
 from ._fit.starts import glances
@@ -204,12 +205,8 @@ def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution |
     places = problem.cheapest([problem.place(values) for values in starts], COARSE_OF_OWN[0])
     rough: list[Solution] = []
     for place in places[:TRIED]:
-        try:
-            rough.append(problem.improved(place, ROUGH))
-        except LeadsNowhereError as error:
-            rough.append(problem.at(error.z, ROUGH[-1]))
-        except NoCycleError:
-            continue
+        with suppress(NoCycleError):
+            rough.append(problem.reached(place, ROUGH))
     rough.sort(key=lambda each: each.cost)
     if not rough or rough[0].cost > FAR * _expected(problem, ROUGH[-1]):
         return rough[0] if rough else None
@@ -300,21 +297,22 @@ def creep_test(
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
         low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
-        options: dict[str, Any] = {"each": each, "chain": chain, "spread": pool.map}
-        creep = problem_of(rig, trace, (ANGLE, *names), known=known, bounds={ANGLE: (low, high)}, **options)
-        without = {name: value for name, value in (known or {}).items() if name != ANGLE}
+        limits = {ANGLE: (low, high)}
+        creep = problem_of(
+            rig, trace, (ANGLE, *names), pool.map, each=each, known=known, bounds=limits, chain=chain
+        )
         period = min(record.wave.period for record in creep.recordings)
         resting = []
-        for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(creep.recordings))):
+        for i, (name, rest) in enumerate(_without_creep(rig, period, len(creep.recordings))):
             show(0.1 * i)
-            changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
-            problem = problem_of(changed, trace, (*names, *extra), known=without, **options)
+            problem = creep.changed((*names, *rest), {ANGLE: 0.0, **rest})
+            problem.recordings[0].scene.check()
             found = _best(problem, list(_resting_starts(problem)))
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
         show(0.3)
         explained = any(one.problem.misfit(one.solution.z)[1] >= USUAL for one in resting)
-        fits = _near(creep, rng) if explained else _anywhere(creep, rng)
+        fits = _by_creep(creep, rng, explained)
         if fits:
             # The errors of cycles that are not alike are known from their fit.
             resting = [one.weighted_as(fits[0].problem) for one in resting]
@@ -330,49 +328,32 @@ def creep_test(
         return CreepTest(_compared(fits), sum(len(record.wave.rows) for record in creep.recordings), least)
 
 
-def _without_creep(
-    rig: Scene, period: float, traces: int
-) -> Iterator[tuple[str, dict[str, float], tuple[str, ...]]]:
-    """Name, values and free parameters of the explanations without a misalignment."""
+def _without_creep(rig: Scene, period: float, traces: int) -> Iterator[tuple[str, dict[str, float]]]:
+    """Name of each explanation without a misalignment, and values of its parameters."""
     mu_0 = float(rig.friction.mu_0 or 0.2)
-    age = {"ageing": BEGIN * mu_0, "ageing_time": rig.friction.ageing_time or AGE * period}
     # Friction that falls fast enough with speed is a static limit, too.
     name = "static" if traces > 1 else "static or ageing"
-    yield name, {}, ()
-    yield name, {"mu_static": (1.0 + BEGIN) * mu_0}, ("friction.mu_static",)
+    yield name, {}
+    yield name, {"friction.mu_static": (1.0 + BEGIN) * mu_0}
     # At one speed a rest is as long as the next, and shows one limit.
     if traces > 1:
-        yield "ageing", age, ("friction.ageing", "friction.ageing_time")
+        age = rig.friction.ageing_time or AGE * period
+        yield "ageing", {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": age}
 
 
-def _near(problem: Problem, rng: int | np.random.Generator | None) -> list[_Fitted]:
-    """The explanation by creep, where another explains the traces: no search far from them; none without stick-slip near."""
-    search = Search(problem, 1, generator(rng))
-    try:
-        search.near()
-        if not search.found:
+def _by_creep(problem: Problem, rng: int | np.random.Generator | None, explained: bool) -> list[_Fitted]:
+    """The explanation by creep, none where the full model has no stick-slip near; not sought far away if another explains the traces."""
+    search = Search(problem, 1 if explained else STARTS, generator(rng))
+    with suppress(Error):
+        ends = search.near()
+        if explained and not search.found:
             search.stay()
-        return _weighed(search)
-    except Error:
-        return []
-
-
-def _anywhere(problem: Problem, rng: int | np.random.Generator | None) -> list[_Fitted]:
-    """The explanation by creep, by the search of a fit; none where the full model has no stick-slip near."""
-    search = Search(problem, STARTS, generator(rng))
-    try:
-        if not search.near():
+        if not explained and not ends:
             search.beyond()
-        return _weighed(search)
-    except Error:
-        return []
-
-
-def _weighed(search: Search) -> list[_Fitted]:
-    if not search.found:
-        return []
-    search.weigh()
-    return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
+        if search.found:
+            search.weigh()
+            return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
+    return []
 
 
 def _least_angle(near: _Fitted) -> float:
@@ -383,11 +364,7 @@ def _least_angle(near: _Fitted) -> float:
     need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(here.size)) + POWER
 
     def is_seen(angle: float) -> bool:
-        turned = tuple(
-            replace(each, scene=each.scene.replace(system={"misalignment_deg": angle}))
-            for each in problem.recordings
-        )
-        there = replace(problem, recordings=turned).residuals(solution.z, 0.0)
+        there = problem.changed(problem.names, {ANGLE: angle}).residuals(solution.z, 0.0)
         if has_failed(there):
             return False
         change = there - here
@@ -418,18 +395,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
         base = replace(found.problem, spread=pool.map)
         fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
         for name, extra, changes in _changes(found):
-            changed = [each.changed(changes) for each in base.recordings]
-            problem = replace(
-                base,
-                names=(*base.names, extra),
-                heard=(*base.heard, extra),
-                begin=np.append(base.begin, changes[extra]),
-                recordings=tuple(
-                    replace(each, scene=scene, chain=chain)
-                    for each, (scene, chain) in zip(base.recordings, changed, strict=True)
-                ),
-                runs=[],
-            )
+            problem = base.changed((*base.names, extra), changes)
             q, delays = np.split(found.coordinates, [len(base.names)])
             starts = [
                 np.append(
@@ -437,13 +403,9 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
                 )
                 for size in ((1.0,) if name.startswith("another ") else SIZES)
             ]
-            try:
-                best = problem.improved(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
-            except LeadsNowhereError as error:
-                best = problem.at(error.z)
-            except Error:
-                continue
-            fits.append(_Fitted(name, problem, best))
+            with suppress(Error):
+                best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
+                fits.append(_Fitted(name, problem, best))
         return _compared(fits)
 
 

@@ -244,6 +244,24 @@ class Problem:
         )
         return replace(self, recordings=recordings, heard=heard, runs=[])
 
+    def changed(self, names: tuple[str, ...], changes: Mapping[str, Any]) -> Problem:
+        """The same with other values of the rig or its chain, and other free parameters, which begin as here or at these values."""
+        begin = {**dict(zip(self.names, self.begin, strict=True)), **changes}
+        recordings = []
+        for each in self.recordings:
+            scene, chain = each.changed(changes)
+            recordings.append(replace(each, scene=scene, chain=chain))
+        return replace(
+            self,
+            names=names,
+            heard=names,
+            begin=np.array([float(begin[name]) for name in names]),
+            known={name: value for name, value in self.known.items() if name in names},
+            bounds={name: ends for name, ends in self.bounds.items() if name in names},
+            recordings=tuple(recordings),
+            runs=[],
+        )
+
     @property
     def weakening(self) -> tuple[int, int, int] | None:
         """Indices of mu_0, mu_inf and v_f, if all three are free."""
@@ -392,6 +410,13 @@ class Problem:
                 raise LeadsNowhereError(found.z, found.cost)
             z = found.z
         return self.solve(z, levels[-1])
+
+    def reached(self, start: _Floats, levels: Sequence[float]) -> Solution:
+        """The same, also if it ends far from the traces."""
+        try:
+            return self.improved(start, levels)
+        except LeadsNowhereError as error:
+            return self.at(error.z, levels[-1])
 
     def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
         """Cost and Jacobian at coordinates."""
