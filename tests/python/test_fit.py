@@ -145,7 +145,7 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
     assert tried[0] == tried[1] != tried[2]
 
 
-def test_values_of_the_slow_model_explain_nothing(trace: ds.Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_values_of_the_slow_model_explain_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the scene's own model has no stick-slip the slow one's values are shown, with the scene's own model in the deck."""
 
     def none(*_: object) -> None:
@@ -154,7 +154,7 @@ def test_values_of_the_slow_model_explain_nothing(trace: ds.Trace, monkeypatch: 
     monkeypatch.setattr(problem_module, "full_cycles", none)
     monkeypatch.setattr(search, "TRIED", 2)
     with pytest.warns(ds.FitWarning, match="no stick-slip near these values"):
-        found = ds.fit(RIG, trace, ("system.misalignment_deg", "friction.mu_0"))
+        found = ds.fit(RIG, trace_of(SLOW), ("system.misalignment_deg", "friction.mu_0"))
     assert found.model == "low_frequency" and found.scene.scene.model in (None, "full")
     assert found.chance > 1e-4 and not found.explains
     assert ds.explanations(found) == ()
