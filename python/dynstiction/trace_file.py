@@ -374,16 +374,18 @@ class _Table:
         }
 
     def _find(self, quantity: str, column: Column) -> int:
-        if isinstance(column, int) and 0 <= column < self.width:
-            return column
-        for form in (str, _bare, lambda each: _bare(each).lower()) if isinstance(column, str) else ():
-            found = [i for i, each in enumerate(self.names) if form(each) == form(column)]
-            if len(found) == 1:
-                return found[0]
-            if len(found) > 1:
-                raise UsageError(
-                    f"{self.name}: {len(found)} columns are called {shown(column)}: give its number; {self.about()}"
-                )
+        found: list[int] = []
+        if isinstance(column, int):
+            found = [column] if 0 <= column < self.width else []
+        else:
+            for form in (str, _bare, lambda each: _bare(each).lower()):
+                found = found or [i for i, each in enumerate(self.names) if form(each) == form(column)]
+        if len(found) > 1:
+            raise UsageError(
+                f"{self.name}: {len(found)} columns are called {shown(column)}: give its number; {self.about()}"
+            )
+        if found:
+            return found[0]
         raise UsageError(f"{self.name}: {quantity} is to be column {shown(column)}: {self.about()}")
 
     def _usual(self, quantity: str, place: int, taken: set[int]) -> int:

@@ -200,7 +200,7 @@ class Fit:
         """
         problem = self.problem
         p = len(problem.names)
-        here = dict(zip(problem.names, problem.values(self.coordinates[:p]), strict=True))
+        here = problem.named(self.coordinates)
         here |= dict(values) if isinstance(values, Mapping) else dict(zip(problem.names, values, strict=True))
         at = np.array([number(name, here[name]) for name in problem.names])
         return problem.residuals(np.append(problem.coordinates(at), self.coordinates[p:]), 0.0)
@@ -423,7 +423,7 @@ def _told(
             "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
             "errors include the misfit, but the values may be wrong by more"
         )
-    values = dict(zip(names, problem.values(best.z[:p]), strict=True))
+    values = problem.named(best.z)
     if abs(values.get("friction.mu_0", 0.0)) > LARGE_FRICTION:
         notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
     for name, ends in problem.bounds.items():
@@ -435,25 +435,21 @@ def _told(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
         )
-    sets = []
-    for each in found:
-        if each is best or each.cost - best.cost >= ALSO * max(1.0, misfit):
-            continue
-        there = problem.logarithms(each.z[:p])
-        if np.any(np.abs(there - z) > error):
-            spread = problem.covariance(each)[0] * max(1.0, misfit)
-            sets.append(np.array([there, np.sqrt(np.diag(spread))[:p]]))
+    excess = ALSO * max(1.0, misfit)
+    others = [each for each in found if each is not best and each.cost - best.cost < excess]
+    sets = [_logarithms(problem, each, misfit) for each in others]
+    sets = [each for each in sets if np.any(np.abs(each[0] - z) > error)]
     if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):
         notes.append("other values explain the trace as well: the intervals contain them")
     for record in problem.recordings:
         notes += record.cycles.notes
     for note in notes:
         warnings.warn(note, FitWarning, stacklevel=3)
-    scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(problem.values(best.z[:p])))
+    scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(list(values.values())))
     parameters = {
         name: FittedParameter(
             name,
-            float(values[name]) if told[i] else math.nan,
+            values[name] if told[i] else math.nan,
             float(scales[i] * error[i]) if told[i] else math.inf,
             unit_of(name),
             bool(told[i]),
@@ -486,6 +482,13 @@ def _told(
         replace(problem, spread=map, runs=[]),
         best.z,
     )
+
+
+def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:
+    """Logarithms of the parameters and their standard errors, shape (2, p)."""
+    p = len(problem.names)
+    spread = problem.covariance(found)[0] * max(1.0, misfit)
+    return np.array([problem.logarithms(found.z[:p]), np.sqrt(np.diag(spread))[:p]])
 
 
 def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:

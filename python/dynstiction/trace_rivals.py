@@ -10,7 +10,8 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,10 +163,10 @@ class _Fitted:
     name: str
     problem: Problem
     solution: Solution
-    cost: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cost", float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2)))
+    @cached_property
+    def cost(self) -> float:
+        return float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2))
 
     def weighted_as(self, other: Problem) -> _Fitted:
         """The same with the errors of another problem of these traces."""
@@ -174,12 +175,6 @@ class _Fitted:
             for one, two in zip(self.problem.recordings, other.recordings, strict=True)
         ]
         return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
-
-    @property
-    def values(self) -> dict[str, float]:
-        names = self.problem.names
-        found = self.problem.values(self.solution.z[: len(names)])
-        return dict(zip(names, map(float, found), strict=True))
 
 
 def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
@@ -195,7 +190,7 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
         best.setdefault(fits[i].name, int(i))
     shares = np.exp([evidence[i] - max(evidence) for i in best.values()])
     return tuple(
-        Explanation(fits[i].name, float(share), told[i][0], told[i][1], fits[i].values)
+        Explanation(fits[i].name, float(share), *told[i], fits[i].problem.named(fits[i].solution.z))
         for i, share in zip(best.values(), shares / shares.sum(), strict=True)
     )
 

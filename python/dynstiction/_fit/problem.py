@@ -318,6 +318,10 @@ class Problem:
         ends = np.array([self.bounds.get(name, (-math.inf, math.inf)) for name in self.names])
         return np.asarray(np.clip(values, *ends.T))
 
+    def named(self, z: _Floats) -> dict[str, float]:
+        """Values of the parameters by name, from all coordinates or those without delays."""
+        return dict(zip(self.names, map(float, self.values(z[: len(self.names)])), strict=True))
+
     def place(self, values: Mapping[str, float]) -> _Floats:
         """All coordinates of values by name, the others as they begin, without delays."""
         begin = zip(self.names, self.begin, strict=True)
@@ -334,8 +338,7 @@ class Problem:
 
     def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
         """Scene and chain of a trace with the values at these coordinates."""
-        values = dict(zip(self.names, map(float, self.values(q)), strict=True))
-        values = {name: value for name, value in values.items() if name in self.heard}
+        values = {name: value for name, value in self.named(q).items() if name in self.heard}
         values |= {
             tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
         }
@@ -367,7 +370,7 @@ class Problem:
         return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
 
     def _of_known(self, z: _Floats) -> _Floats:
-        values = dict(zip(self.names, self.values(z[: len(self.names)]), strict=True))
+        values = self.named(z)
         return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
 
     @property
