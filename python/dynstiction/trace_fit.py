@@ -459,13 +459,11 @@ def _told(
     }
     fitted = []
     for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
-        scene, chain = own.of_recording(given, best.z[:p])
+        here = own.at_values(given, best.z[:p])
         cycles = problem.cycles(best.z, k)
         force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
-        measured = record.cycles, record.wave
-        fitted.append(
-            FittedTrace(record.trace, given.scene, scene, chain, *measured, force, ahead, cycles.period)
-        )
+        measured = here.scene, here.chain, record.cycles, record.wave
+        fitted.append(FittedTrace(record.trace, given.scene, *measured, force, ahead, cycles.period))
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
     scale = np.sqrt(np.diag(inverse))[:p]
@@ -497,7 +495,7 @@ def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
     effects: list[_Floats] = []
     try:
         for k, record in enumerate(slow.recordings):
-            here, _ = slow.of_recording(record, z[:p])
+            here = slow.at_values(record, z[:p]).scene
             friction, wave = here.friction, record.wave
             if friction.law not in (None, "weakening"):
                 return None

@@ -17,7 +17,7 @@ from ..trace import Trace
 from ..trace_chain import Chain
 from ..trace_cycles import TraceCycles
 from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
-from .solve import FAILED, Map, Solution, derivatives, has_failed, least_squares_of, regressed
+from .solve import FAILED, Map, Solution, derivatives, has_failed, least_squares_of
 from .waveform import Waveform, smoothed
 
 __all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
@@ -40,8 +40,6 @@ MOST_DELAY = 0.3
 """Largest error of a slip's time, over the duration of the fall."""
 STEP, OWN_STEP = 1e-4, 5e-3
 """Changes of a coordinate for a derivative: of the slow model, and of the scene's own, whose runs are sampled."""
-SECANT = 0.6
-"""Change of a coordinate for a derivative, over the share that is added to the errors: smaller steps of the cost do not matter then."""
 BAD = 0.3
 """Mean square of the residuals with the first added error above which a search is given up: it leads nowhere."""
 
@@ -83,11 +81,11 @@ class Recording:
         """Whether the model is low_frequency."""
         return self.scene.scene.model == "low_frequency"
 
-    def changed(self, values: Mapping[str, float]) -> tuple[Scene, Chain]:
-        """Its scene and chain with other values, by ``group.key``."""
+    def changed(self, values: Mapping[str, Any]) -> Recording:
+        """The same with other values of its scene and chain, by ``group.key``."""
         of_chain: Any = {name.partition(".")[2]: value for name, value in values.items() if name in CHAIN}
         others: Any = {name: value for name, value in values.items() if name not in CHAIN}
-        return self.scene.replace(**others), replace(self.chain, **of_chain)
+        return replace(self, scene=self.scene.replace(**others), chain=replace(self.chain, **of_chain))
 
     @property
     def size(self) -> int:
@@ -247,10 +245,6 @@ class Problem:
     def changed(self, names: tuple[str, ...], changes: Mapping[str, Any]) -> Problem:
         """The same with other values of the rig or its chain, and other free parameters, which begin as here or at these values."""
         begin = {**dict(zip(self.names, self.begin, strict=True)), **changes}
-        recordings = []
-        for each in self.recordings:
-            scene, chain = each.changed(changes)
-            recordings.append(replace(each, scene=scene, chain=chain))
         return replace(
             self,
             names=names,
@@ -258,7 +252,7 @@ class Problem:
             begin=np.array([float(begin[name]) for name in names]),
             known={name: value for name, value in self.known.items() if name in names},
             bounds={name: ends for name, ends in self.bounds.items() if name in names},
-            recordings=tuple(recordings),
+            recordings=tuple(each.changed(changes) for each in self.recordings),
             runs=[],
         )
 
@@ -336,8 +330,8 @@ class Problem:
         ]
         return [starts[i] for i in np.argsort(costs, kind="stable")]
 
-    def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
-        """Scene and chain of a trace with the values at these coordinates."""
+    def at_values(self, recording: Recording, q: _Floats) -> Recording:
+        """A trace with the values at these coordinates in its scene and chain."""
         values = {name: value for name, value in self.named(q).items() if name in self.heard}
         values |= {
             tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
@@ -354,9 +348,9 @@ class Problem:
         self.runs.append(k)
         recording = self.recordings[k]
         delay = float(z[p + k]) * recording.wave.fall if recording.wave.repeats else 0.0
-        scene, chain = self.of_recording(recording, z[:p])
+        here = self.at_values(recording, z[:p])
         model = slow_cycles if recording.is_slow else full_cycles
-        return model(scene, recording.wave, delay, chain, patient)
+        return model(here.scene, here.wave, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
@@ -374,45 +368,19 @@ class Problem:
         return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
 
     @property
-    def _step(self) -> float:
+    def step(self) -> float:
+        """Change of a coordinate for a derivative."""
         return STEP if self.is_slow else OWN_STEP
-
-    def solve(
-        self, start: _Floats, coarse: float, last: bool = True, offset: _Floats | float = 0.0
-    ) -> Solution:
-        """Least squares from one start.
-
-        Parameters
-        ----------
-        start : ndarray
-            Coordinates.
-        coarse : float
-            Share of swing and period that is added to the errors.
-        last : bool
-            As for `least_squares_of`.
-        offset : ndarray or float
-            Added to the residuals.
-        """
-        first = self.recordings[0]
-        return least_squares_of(
-            lambda z: self.residuals(z, coarse) + offset,
-            start,
-            period=first.size - 1,
-            exact=first.period_error(coarse) / first.wave.period,
-            step=max(self._step, SECANT * coarse),
-            spread=self.spread,
-            last=last,
-        )
 
     def improved(self, start: _Floats, levels: Sequence[float]) -> Solution:
         """Several fits, one after another, with errors that shrink to those of the traces."""
         z = start
         for coarse in levels[:-1]:
-            found = self.solve(z, coarse, last=False)
+            found = least_squares_of(self, z, coarse, last=False)
             if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
                 raise LeadsNowhereError(found.z, found.cost)
             z = found.z
-        return self.solve(z, levels[-1])
+        return least_squares_of(self, z, levels[-1])
 
     def reached(self, start: _Floats, levels: Sequence[float]) -> Solution:
         """The same, also if it ends far from the traces."""
@@ -428,19 +396,11 @@ class Problem:
             lambda there: self.residuals(there, coarse),
             z,
             here,
-            step or self._step,
+            step or self.step,
             self.spread,
             central=True,
         )
         return Solution(z, float(here @ here), jacobian)
-
-    def regressed(
-        self, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
-    ) -> Solution:
-        """The best fit of cycles that are not alike, see `solve.regressed`."""
-        return regressed(
-            lambda z: self.residuals(z, coarse), start, size=size, spread=self.spread, random=random
-        )
 
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""

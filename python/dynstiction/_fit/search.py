@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import Error, UsageError
 from .models import NoCycleError, steady_velocity
 from .problem import LeadsNowhereError, Problem
-from .solve import Solution, has_failed
+from .solve import Solution, has_failed, least_squares_of, regressed
 from .starts import glances
 
 __all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search"]
@@ -153,7 +153,7 @@ class Search:
             each.reweighted(self.problem.cycles(best.z, k)) for k, each in enumerate(self.problem.recordings)
         ]
         self.problem = replace(self.problem, recordings=tuple(better))
-        self.found = [self.problem.regressed(best, AGAIN, self.random)]
+        self.found = [regressed(self.problem, best, AGAIN, self.random)]
 
     def nothing(self) -> UsageError:
         """What to say if no start has stick-slip."""
@@ -244,7 +244,7 @@ class Search:
             if has_failed(here) or has_failed(slowly):
                 return []
             try:
-                new = slow.solve(z, 0.0, offset=here - slowly)
+                new = least_squares_of(slow, z, 0.0, offset=here - slowly)
             except NoCycleError:
                 return []
             errors = np.sqrt(np.diag(np.linalg.inv(problem.normal(new.jacobian))))
@@ -261,12 +261,12 @@ class Search:
         for start in self._own_starts()[: self.starts + 1]:
             here = problem.at(start, COARSE_OF_OWN[0], SECANT)
             rough.append(
-                problem.regressed(here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
+                regressed(problem, here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
             )
         for i, near in enumerate(sorted(rough, key=lambda each: each.cost)[: self.starts]):
             self.show(0.4 + 0.5 * i / self.starts)
             # The Jacobian with the errors of the trace, from large differences.
-            self.found.append(problem.regressed(problem.at(near.z, 0.0, SECANT), FIRST, self.random))
+            self.found.append(regressed(problem, problem.at(near.z, 0.0, SECANT), FIRST, self.random))
             if self._explains():
                 break
 
@@ -301,4 +301,4 @@ class Search:
                 least = min(least, one, key=lambda each: each.cost)
                 above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
         if least is not first:
-            self.found.append(problem.solve(least.z, 0.0))
+            self.found.append(least_squares_of(problem, least.z, 0.0))
