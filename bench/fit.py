@@ -48,11 +48,7 @@ AWAY = 0.3
 
 
 def with_values(scene: ds.Scene, values: dict[str, float]) -> ds.Scene:
-    groups: dict[str, dict[str, float]] = {}
-    for name, value in values.items():
-        group, _, key = name.partition(".")
-        groups.setdefault(group, {})[key] = float(value)
-    return scene.replace(**groups)  # type: ignore[arg-type]
+    return scene.replace(**{name: float(value) for name, value in values.items()})  # type: ignore[arg-type]
 
 
 def rigs(

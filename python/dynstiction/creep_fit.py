@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from itertools import product
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -138,26 +139,15 @@ def fit_creep(
     def differences(parameters: _Floats) -> _Floats:
         return np.subtract(path(parameters), measured)
 
+    more = [0.1] if relaxed_at is None else []
     starts = [
-        np.array(
-            [
-                np.log(np.radians(degrees)),
-                np.log(speed * duration / tau),
-                measured[0],
-                *([0.1] * (relaxed_at is None)),
-            ]
-        )
-        for degrees in START_DEGREES
-        for tau in START_TAU
+        np.array([np.log(np.radians(degrees)), np.log(speed * duration / tau), measured[0], *more])
+        for degrees, tau in product(START_DEGREES, START_TAU)
     ]
     starts.sort(key=lambda each: float(np.sum(differences(each) ** 2)))
-    best = min(
-        (
-            least_squares(differences, each, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-            for each in starts[:2]
-        ),
-        key=lambda each: each.cost,
-    )
+    tight: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
+    fits = [least_squares(differences, each, x_scale="jac", **tight) for each in starts[:2]]
+    best = min(fits, key=lambda each: each.cost)
     p, rest = best.x, best.fun
     at_rest = np.sum((measured - measured.mean()) ** 2)
     if at_rest - 2.0 * best.cost < NO_CREEP * 2.0 * best.cost / max(t.size - p.size, 1):
@@ -174,16 +164,14 @@ def fit_creep(
     # Differences of neighbours show the noise alone, whatever the model leaves.
     noise = np.std(np.diff(rest)) / np.sqrt(2.0)
     misfit = float(spread / noise) if noise > 0.0 else 1.0
-    found = CreepFit(
-        float(np.degrees(np.exp(p[0]))), float(np.degrees(np.exp(p[0])) * errors[0]), float(np.exp(p[1])),
-        float(np.exp(p[1]) * errors[1]), float(p[2] * scale), start - (p[3] * duration if relaxed_at is None else 0.0),
-        float(spread * scale), misfit,
-    )  # fmt: skip
+    angle, length, position = float(np.degrees(np.exp(p[0]))), float(np.exp(p[1])), float(p[2] * scale)
+    begin = start - (p[3] * duration if relaxed_at is None else 0.0)
+    sizes = angle, float(angle * errors[0]), length, float(length * errors[1])
+    found = CreepFit(*sizes, position, begin, float(spread * scale), misfit)
     if misfit > 1.0 + 3.0 / np.sqrt(t.size) and found.residual > PATH_ERROR * np.ptp(x):
         warnings.warn(
             f"creep does not explain the displacement: the differences are {misfit:.3g} times its noise, and the errors are too "
-            "small: leave out the slips, give the law of friction or the stiffness ratio",
-            FitWarning, stacklevel=2,
+            "small: leave out the slips, give the law of friction or the stiffness ratio", FitWarning, stacklevel=2,
         )  # fmt: skip
     return found
 

@@ -176,13 +176,8 @@ def fit_friction_law(
         raise UsageError(f"speed and mu: give at least {len(KEYS)} points, each with both")
     order = np.argsort(v, kind="stable")
     v, f = v[order], f[order]
-    found = [
-        each
-        for law, keys in LAWS
-        # One coefficient for each point would explain any scatter.
-        if v.size > len(keys) + 1
-        for each in [_fitted(law, keys, v, f)]
-    ]
+    # One coefficient for each point would explain any scatter.
+    found = [_fitted(law, keys, v, f) for law, keys in LAWS if v.size > len(keys) + 1]
     best = min(
         found,
         key=lambda each: v.size * np.log(max(each.scatter, 1e-12) ** 2) + len(each.values) * np.log(v.size),
@@ -228,14 +223,9 @@ def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> Friction
 
     lower, upper = (np.array([bounds[key][side] for key in keys]) for side in (0, 1))
     tried = []
+    start = {"mu_0": f[0], "mu_inf": f[-1], "exponent": 1.5, "viscous": 1e-3 * scale / most}
     for v_f in np.geomspace(least, most, 5) if "v_f" in keys else (1.0,):
-        start = {
-            "mu_0": f[0],
-            "mu_inf": f[-1],
-            "v_f": np.log(v_f),
-            "exponent": 1.5,
-            "viscous": 1e-3 * scale / most,
-        }
+        start["v_f"] = np.log(v_f)
         begin = np.clip([start[key] for key in keys], lower + 1e-9, upper - 1e-9)
         tried.append(
             least_squares(differences, begin, bounds=(lower, upper), x_scale="jac", xtol=1e-12, ftol=1e-12)
@@ -246,12 +236,10 @@ def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> Friction
     values = values_of(best.x)
     if "v_f" in keys:
         jacobian[:, keys.index("v_f")] /= values["v_f"]
-    fitted = _friction(values, v)
-    turns = (
-        np.sum(np.diff(f) * np.diff(fitted) < 0.0)
-        if law != "constant"
-        else np.sum(np.diff(np.sign(np.diff(f))) != 0)
-    )
+    if law == "constant":
+        turns = np.sum(np.diff(np.sign(np.diff(f))) != 0)
+    else:
+        turns = np.sum(np.diff(f) * np.diff(_friction(values, v)) < 0.0)
     return FrictionFit(
         law, values, np.linalg.pinv(jacobian.T @ jacobian) * scatter**2, float(scatter), v, int(turns)
     )

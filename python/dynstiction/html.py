@@ -1,4 +1,4 @@
-"""Small pieces of HTML for notebooks and for the report: escaped text, tables, lines."""
+"""Tables for terminals; small pieces of HTML for notebooks and for the report: escaped text, tables, lines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["page_table", "sparkline", "table"]
+__all__ = ["aligned", "page_table", "sparkline", "table"]
 
 SPARKLINE = (220, 28)
 """Width and height [px]."""
@@ -28,6 +28,12 @@ def page_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], f
     """A table with a title for a notebook, and an error message above it."""
     warning = f"<pre style='color:#b00020'>{escape(fault)}</pre>" if fault else ""
     return f"<div><b>{escape(title)}</b>{warning}{table(head, rows) if rows else ''}</div>"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table for a terminal: the first column begins, the others end below each other."""
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    return ["  ".join([row[0].ljust(first), *map(str.rjust, row[1:], others)]).rstrip() for row in rows]
 
 
 def sparkline(time: NDArray[np.float64], values: NDArray[np.float64]) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ._arguments import generator, instance, number, shown
+from ._arguments import generator, instance, number, reals, text
 from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
@@ -74,13 +74,13 @@ class Trace:
     units: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise UsageError(f"name = {shown(self.name)}: name must be a string")
-        for quantity in QUANTITIES:
-            given = getattr(self, quantity)
-            if given is None and quantity in ("displacement", "lateral_force"):
-                continue
-            object.__setattr__(self, quantity, _column(quantity, given))
+        text("name", self.name)
+        for quantity, values in self._columns().items():
+            column = np.array(reals(quantity, values, checked=False))
+            if column.ndim != 1:
+                raise UsageError(f"{quantity} has the shape {column.shape}: it must have one dimension")
+            column.setflags(write=False)
+            object.__setattr__(self, quantity, column)
         n = self.time.size
         for quantity, values in self._columns().items():
             if values.size != n:
@@ -94,12 +94,11 @@ class Trace:
             raise FileError(f"{self.name}: has {n} samples: at least {NEEDED} are needed")
         self._check_numbers()
         self._check_times()
-        for values in self._columns().values():
-            values.setflags(write=False)
 
     def _columns(self) -> dict[str, _Floats]:
+        """The quantities that the trace has: those that are required, and those that are given."""
         columns = {quantity: getattr(self, quantity) for quantity in QUANTITIES}
-        return {quantity: values for quantity, values in columns.items() if values is not None}
+        return {q: values for q, values in columns.items() if values is not None or q in ("time", "force")}
 
     def place(self, sample: int) -> str:
         """Origin of a sample: the file and line, or the trace and the number of the sample, from 0.
@@ -176,9 +175,8 @@ class Trace:
                 f"{self.name}: {np.count_nonzero(inside)} samples from {low:g} to {high:g} s: "
                 f"it has times from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        columns = {quantity: values[inside] for quantity, values in self._columns().items()}
-        lines = None if self.lines is None else self.lines[inside]
-        return Trace(**columns, name=self.name, lines=lines, units=self.units)
+        columns: Any = {quantity: values[inside] for quantity, values in self._columns().items()}
+        return replace(self, **columns, lines=None if self.lines is None else self.lines[inside])
 
     def regular(self, interval: float | None = None) -> Trace:
         """The trace at regular times, by linear interpolation; the trace itself if it is regular and no interval is given.
@@ -196,15 +194,13 @@ class Trace:
         step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
             return self
-        count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
-        if count < NEEDED:
+        columns: Any = _at_interval(self._columns(), step)
+        if columns["time"].size < NEEDED:
             raise UsageError(
-                f"interval = {step:g} s: leaves {count} samples of a trace of {self.duration:g} s: "
+                f"interval = {step:g} s: leaves {columns['time'].size} samples of a trace of {self.duration:g} s: "
                 "give a shorter one"
             )
-        time = np.minimum(self.time[0] + step * np.arange(count), self.time[-1])
-        columns = {q: np.interp(time, self.time, v) for q, v in self._columns().items() if q != "time"}
-        return Trace(time, **columns, name=self.name, units=self.units)
+        return replace(self, **columns, lines=None)
 
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
         """The trace with white noise added to the force.
@@ -218,8 +214,7 @@ class Trace:
         """
         size = number("deviation", deviation, least=0.0, units="N")
         noise = generator(rng).standard_normal(self.time.size)
-        columns = self._columns() | {"force": self.force + size * noise}
-        return Trace(**columns, name=self.name, lines=self.lines, units=self.units)
+        return replace(self, force=self.force + size * noise)
 
     def zeroed(self, start: float, end: float) -> Trace:
         """The trace with the mean force between two times, at which nothing pulled, as its zero.
@@ -229,9 +224,7 @@ class Trace:
         start, end : float
             First and last time [s].
         """
-        tare = float(np.mean(self.part(start, end).force))
-        columns = self._columns() | {"force": self.force - tare}
-        return Trace(**columns, name=self.name, lines=self.lines, units=self.units)
+        return replace(self, force=self.force - np.mean(self.part(start, end).force))
 
     @classmethod
     def of(cls, result: Result, interval: float | None = None) -> Trace:
@@ -256,29 +249,22 @@ class Trace:
             If `result` is not a `Result`.
         """
         result = instance("result", result, Result, "give what run or open returns")
-        along, across = pull_force(result), _lateral_force(result)
-        keep = np.append(True, np.diff(result.time) > 0.0)
-        x = result.columns.get("X")
         sense = _sense(result)
-        columns: dict[str, Any] = {
-            "force": sense * along[keep],
-            "displacement": None if x is None else sense * x[keep],
-            "lateral_force": None if across is None else sense * across[keep],
+        columns = {
+            "time": result.time,
+            "force": sense * pull_force(result),
+            "displacement": sense * result["X"] if "X" in result.columns else None,
+            "lateral_force": None if _is_damped(result) else sense * _across(result),
         }
-        time = result.time[keep]
-        name = str(result.parameters.get("title", "")) or "run"
-        if interval is not None or not np.allclose(np.diff(time), np.median(np.diff(time)), rtol=1e-3):
+        keep = np.append(True, np.diff(result.time) > 0.0)
+        given = {quantity: values[keep] for quantity, values in columns.items() if values is not None}
+        steps = np.diff(given["time"])
+        if interval is not None:
+            given = _at_interval(given, number("interval", interval, above=0.0, units="s"))
+        elif not np.allclose(steps, np.median(steps), rtol=1e-3):
             # Samples at every step of the method are not regular: a long time between two of them is not a gap.
-            step = (
-                float(np.median(np.diff(time)))
-                if interval is None
-                else number("interval", interval, above=0.0, units="s")
-            )
-            count = int(np.floor((time[-1] - time[0]) / step * (1.0 + 1e-12))) + 1
-            at = np.minimum(time[0] + step * np.arange(count), time[-1])
-            columns = {q: None if v is None else np.interp(at, time, v) for q, v in columns.items()}
-            time = at
-        return cls(time, columns["force"], columns["displacement"], columns["lateral_force"], name)
+            given = _at_interval(given, float(np.median(steps)))
+        return cls(**given, name=str(result.parameters.get("title", "")) or "run")
 
     def __repr__(self) -> str:
         more = [
@@ -290,22 +276,32 @@ class Trace:
         )
 
 
+def _at_interval(columns: dict[str, _Floats], step: float) -> dict[str, _Floats]:
+    """Columns at regular times [s], by linear interpolation."""
+    time = columns["time"]
+    count = int(np.floor((time[-1] - time[0]) / step * (1.0 + 1e-12))) + 1
+    at = np.minimum(time[0] + step * np.arange(count), time[-1])
+    return {quantity: np.interp(at, time, values) for quantity, values in columns.items()} | {"time": at}
+
+
 def pull_force(result: Result) -> _Floats:
     """Force along the drive [N], shape (n,), of springs and dampers, as a load cell in line with both shows it."""
     if "pull_force" in result.columns:
         return result["pull_force"]
-    if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
+    if _is_damped(result):
         raise ColumnError("a scene with dampers needs the column pull_force: add it to output.fields")
     cosine, sine = _axes(result)
     return result["spring_force_x"] * cosine + result["spring_force_y"] * sine
 
 
-def _lateral_force(result: Result) -> _Floats | None:
-    """Force across the drive [N]; None with dampers, because no column contains their part."""
-    if any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y")):
-        return None
+def _across(result: Result) -> _Floats:
+    """Force of the springs across the drive [N]; no column contains the part of dampers."""
     cosine, sine = _axes(result)
     return result["spring_force_y"] * cosine - result["spring_force_x"] * sine
+
+
+def _is_damped(result: Result) -> bool:
+    return any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y"))
 
 
 def _axes(result: Result) -> tuple[float, float]:
@@ -321,17 +317,3 @@ def _sense(result: Result) -> float:
         velocity = Scene(result.resolved_deck).groups()["drive"]["velocity"]
     values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
     return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
-
-
-def _column(quantity: str, values: ArrayLike) -> _Floats:
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "biuf":
-            array = array.astype(np.float64)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"{quantity} is not an array of real numbers: {error}") from None
-    if np.ma.is_masked(values):
-        raise UsageError(f"{quantity} has masked elements: take them out, or fill them")
-    if array.ndim != 1:
-        raise UsageError(f"{quantity} has the shape {array.shape}: it must have one dimension")
-    return array.astype(np.float64)

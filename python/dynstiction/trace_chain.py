@@ -1,21 +1,18 @@
-"""What stands between the springs of a rig and the numbers of a trace: load cell, filter, zero, analogue-digital converter."""
+"""What stands between the springs of a rig and the numbers of a trace: load cell, filter, zero."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import generator, instance, number, whole
+from ._arguments import instance, number, whole
 from .trace import Trace
 
 __all__ = ["Chain"]
 
 _Floats = NDArray[np.float64]
-
-ABOVE_ZERO = ("gain", "resonance", "damping", "filter")
-NOT_NEGATIVE = ("hum", "hum_frequency", "step", "noise")
 
 
 @dataclass(frozen=True)
@@ -36,14 +33,6 @@ class Chain:
         Its order.
     tare : float
         Reading without a force [N].
-    drift : float
-        Change of the tare with time [N/s].
-    hum, hum_frequency : float
-        Amplitude [N] and frequency [Hz] of what the mains induce.
-    noise : float
-        Standard deviation of white noise [N].
-    step : float
-        Resolution of the converter [N]; 0 for none.
 
     Notes
     -----
@@ -52,8 +41,8 @@ class Chain:
     Examples
     --------
     >>> time = np.linspace(0.0, 1.0, 1001)
-    >>> Chain(tare=0.3, step=0.01)(Trace(time, 1.0 + 0.1 * time)).force[:2]
-    array([1.3, 1.3])
+    >>> Chain(gain=2.0, tare=0.5)(Trace(time, 1.0 + 0.1 * time)).force[[0, -1]]
+    array([2.5, 2.7])
     """
 
     gain: float = 1.0
@@ -62,28 +51,17 @@ class Chain:
     filter: float | None = None
     order: int = 2
     tare: float = 0.0
-    drift: float = 0.0
-    hum: float = 0.0
-    hum_frequency: float = 50.0
-    noise: float = 0.0
-    step: float = 0.0
 
     def __post_init__(self) -> None:
         whole("order", self.order, least=1)
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name != "order" and value is not None:
-                limits = (
-                    {"above": 0.0}
-                    if each.name in ABOVE_ZERO
-                    else {"least": 0.0}
-                    if each.name in NOT_NEGATIVE
-                    else {}
-                )
-                object.__setattr__(self, each.name, number(each.name, value, **limits))
+                above = None if each.name == "tare" else 0.0
+                object.__setattr__(self, each.name, number(each.name, value, above=above))
 
     def response(self, interval: float, force: _Floats) -> _Floats:
-        """What is the same in each cycle: gain, resonance, filter and tare, of a force that was at rest before.
+        """Gain, resonance, filter and tare, of a force that was at rest before.
 
         Parameters
         ----------
@@ -98,38 +76,21 @@ class Chain:
         stages = []
         if self.resonance is not None and self.resonance * interval < 0.5:
             angular = 2.0 * np.pi * self.resonance
-            stages.append(
-                tf2sos(
-                    *bilinear([angular**2], [1.0, 2.0 * self.damping * angular, angular**2], 1.0 / interval)
-                )
-            )
+            cell = [angular**2], [1.0, 2.0 * self.damping * angular, angular**2]
+            stages.append(tf2sos(*bilinear(*cell, 1.0 / interval)))
         if self.filter is not None and self.filter * interval < 0.5:
             stages.append(butter(self.order, self.filter, fs=1.0 / interval, output="sos"))
         for stage in stages:
             shown, _ = sosfilt(stage, shown, zi=sosfilt_zi(stage) * shown[0])
         return np.asarray(shown + self.tare)
 
-    def __call__(self, trace: Trace, rng: int | np.random.Generator | None = None) -> Trace:
-        """The trace as this chain shows its force.
+    def __call__(self, trace: Trace) -> Trace:
+        """The trace as this chain shows its force, at the same, regular times.
 
         Parameters
         ----------
         trace : Trace
             Force of the springs, ``Trace.of`` a run.
-        rng : int or numpy.random.Generator, optional
-            Source of the noise and of the phase of the hum: the same seed gives the same bits, None others each time.
-
-        Returns
-        -------
-        Trace
-            At the same, regular times.
         """
         trace = instance("trace", trace, Trace, "give what Trace.of returns").regular()
-        random = generator(rng)
-        time = trace.time
-        phase = 2.0 * np.pi * (self.hum_frequency * time + random.uniform())
-        force = self.response(trace.interval, trace.force) + self.drift * (time - time[0])
-        force += self.hum * np.sin(phase) + self.noise * random.standard_normal(time.size)
-        if self.step > 0.0:
-            force = self.step * np.round(force / self.step)
-        return Trace(time, force, trace.displacement, trace.lateral_force, trace.name, units=trace.units)
+        return replace(trace, force=self.response(trace.interval, trace.force), lines=None)

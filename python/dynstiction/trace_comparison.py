@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from ._arguments import instance, whole
 from .errors import FileError, UsageError, printable
 from .groups import Changes
-from .html import page_table
+from .html import aligned, page_table
+from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Trace
@@ -40,6 +41,8 @@ SURE = 1e-6
 """Least standard error, relative to the value: roundoff of runs and files."""
 FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
 """Columns of a run that a trace needs."""
+HEAD = ("", "measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
+"""Columns of the table."""
 SEED = 20201209
 """Seed of the noise that a run gets, so that a comparison gives the same result each time."""
 
@@ -126,31 +129,19 @@ class TraceComparison:
 
     def report(self) -> str:
         """The table as text, with the notes."""
-        names = ("measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
-        rows = [("", *names), *(_row(each) for each in self.statistics)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = [
-            f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample"
-            + (f"; {self.trace.units}" if self.trace.units else "")
-        ]
-        lines.append(f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise")
-        lines.append("")
-        for row in rows:
-            first, *others = (
-                text.ljust(w) if i == 0 else text.rjust(w)
-                for i, (text, w) in enumerate(zip(row, widths, strict=True))
-            )
-            lines.append("  ".join([first, *others]).rstrip())
-        lines.append("")
-        lines.append(
-            f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)"
-        )
+        units = f"; {self.trace.units}" if self.trace.units else ""
         told = ", ".join(self.differing)
-        lines.append(
+        lines = [
+            f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample{units}",
+            f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise",
+            "",
+            *aligned([HEAD, *map(_row, self.statistics)]),
+            "",
+            f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
             f"differ by more than {DIFFERENT:g} standard errors: {told}"
             if told
-            else f"nothing differs by more than {DIFFERENT:g} standard errors"
-        )
+            else f"nothing differs by more than {DIFFERENT:g} standard errors",
+        ]
         for side, cycles in ((self.trace.name, self.measured), (self.scene.name, self.simulated)):
             lines += [f"{side}: {note}" for note in cycles.notes]
         return "\n".join(map(printable, lines)) + "\n"
@@ -172,36 +163,16 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        head = (
-            "",
-            "measured",
-            "scatter",
-            "error",
-            "simulated",
-            "scatter",
-            "error",
-            "difference",
-            "in errors",
-        )
-        return page_table(
-            f"{self.trace.name} and {self.scene.name}", head, [_row(each) for each in self.statistics], ""
-        )
+        title = f"{self.trace.name} and {self.scene.name}"
+        return page_table(title, HEAD, [_row(each) for each in self.statistics])
 
 
 def _row(each: Statistic) -> tuple[str, ...]:
-    units = "" if each.units == "1" else f" [{each.units}]"
-    values = (
-        each.measured,
-        each.measured_scatter,
-        each.measured_error,
-        each.simulated,
-        each.simulated_scatter,
-        each.simulated_error,
-        each.difference,
-    )
+    values = each[3:10]
     forms = ("{:.5g}", "{:.2g}", "{:.2g}", "{:.5g}", "{:.2g}", "{:.2g}", "{:+.2g}")
     texts = ["–" if np.isnan(v) else form.format(v) for form, v in zip(forms, values, strict=True)]
-    return (f"{each.name}{units}", *texts, "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}")
+    deviation = "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}"
+    return (headed(each.name, each.units), *texts, deviation)
 
 
 def compare(
@@ -250,7 +221,7 @@ def compare(
     measured = find_cycles(trace)
     run = simulate_like(scene, trace, measured)
     if chain is not None:
-        run = instance("chain", chain, Chain, "give a dynstiction.Chain")(run, SEED)
+        run = instance("chain", chain, Chain, "give a dynstiction.Chain")(run)
     if noise:
         run = run.with_noise(measured.noise, SEED)
     try:
@@ -278,7 +249,7 @@ def compare(
     )
 
 
-def _without_cycles(scene: Scene, fault: FileError | None) -> UsageError:
+def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
     """What is wrong with a run, without the advice that applies to traces."""
     reason = str(fault).partition(": ")[2].rpartition(": ")[0]
     return UsageError(
@@ -290,28 +261,13 @@ def _without_cycles(scene: Scene, fault: FileError | None) -> UsageError:
 def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statistic, ...]:
     sides = [(each.means(), each.scatter(), each.errors()) for each in (measured, simulated)]
     found = []
-    for info, value in sides[0][0].info():
-        name = info.name
-        mine, theirs = (tuple(table[name] for table in side) for side in sides)
-        difference = theirs[0] - value
-        sure = SURE * max(abs(value), abs(theirs[0]))
+    for info, _ in sides[0][0].info():
+        mine, theirs = (tuple(table[info.name] for table in side) for side in sides)
+        difference = theirs[0] - mine[0]
+        sure = SURE * max(abs(mine[0]), abs(theirs[0]))
         error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
         deviation = difference / error if error > 0.0 else 0.0
-        found.append(
-            Statistic(
-                name,
-                info.units,
-                info.long_name,
-                mine[0],
-                mine[1],
-                mine[2],
-                theirs[0],
-                theirs[1],
-                theirs[2],
-                difference,
-                deviation,
-            )
-        )
+        found.append(Statistic._make((*info, *mine, *theirs, difference, deviation)))
     return tuple(found)
 
 
@@ -361,23 +317,20 @@ def simulate_like(
     longest = min(longest, max(MOST_SAMPLES * trace.interval, t_end))
     with Simulation(values, scene={"t_end": longest}) as simulation:
         until = max(CHUNK, 2.0 * wanted) * period if steady else longest
-        found: TraceCycles | None = None
-        fault: FileError | None = None
         while True:
             simulation.step_to(min(until, longest))
             run = Trace.of(simulation.result, trace.interval)
             try:
-                found, fault = find_cycles(run), None
+                found = find_cycles(run)
             except FileError as error:
-                found, fault = None, error
-            if (found is not None and len(found) >= 2 * wanted) or until >= longest:
-                break
+                if until >= longest:
+                    raise _without_cycles(scene, error) from None
+            else:
+                if len(found) >= 2 * wanted or until >= longest:
+                    break
             until *= 1.5
-    if found is None:
-        raise _without_cycles(scene, fault)
     # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept
     start = run.time[0] if first <= 0 else 0.5 * (found.slips[first - 1] + found.slips[first])
-    part = run.part(float(start))
-    return Trace(part.time, part.force, part.displacement, part.lateral_force, name=scene.name)
+    return replace(run.part(float(start)), name=scene.name)

@@ -263,7 +263,6 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
 
 def mean_lateral(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform | None:
     """As `mean_waveform`, for the lateral force; None if the trace has none."""
-    _refuse_others(trace, cycles)
     return None if trace.lateral_force is None else _over_phase(trace, trace.lateral_force, cycles, points)
 
 

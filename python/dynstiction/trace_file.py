@@ -7,9 +7,9 @@ import gzip
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from statistics import mode
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from ._arguments import number, path_name, shown
 from ._open import dataset_in, open_file
 from .errors import FileError, UsageError
-from .trace import QUANTITIES, Trace
+from .trace import Trace
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
 
-__all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace", "unit_factor"]
+__all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace"]
 
 _Floats = NDArray[np.float64]
 
@@ -83,37 +83,6 @@ MOST_HEADS = 2
 WORDS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
 
 
-def unit_factor(quantity: str, unit: str | float) -> float:
-    """Factor to SI of a unit by name, or the factor itself.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit; the text lists the units.
-    """
-    if isinstance(unit, str):
-        known = UNITS[quantity]
-        name = _unit_name(unit)
-        if name in known:
-            return known[name]
-        try:
-            unit = float(unit)
-        except ValueError:
-            raise UsageError(
-                f"units: {quantity} in {shown(unit)}: the units are {', '.join(known)}; for another give its factor to "
-                f"{next(iter(known))}"
-            ) from None
-    factor = number(f"the unit of {quantity}", unit)
-    if factor == 0.0:
-        raise UsageError(f"units: the factor of {quantity} is 0: give one that is not")
-    return factor
-
-
-def _unit_name(text: str) -> str:
-    name = text.strip().replace("µ", "u").replace("μ", "u")
-    return SYNONYMS.get(name, name)
-
-
 def read_trace(
     path: str | os.PathLike[str],
     *,
@@ -160,92 +129,215 @@ def read_trace(
     UsageError
         If there is no such column or unit.
     """
-    name = path_name(path)
-    wanted: dict[str, Column | None] = {
-        "time": time,
-        "force": force,
-        "displacement": displacement,
-        "lateral_force": lateral_force,
-    }
-    if not isinstance(units, Mapping | None):
-        raise UsageError(f"units = {shown(units)}: units are a mapping of names, {{'force': 'mN'}}")
-    given = dict(units or {})
-    for quantity in given:
-        if quantity not in QUANTITIES:
-            raise UsageError(f"units: {shown(quantity)}: a trace has {', '.join(QUANTITIES)}")
-    for quantity, column in wanted.items():
-        if isinstance(column, bool) or not isinstance(column, int | str | None):
-            raise UsageError(
-                f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
-            )
+    wanted = {"time": time, "force": force, "displacement": displacement, "lateral_force": lateral_force}
+    required = ("time", "force") if interval is None else ("force",)
     if interval is not None:
         interval = number("interval", interval, above=0.0, units="s")
         if time is not None:
             raise UsageError("time and interval: give the column of times or the time between two samples")
-    factors = {quantity: unit_factor(quantity, unit) for quantity, unit in given.items()}
-    if _is_hdf5(name):
-        if delimiter is not None:
-            raise UsageError(f"{name}: is an HDF5 file, which has no delimiter: leave it out")
-        return _read_hdf5(name, wanted, factors, interval)
-    return _read_table(name, wanted, factors, delimiter, interval)
+    values, words, lines = _read(path, "a trace", wanted, required, units, delimiter)
+    if interval is not None:
+        values["time"] = interval * np.arange(values["force"].size, dtype=np.float64)
+    return Trace(**values, name=path_name(path), lines=lines, units=words)
 
 
 def read_friction(
     path: str | os.PathLike[str], *, units: Units | None = None, delimiter: str | None = None
 ) -> tuple[_Floats, _Floats]:
     """Slip speeds [m/s] and friction coefficients from a table of text; arguments and errors as for `read_trace`."""
-    name = path_name(path)
-    factors = {
-        quantity: unit_factor(quantity, unit)
-        for quantity, unit in dict(units or {}).items()
-        if quantity in ("speed", "mu")
-    }
-    if len(factors) < len(units or {}):
-        raise UsageError("units: a table of friction has speed and mu")
-    if _is_hdf5(name):
+    wanted, name = {"speed": None, "mu": None}, path_name(path)
+    if _is_hdf5(name, "a table of friction"):
         raise FileError(f"{name}: is an HDF5 file: give a table of text, or arrays")
-    values, _ = _columns(_split_table(name, delimiter), {}, factors, ("speed", "mu"))
+    values, *_ = _read(name, "a table of friction", wanted, tuple(wanted), units, delimiter)
     return values["speed"], values["mu"]
 
 
-def _filled(fields: Sequence[str]) -> int:
-    """Number of fields up to the last one that is not empty."""
-    return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
+def _read(
+    path: str | os.PathLike[str],
+    what: str,
+    wanted: Mapping[str, Column | None],
+    required: Sequence[str],
+    units: Units | None,
+    delimiter: str | None,
+) -> tuple[dict[str, _Floats], str, NDArray[np.int64] | None]:
+    """Columns of a file in SI units, the units in the file, in words, and the lines of the samples; None of an HDF5 file.
+
+    A required column that is not named is the one with a usual name, in a table else that at its place.
+    """
+    name = path_name(path)
+    if not isinstance(units, Mapping | None):
+        raise UsageError(f"units = {shown(units)}: units are a mapping of names, {{'force': 'mN'}}")
+    for quantity in units or {}:
+        if quantity not in wanted:
+            quantities = (" and " if len(wanted) == 2 else ", ").join(wanted)
+            raise UsageError(f"units: {shown(quantity)}: {what} has {quantities}")
+    for quantity, column in wanted.items():
+        if isinstance(column, bool) or not isinstance(column, int | str | None):
+            raise UsageError(
+                f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
+            )
+    factors = {quantity: _given_factor(quantity, unit) for quantity, unit in (units or {}).items()}
+    lines = None
+    if _is_hdf5(name, what):
+        if delimiter is not None:
+            raise UsageError(f"{name}: is an HDF5 file, which has no delimiter: leave it out")
+        found = _hdf5_columns(name, wanted, required)
+    else:
+        table = _Table(name, delimiter, " and ".join(required))
+        found = table.columns(wanted, required)
+        lines = np.array([line for line, _ in table.rows], dtype=np.int64)
+    factors = {q: factors[q] if q in factors else _factor(q, column) for q, column in found.items()}
+    words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in found)
+    return {quantity: column.values * factors[quantity] for quantity, column in found.items()}, words, lines
 
 
-def _is_hdf5(name: str) -> bool:
+class _Found(NamedTuple):
+    """A column as the file has it."""
+
+    values: _Floats
+    unit: str
+    """Its unit, '' if none is named."""
+    place: str
+    """Where the unit stands, for a message."""
+
+
+def _given_factor(quantity: str, unit: str | float) -> float:
+    """Factor to SI of a unit that is given by name, or as the factor itself."""
+    known = UNITS[quantity]
+    if isinstance(unit, str):
+        if (name := _unit_name(unit)) in known:
+            return known[name]
+        try:
+            unit = float(unit)
+        except ValueError:
+            raise UsageError(
+                f"units: {quantity} in {shown(unit)}: the units are {', '.join(known)}; for another give its factor to "
+                f"{next(iter(known))}"
+            ) from None
+    factor = number(f"the unit of {quantity}", unit)
+    if factor == 0.0:
+        raise UsageError(f"units: the factor of {quantity} is 0: give one that is not")
+    return factor
+
+
+def _factor(quantity: str, column: _Found) -> float:
+    """Factor to SI of a unit in the file."""
+    known = UNITS[quantity]
+    name = _unit_name(column.unit)
+    if name and name not in known:
+        raise UsageError(
+            f"{column.place} is in {shown(column.unit)}, which is unknown: name the unit ({', '.join(known)}) or its "
+            f"factor to {next(iter(known))}"
+        )
+    return known[name] if name else 1.0
+
+
+def _unit_name(text: str) -> str:
+    name = text.strip().replace("µ", "u").replace("μ", "u")
+    return SYNONYMS.get(name, name)
+
+
+def _name_of(quantity: str, factor: float) -> str:
+    """Name of a unit, or its factor to SI."""
+    known = UNITS[quantity]
+    return next((name for name, each in known.items() if each == factor), f"{factor:g} {next(iter(known))}")
+
+
+def _is_hdf5(name: str, what: str) -> bool:
     if os.path.exists(name) and not os.path.isfile(name):
         raise FileError(f"{name}: is not a regular file: give a file with a table, or an HDF5 file")
     try:
         with open(name, "rb") as stream:
-            # Behind a block of the user, as in files of MATLAB.
-            return any(
-                stream.seek(place) == place and stream.read(len(HDF5_BEGINNING)) == HDF5_BEGINNING
-                for place in HDF5_PLACES
-            )
+            beginning = stream.read(HDF5_PLACES[-1] + len(HDF5_BEGINNING))
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{name}: cannot be read: {reason}: give the file of a trace") from error
-
-
-def _trace(
-    values: Mapping[str, _Floats], name: str, units: str, lines: NDArray[np.int64] | None = None
-) -> Trace:
-    displacement, across = values.get("displacement"), values.get("lateral_force")
-    return Trace(values["time"], values["force"], displacement, across, name, lines, units)
+        raise FileError(f"{name}: cannot be read: {reason}: give the file of {what}") from error
+    return any(beginning.startswith(HDF5_BEGINNING, place) for place in HDF5_PLACES)
 
 
 # Tables -------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class _Table:
-    """Lines of a table, split."""
+    """A table of text: heads with names and units, and rows of data, each with the number of its line."""
 
-    name: str
-    delimiter: str
-    heads: list[tuple[int, list[str]]]
-    rows: list[tuple[int, list[str]]]
+    def __init__(self, name: str, delimiter: str | None, sample: str) -> None:
+        comments: list[tuple[int, str]] = []
+        lines: list[tuple[int, str]] = []
+        for i, line in enumerate(_text_of(name).split("\n"), 1):
+            before, mark, after = line.partition("#")
+            if before.strip() and not BEGINS_WITH_NUMBER.match(before):
+                # A sign in a name.
+                before = line
+            if before.strip():
+                lines.append((i, before.rstrip("\r")))
+            elif mark and not lines:
+                comments.append((i, after.strip().lstrip("#").strip()))
+        if not lines:
+            raise FileError(f"{name}: has no samples: a table has one a line, {sample}")
+        if delimiter is None:
+            delimiter = _sniff(name, lines, sample)
+        elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
+            raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
+        self.name, self.delimiter = name, delimiter
+        rows = [(i, _fields(line, delimiter)) for i, line in lines]
+        # Empty columns from delimiters at the ends of all lines.
+        empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
+        rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
+        # Data begin with a number, if any line does.
+        by_first = (i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter))
+        by_any = (i for i, (_, fields) in enumerate(rows) if self._has_number(fields))
+        begin = next(by_first, next(by_any, len(rows)))
+        above, self.rows = rows[:begin], rows[begin:]
+        if not self.rows:
+            raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
+        heads = [(i, fields) for i, fields in above if any(fields) and self._are_names(fields, delimiter)]
+        # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
+        has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
+        self.heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
+        # A line with numbers below the names is damaged, which is reported later.
+        last = self.heads[-1][0] if self.heads else 0
+        self.rows = [each for each in above if each[0] > last and self._has_number(each[1])] + self.rows
+        self.heads = self.heads or self._commented_head(comments)
+        self._refuse_either()
+
+    def _has_number(self, fields: Sequence[str]) -> bool:
+        return any(_is_number(field, self.delimiter) for field in fields)
+
+    def _are_names(self, fields: Sequence[str], delimiter: str) -> bool:
+        """Whether fields are words, one for each column."""
+        row = self.rows[0][1]
+        fits = len(fields) == len(row) or _filled(fields) == _filled(row)
+        return fits and not any(_is_number(field, delimiter) for field in fields)
+
+    def _commented_head(self, comments: Sequence[tuple[int, str]]) -> list[tuple[int, list[str]]]:
+        """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
+        known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
+        names_unit = {
+            line
+            for line, text in comments
+            if known & {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)}
+        }
+        for line, text in reversed(comments):
+            for mark in (self.delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):
+                if self._are_names(fields := _fields(text, mark), mark):
+                    return [(line, fields)]
+        if names_unit:
+            raise UsageError(
+                f"{self.name}:{min(names_unit)}: names units, but not {_filled(self.rows[0][1])} columns: name the units, like --unit "
+                "force=mN, units={'force': 'mN'}"
+            )
+        return []
+
+    def _refuse_either(self) -> None:
+        """Refuse a table in which every comma may separate thousands."""
+        fields = ((line, field) for line, fields in self.rows for field in fields)
+        doubtful = [(line, field) for line, field in fields if "," in field and "." not in field]
+        if self.delimiter != "," and doubtful and all(EITHER.fullmatch(field) for _, field in doubtful):
+            raise FileError(
+                f"{self.name}:{doubtful[0][0]}: the comma in all numbers may be a decimal one or separate thousands: write them with points, "
+                "or without separators"
+            )
 
     @property
     def names(self) -> list[str]:
@@ -254,7 +346,7 @@ class _Table:
 
     @property
     def width(self) -> int:
-        return len(self.rows[0][1]) if self.rows else len(self.names)
+        return len(self.rows[0][1])
 
     def about(self) -> str:
         """The columns, for a message."""
@@ -262,7 +354,50 @@ class _Table:
             return "the columns are " + ", ".join(f"{i} {shown(each)}" for i, each in enumerate(self.names))
         return f"there are {self.width} columns without names, 0 to {self.width - 1}"
 
-    def unit(self, quantity: str, column: int) -> str:
+    def columns(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, _Found]:
+        """The wanted columns; a required one that is not named is the one with a usual name, else that at its place."""
+        found = {
+            quantity: self._find(quantity, each) for quantity, each in wanted.items() if each is not None
+        }
+        for place, quantity in enumerate(required):
+            if quantity not in found:
+                found[quantity] = self._usual(quantity, place, set(found.values()))
+        twice = [q for q in found if list(found.values()).count(found[q]) > 1]
+        if twice:
+            raise UsageError(
+                f"{self.name}: {' and '.join(twice)} are the same column, {found[twice[0]]}: {self.about()}"
+            )
+        line = self.heads[0][0] if self.heads else 0
+        return {
+            q: _Found(self._numbers(q, i), self._unit(q, i), f"{self.name}:{line}: {q}")
+            for q, i in found.items()
+        }
+
+    def _find(self, quantity: str, column: Column) -> int:
+        found: list[int] = []
+        if isinstance(column, int):
+            found = [column] if 0 <= column < self.width else []
+        else:
+            for form in (str, _bare, lambda each: _bare(each).lower()):
+                found = found or [i for i, each in enumerate(self.names) if form(each) == form(column)]
+        if len(found) > 1:
+            raise UsageError(
+                f"{self.name}: {len(found)} columns are called {shown(column)}: give its number; {self.about()}"
+            )
+        if found:
+            return found[0]
+        raise UsageError(f"{self.name}: {quantity} is to be column {shown(column)}: {self.about()}")
+
+    def _usual(self, quantity: str, place: int, taken: set[int]) -> int:
+        bare = [_bare(each).lower() for each in self.names]
+        for name in ALTERNATIVES[quantity]:
+            if bare.count(name) == 1 and bare.index(name) not in taken:
+                return bare.index(name)
+        if place >= self.width or place in taken:
+            raise UsageError(f"{self.name}: which column is {quantity}? Name it: {self.about()}")
+        return place
+
+    def _unit(self, quantity: str, column: int) -> str:
         """Unit of a column in the head, '' if none: in a line of units, in brackets, after a slash or 'in', or, if it is one of the
         quantity, after a blank or an underscore.
         """
@@ -280,97 +415,29 @@ class _Table:
         before, _, unit = name.rpartition("_")
         return unit if before and _unit_name(unit) in UNITS[quantity] else ""
 
-
-def _read_table(
-    name: str,
-    wanted: Mapping[str, Column | None],
-    factors: Mapping[str, float],
-    delimiter: str | None,
-    interval: float | None,
-) -> Trace:
-    table = _split_table(name, delimiter)
-    values, units = _columns(table, wanted, factors, ("time", "force") if interval is None else ("force",))
-    lines = np.array([line for line, _ in table.rows], dtype=np.int64)
-    if interval is not None:
-        values["time"] = np.multiply(interval, np.arange(lines.size, dtype=np.float64))
-    return _trace(values, name, units, lines)
-
-
-def _columns(
-    table: _Table, wanted: Mapping[str, Column | None], factors: Mapping[str, float], required: Sequence[str]
-) -> tuple[dict[str, _Floats], str]:
-    """The wanted columns in SI units, and the units of the file. A required one that is not named is the one with a usual name, else that at its place."""
-    columns = {
-        quantity: _find(table, quantity, column) for quantity, column in wanted.items() if column is not None
-    }
-    for usual, quantity in enumerate(required):
-        if quantity not in columns:
-            columns[quantity] = _usual(table, quantity, usual, set(columns.values()))
-    twice = [q for q in columns if list(columns.values()).count(columns[q]) > 1]
-    if twice:
-        raise UsageError(
-            f"{table.name}: {' and '.join(twice)} are the same column, {columns[twice[0]]}: {table.about()}"
-        )
-    units = {q: _factor(table, q, c, factors) for q, c in columns.items()}
-    values = {q: _numbers(table, q, c) * units[q] for q, c in columns.items()}
-    return values, ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, units[q])}" for q in columns)
+    def _numbers(self, quantity: str, column: int) -> _Floats:
+        values = np.empty(len(self.rows))
+        for k, (line, fields) in enumerate(self.rows):
+            if column >= len(fields):
+                raise FileError(
+                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
+                    f"take it out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
+                )
+            field = fields[column]
+            try:
+                values[k] = _value(field, self.delimiter)
+            except ValueError:
+                what = f"is {shown(field)}, no number" if field else "is empty"
+                raise FileError(
+                    f"{self.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
+                    f"column; {self.about()}"
+                ) from None
+        return values
 
 
-def _split_table(name: str, delimiter: str | None) -> _Table:
-    text = _text_of(name)
-    comments: list[tuple[int, str]] = []
-    lines: list[tuple[int, str]] = []
-    for i, line in enumerate(text.split("\n"), 1):
-        before, mark, after = line.partition("#")
-        if before.strip() and not BEGINS_WITH_NUMBER.match(before):
-            # A sign in a name.
-            before = line
-        if before.strip():
-            lines.append((i, before.rstrip("\r")))
-        elif mark and not lines:
-            comments.append((i, after.strip().lstrip("#").strip()))
-    if not lines:
-        raise FileError(f"{name}: has no samples: a table has one a line, time and force")
-    if delimiter is None:
-        delimiter = _sniff(name, lines)
-    elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
-        raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
-    rows = [(i, _fields(line, delimiter)) for i, line in lines]
-    # Empty columns from delimiters at the ends of all lines.
-    empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
-    rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
-    heads, rows = _heads_and_data(name, rows, delimiter)
-    heads = heads or _commented_head(name, comments, delimiter, rows[0][1])
-    _refuse_either(name, delimiter, rows)
-    return _Table(name, delimiter, heads, rows)
-
-
-_Line = tuple[int, list[str]]
-
-
-def _heads_and_data(name: str, rows: list[_Line], delimiter: str) -> tuple[list[_Line], list[_Line]]:
-    """The lines with names and units, and those of the data."""
-    # What stands before the data, and begins with a word; the last lines of it with as many words as there are columns are names and
-    # units.
-    begin = next((i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter)), None)
-    if begin is None:
-        begin = next(
-            (i for i, (_, fields) in enumerate(rows) if any(_is_number(f, delimiter) for f in fields)),
-            len(rows),
-        )
-    above, rows = rows[:begin], rows[begin:]
-    if not rows:
-        raise FileError(f"{name}: has names and no samples: a table has one sample a line, time and force")
-    heads = [(i, fields) for i, fields in above if any(fields) and _are_names(fields, delimiter, rows[0][1])]
-    # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
-    has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
-    heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
-    # A line with numbers below the names is damaged, which is reported later.
-    last = heads[-1][0] if heads else 0
-    rows = [
-        each for each in above if each[0] > last and any(_is_number(f, delimiter) for f in each[1])
-    ] + rows
-    return heads, rows
+def _filled(fields: Sequence[str]) -> int:
+    """Number of fields up to the last one that is not empty."""
+    return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
 
 
 def _name_units(fields: Sequence[str]) -> bool:
@@ -384,68 +451,15 @@ def _are_units(fields: Sequence[str]) -> bool:
     return any(_unit_name(field.strip("[]() ")) in every for field in fields)
 
 
-def _are_names(fields: Sequence[str], delimiter: str, row: Sequence[str]) -> bool:
-    """Whether fields are words, one for each column."""
-    return (len(fields) == len(row) or _filled(fields) == _filled(row)) and not any(
-        _is_number(field, delimiter) for field in fields
-    )
-
-
-def _commented_head(
-    name: str, comments: Sequence[tuple[int, str]], delimiter: str, row: Sequence[str]
-) -> list[tuple[int, list[str]]]:
-    """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
-    known = (set(UNITS["time"]) | set(UNITS["force"])) - {"s", "N", "h", "min"}
-    units = [
-        {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)} & known
-        for _, text in comments
-    ]
-    for (line, text), named in reversed(list(zip(comments, units, strict=True))):
-        for mark in (delimiter, *(DELIMITERS[:-1] if named else ())):
-            if _are_names(fields := _fields(text, mark), mark, row):
-                return [(line, fields)]
-    for (line, _), named in zip(comments, units, strict=True):
-        if named:
-            raise UsageError(
-                f"{name}:{line}: names units, but not {_filled(row)} columns: name the units, like --unit force=mN, "
-                "units={'force': 'mN'}"
-            )
-    return []
-
-
-def _refuse_either(name: str, delimiter: str, rows: Sequence[tuple[int, list[str]]]) -> None:
-    """Refuse a table in which every comma may separate thousands."""
-    first = 0
-    for line, fields in rows:
-        for field in fields:
-            if delimiter == "," or "," not in field or "." in field:
-                continue
-            if not EITHER.fullmatch(field):
-                return
-            first = first or line
-    if first:
-        raise FileError(
-            f"{name}:{first}: the comma in all numbers may be a decimal one or separate thousands: write them with points, or without "
-            "separators"
-        )
-
-
 def _text_of(name: str) -> str:
-    try:
-        data = Path(name).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{name}: cannot be read: {reason}") from error
+    data = Path(name).read_bytes()
     if data.startswith(GZIP_BEGINNING):
         try:
             data = gzip.decompress(data)
         except (OSError, EOFError) as error:
             raise FileError(f"{name}: cannot be decompressed: {error}") from error
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        encodings: tuple[str, ...] = ("utf-16",)
-    else:
-        encodings = ("utf-8-sig", "latin-1")
-    for encoding in encodings:
+    wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "latin-1"):
         try:
             text = data.decode(encoding)
         except UnicodeDecodeError:
@@ -467,23 +481,26 @@ def _fields(line: str, delimiter: str) -> list[str]:
     return [field.strip() for field in line.split(delimiter)]
 
 
-def _sniff(name: str, lines: Sequence[tuple[int, str]]) -> str:
-    """The delimiter that splits the last lines into the same columns, of which at least two are single numbers."""
-    sample = [line for _, line in lines[-SNIFFED:]]
-    if len(lines) <= SNIFFED:
-        sample = sample[min(len(sample) - 1, MOST_HEADS) :]
+def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
+    """The delimiter that splits the last lines, from the first row of numbers on, into the same columns, at least two of them numbers."""
+    last = [line for _, line in lines[-SNIFFED:]]
     # One line may be damaged, which is reported later: agreement of most lines is enough.
     for share in (1.0, 0.6):
         for delimiter in DELIMITERS:
-            fields = [_fields(line, delimiter) for line in sample]
-            good = [each for each in fields if _is_row(each, delimiter)]
-            if len(good) >= share * len(sample) and len({len(each) for each in good}) == 1:
-                return delimiter
-    if all(_is_number(line.strip(), " ") for line in sample):
+            fields = [_fields(line, delimiter) for line in last]
+            widths = [len(each) if _is_row(each, delimiter) else 0 for each in fields]
+            if any(widths):
+                usual = mode(filter(None, widths))
+                # What stands above the first row of this width is a preamble or a head.
+                below = widths[widths.index(usual) :]
+                if set(below) <= {0, usual} and below.count(usual) >= share * len(below):
+                    return delimiter
+    alone = [_is_number(line.strip(), " ") for line in last]
+    if any(alone) and all(alone[alone.index(True) :]):
         return " "
     raise FileError(
         f"{name}:{lines[-1][0]}: no columns of numbers are found: name the delimiter, or give a table with one sample a "
-        "line, time and force"
+        f"line, {sample}"
     )
 
 
@@ -519,98 +536,23 @@ def _bare(name: str) -> str:
     return name.strip()
 
 
-def _find(table: _Table, quantity: str, column: Column) -> int:
-    if isinstance(column, int):
-        if not 0 <= column < table.width:
-            raise UsageError(f"{table.name}: {quantity} is to be column {column}: {table.about()}")
-        return column
-    for form in (str, _bare, lambda each: _bare(each).lower()):
-        found = [
-            i
-            for i, each in enumerate(table.names)
-            if form(each) == (form(column) if form is not _bare else column)
-        ]
-        if len(found) == 1:
-            return found[0]
-        if len(found) > 1:
-            raise UsageError(
-                f"{table.name}: {len(found)} columns are called {shown(column)}: give its number; {table.about()}"
-            )
-    raise UsageError(f"{table.name}: {quantity} is to be column {shown(column)}: {table.about()}")
-
-
-def _usual(table: _Table, quantity: str, usual: int, taken: set[int]) -> int:
-    bare = [_bare(each).lower() for each in table.names]
-    for name in ALTERNATIVES[quantity]:
-        if bare.count(name) == 1 and bare.index(name) not in taken:
-            return bare.index(name)
-    if usual >= table.width or usual in taken:
-        raise UsageError(f"{table.name}: which column is {quantity}? Name it: {table.about()}")
-    return usual
-
-
-def _factor(table: _Table, quantity: str, column: int, factors: Mapping[str, float]) -> float:
-    if quantity in factors:
-        return factors[quantity]
-    unit = table.unit(quantity, column)
-    if _unit_name(unit) in UNITS[quantity]:
-        return UNITS[quantity][_unit_name(unit)]
-    if unit:
-        raise UsageError(
-            f"{table.name}:{table.heads[0][0]}: {quantity} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its "
-            f"factor to {next(iter(UNITS[quantity]))}"
-        )
-    return 1.0
-
-
-def _name_of(quantity: str, factor: float) -> str:
-    """Name of a unit, or its factor to SI."""
-    known = UNITS[quantity]
-    return next((name for name, each in known.items() if each == factor), f"{factor:g} {next(iter(known))}")
-
-
-def _numbers(table: _Table, quantity: str, column: int) -> _Floats:
-    values = np.empty(len(table.rows))
-    for k, (line, fields) in enumerate(table.rows):
-        if column >= len(fields):
-            raise FileError(
-                f"{table.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
-                f"take it out (columns are separated by {WORDS.get(table.delimiter, table.delimiter)})"
-            )
-        field = fields[column]
-        try:
-            values[k] = _value(field, table.delimiter)
-        except ValueError:
-            what = f"is {shown(field)}, no number" if field else "is empty"
-            raise FileError(
-                f"{table.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
-                f"column; {table.about()}"
-            ) from None
-    return values
-
-
 # HDF5 ---------------------------------------------------------------------------------------------------------------------
 
 
-def _read_hdf5(
-    name: str, wanted: Mapping[str, Column | None], factors: Mapping[str, float], interval: float | None
-) -> Trace:
+def _hdf5_columns(
+    name: str, wanted: Mapping[str, Column | None], required: Sequence[str]
+) -> dict[str, _Found]:
+    """The wanted datasets of a file."""
     paths = {
-        quantity: ALTERNATIVES.get(quantity, ()) if column is None else (column,)
+        quantity: ALTERNATIVES[quantity] if column is None else (column,)
         for quantity, column in wanted.items()
-        if quantity != "time" or interval is None
+        if column is not None or quantity in required
     }
     with open_file(name) as file:
-        found = {
-            quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity, factors)
+        return {
+            quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity)
             for quantity, each in paths.items()
-            if each
         }
-    values = {quantity: array * factor for quantity, (array, factor) in found.items()}
-    units = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factor)}" for q, (_, factor) in found.items())
-    if interval is not None:
-        values["time"] = np.multiply(interval, np.arange(values["force"].size, dtype=np.float64))
-    return _trace(values, name, units)
 
 
 def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
@@ -629,10 +571,8 @@ def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column])
     )
 
 
-def _dataset_values(
-    dataset: h5py.Dataset, name: str, quantity: str, factors: Mapping[str, float]
-) -> tuple[_Floats, float]:
-    """Values of a dataset, and their factor to SI."""
+def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str) -> _Found:
+    """Values of a dataset, and its unit."""
     # MATLAB writes columns as matrices.
     if dataset.ndim == 0 or max(dataset.shape) != dataset.size or dataset.dtype.kind not in "biuf":
         raise UsageError(
@@ -647,16 +587,7 @@ def _dataset_values(
         float(np.ravel(dataset.attrs.get(key, usual))[0])
         for key, usual in (("scale_factor", 1.0), ("add_offset", 0.0))
     )
-    values = values * scale + shift
-    if quantity in factors:
-        return values, factors[quantity]
     units = dataset.attrs.get("units", dataset.attrs.get("unit", ""))
     (unit,) = np.asarray(units).reshape(-1)[:1].tolist() or [""]
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
-    if unit in ("", "1"):
-        return values, 1.0
-    if _unit_name(unit) not in UNITS[quantity]:
-        raise UsageError(
-            f"{name}: {dataset.name} is in {shown(unit)}, which is unknown: name the unit ({', '.join(UNITS[quantity])}) or its factor"
-        )
-    return values, UNITS[quantity][_unit_name(unit)]
+    return _Found(values * scale + shift, "" if unit == "1" else unit, f"{name}: {dataset.name}")

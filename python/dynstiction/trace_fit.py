@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
-from ._fit.models import NoCycleError, fastest_slip, full_cycles, slow_cycles, slow_scene, steady_velocity
-from ._fit.problem import CHAIN, PRIOR, LeadsNowhereError, Problem, Recording, unit_of
-from ._fit.solve import Map, Solution, has_failed
-from ._fit.starts import glances
+from ._fit.models import fastest_slip, slow_cycles, steady_velocity
+from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
+from ._fit.search import ALSO, MISFIT, Search
+from ._fit.solve import Map, Solution
 from ._fit.waveform import Waveform, waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
@@ -31,7 +31,7 @@ from .trace_cycles import TraceCycles, find_cycles
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "FittedTrace", "Search", "fit", "problem_of", "traces_of", "verdict"]
+__all__ = ["Fit", "FittedParameter", "FittedTrace", "fit", "problem_of", "verdict"]
 
 _Floats = NDArray[np.float64]
 
@@ -43,41 +43,6 @@ BY_CHANCE, MEANS = 1e-3, 7
 """Probability with which one of the means over the cycles of a right deck is told to differ, and their number."""
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
-STEP, OWN_STEP = 1e-4, 5e-3
-"""Changes of a logarithm for a derivative: of the slow model, and of the scene's own, whose runs are sampled."""
-COARSE = (0.02, 0.005)
-"""Errors relative to swing and period that are added, one fit after another: of the slow model."""
-COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
-"""The same for the scene's own model."""
-CORRECTIONS, CORRECTED = 6, 0.1
-"""Largest number of times that the difference between the scene's model and the slow one is computed, and the change of all coordinates, in
-standard errors, below which this ends."""
-NEAR = 100.0
-"""Misfit below which a fit begins with the errors of the trace."""
-MISFIT = 1e-4
-"""Probability of such a misfit by chance, below which there is a note."""
-USUAL = 0.05
-"""The same, above which a search has found what it looked for."""
-SMOOTH = 100.0
-"""Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
-ANGLE = "system.misalignment_deg"
-RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
-"""Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
-HELD = 1e-3
-"""Relative error with which an angle is held."""
-CLEARLY = 3.0
-"""Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
-RANDOM_STARTS = 6
-MOST_RUNS = 700
-"""Runs of the scene's model after which no further random start is completed."""
-TRIED, COMPLETED = 96, 4
-"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
-SECANT = 0.03
-"""Change of a coordinate for a derivative of noisy residuals."""
-FIRST, AGAIN = 30.0, 8.0
-"""Sizes of the first cloud of a search, and of one that ends near, in standard errors."""
-NEAR_SLOW, WIDE = 0.2, 1.4
-"""Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
 LAW_STEP = 0.01
 """For other laws: changes of the exponent and of the viscous term over the weakening, for a derivative. Twice: the same to 2 %."""
 LARGE_FRICTION = 2.0
@@ -86,12 +51,8 @@ HANGING = 3.0
 """Change of a parameter by another law, in standard errors, above which there is a note."""
 LINKED = 0.999
 """Correlation of two parameters above which there is a note."""
-SPREAD = 0.7
-"""Largest change of a logarithm in a random start."""
 RELATED, SURELY = 0.5, 3.5
 """Correlation of one cycle with the next above which they change slowly, and its least significance."""
-ALSO = 3.84
-"""Excess of the cost, over the misfit, up to which other values explain a trace as well: 95 % of one parameter."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
 
 
@@ -239,7 +200,7 @@ class Fit:
         """
         problem = self.problem
         p = len(problem.names)
-        here = dict(zip(problem.names, problem.values(self.coordinates[:p]), strict=True))
+        here = problem.named(self.coordinates)
         here |= dict(values) if isinstance(values, Mapping) else dict(zip(problem.names, values, strict=True))
         at = np.array([number(name, here[name]) for name in problem.names])
         return problem.residuals(np.append(problem.coordinates(at), self.coordinates[p:]), 0.0)
@@ -413,326 +374,36 @@ def fit(
     each single cycle on the fit. They are valid for noise that is correlated within a cycle, and for cycles of which each resembles the
     next, but do not include an error that all cycles share.
     """
-    traces = traces_of(trace)
     whole("starts", starts, least=1)
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene),
-            traces,
-            free,
-            each=each,
-            known=known,
-            bounds=bounds,
-            ties=ties,
-            chain=chain,
-            spread=pool.map,
+            Scene(scene), trace, free, pool.map, each=each, known=known, bounds=bounds, ties=ties, chain=chain
         )
-        return Search(given, starts, generator(rng), show).fit(traces)
-
-
-@dataclass(frozen=True, eq=False)
-class Search:
-    """The search of a fit; unless it is thorough, it stays near the scene's values and the slow model's fit."""
-
-    problem: Problem
-    starts: int
-    random: np.random.Generator
-    show: Callable[[float], None]
-    thorough: bool = True
-
-    def fit(self, traces: Sequence[Trace]) -> Fit:
-        problem = self.problem
-        own = problem.recordings[0].scene
-        model = str(own.scene.model or "full")
-        slow = None if model == "low_frequency" else _slow(problem)
-        found, why = self._found(slow)
-        notes: list[str] = []
-        if not found and slow is not None and why is not None:
-            notes.append(
-                f"the model {model} has no stick-slip near these values ({why}): they are those of low_frequency"
-            )
-            problem, model = slow, "low_frequency"
-            found = [slow.improved(why.z, (0.0,))]
-        best = min(found, key=lambda each: each.cost)
-        if not all(each.wave.repeats for each in problem.recordings):
-            # The scatter of the cycles about those of the model is their error.
-            better = [each.reweighted(problem.cycles(best.z, k)) for k, each in enumerate(problem.recordings)]
-            problem = replace(problem, recordings=tuple(better))
-            best = problem.regressed(best, AGAIN, self.random)
-            found = [best]
-        self.show(1.0)
-        return _told(problem, best, found, model, notes, traces, slow or problem)
-
-    def _found(self, slow: Problem | None) -> tuple[list[Solution], _Proposal | None]:
-        """Fits of the scene's model; without any, why, and that of the slow model."""
-        problem = self.problem
-        given = np.append(problem.coordinates(problem.begin), np.zeros(len(problem.recordings)))
-        if slow is None:
-            found: list[Solution] = []
-            faults: list[NoCycleError] = []
-            for start in self._slow_starts(problem, given):
-                self._attempt(start, found, faults)
-            self._add_nearest(found, faults)
-            if not found:
-                raise self._nothing(problem)
-            return found, None
-        proposal = self._proposed(slow, given)
-        if not all(each.wave.repeats for each in problem.recordings):
-            return self._of_each_cycle(given, proposal), None
-        return self._of_like_cycles(slow, given, proposal)
-
-    def _of_like_cycles(
-        self, slow: Problem, given: _Floats, proposal: _Floats | None
-    ) -> tuple[list[Solution], _Proposal | None]:
-        """Fits of cycles that are alike: guided by the slow model, then from other starts until one explains the trace."""
-        problem = self.problem
-        found: list[Solution] = []
-        faults: list[NoCycleError] = []
-        self.show(0.2)
-        if proposal is not None and slow.heard == problem.names:
-            found += self._guided(slow, proposal)
-        if found and self._is_smooth(found):
-            return found, None
-        queue = [given] if proposal is None else [given, proposal]
-        for start in queue:
-            if found and self._explains(found):
-                break
-            if (self.thorough and start is proposal) or self._levels(start) == COARSE_OF_OWN[-1:]:
-                self._attempt(start, found, faults)
-        if self.thorough and not (found and self._explains(found)):
-            self._from_random(given, proposal, found, faults)
-        self._add_nearest(found, faults)
-        if found:
-            return self._along_the_angle(found) if self.thorough else found, None
-        if (
-            not self.thorough
-            and proposal is not None
-            and not has_failed(self.problem.residuals(proposal, 0.0))
-        ):
-            return [self.problem.at(proposal)], None
-        if proposal is None:
-            raise self._nothing(problem)
-        return [], _Proposal(proposal, str(faults[-1]) if faults else "the slow model's has none")
-
-    def _attempt(self, start: _Floats, found: list[Solution], faults: list[NoCycleError]) -> None:
-        """A fit from one start, or why there is none."""
-        try:
-            found.append(self.problem.improved(start, self._levels(start)))
-        except NoCycleError as error:
-            faults.append(error)
-
-    def _add_nearest(self, found: list[Solution], faults: Sequence[NoCycleError]) -> None:
-        """If no search was completed, the one that came nearest."""
-        far = [each for each in faults if isinstance(each, LeadsNowhereError)]
-        if far and not found:
-            found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
-
-    def _from_random(
-        self, given: _Floats, proposal: _Floats | None, found: list[Solution], faults: list[NoCycleError]
-    ) -> None:
-        """Fits from random starts, until one explains the trace or they have cost enough."""
-        for i, start in enumerate(self._own_starts(given, proposal)):
-            if found and len(self.problem.runs) > MOST_RUNS:
-                break
-            self.show(0.4 + 0.4 * i / COMPLETED)
-            self._attempt(start, found, faults)
-            if found and self._explains(found):
-                break
-
-    def _guided(self, slow: Problem, proposal: _Floats) -> list[Solution]:
-        """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
-
-        With many sticks in a cycle the slow model is near, and its derivatives are smooth where the other's cost is rough by a stick more or less.
-        """
-        problem = self.problem
-        z = proposal
-        for _ in range(CORRECTIONS):
-            here, slowly = problem.residuals(z, 0.0), slow.residuals(z, 0.0)
-            if has_failed(here) or has_failed(slowly):
-                return []
-            try:
-                new = slow.solve(z, 0.0, offset=here - slowly)
-            except NoCycleError:
-                return []
-            errors = np.sqrt(np.diag(np.linalg.inv(problem.normal(new.jacobian))))
-            change, z = np.abs(new.z - z), new.z
-            if np.all(change < CORRECTED * errors):
-                break
-        here = problem.residuals(z, 0.0)
-        return [Solution(z, float(here @ here), new.jacobian)]
-
-    def _of_each_cycle(self, given: _Floats, proposal: _Floats | None) -> list[Solution]:
-        """Fits of cycles that are not alike: rough ones from the best starts, then the best of these with the errors of the trace."""
-        problem = self.problem
-        if not self.thorough:
-            return [problem.at(given if proposal is None else proposal, 0.0, SECANT)]
-        rough = []
-        for start in self._own_starts(given, proposal)[: self.starts + 1]:
-            here = problem.at(start, COARSE_OF_OWN[0], SECANT)
-            rough.append(
-                problem.regressed(here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
-            )
-        found: list[Solution] = []
-        for i, near in enumerate(sorted(rough, key=lambda each: each.cost)[: self.starts]):
-            self.show(0.4 + 0.5 * i / self.starts)
-            # The Jacobian with the errors of the trace, from large differences.
-            found.append(problem.regressed(problem.at(near.z, 0.0, SECANT), FIRST, self.random))
-            if self._explains(found):
-                break
-        return found
-
-    def _nothing(self, problem: Problem) -> UsageError:
-        return UsageError(
-            f"{problem.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(problem.names)} with which "
-            "'dynstiction cycles' finds a stable cycle"
-        )
-
-    def _explains(self, found: Sequence[Solution]) -> bool:
-        return self.problem.misfit(min(found, key=lambda each: each.cost).z)[1] >= USUAL
-
-    def _is_smooth(self, found: Sequence[Solution]) -> bool:
-        """Whether the best fit has many sticks in a cycle, or none: then one more or less does not matter."""
-        best = min(found, key=lambda each: each.cost)
-        return not 0.0 < self.problem.cycles(best.z, 0).sticks < SMOOTH
-
-    def _along_the_angle(self, found: list[Solution]) -> list[Solution]:
-        """With fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.
-
-        A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
-        """
-        problem = self.problem
-        best = min(found, key=lambda each: each.cost)
-        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth(found):
-            return found
-        if problem.misfit(best.z)[1] < MISFIT:
-            return found
-        i = problem.names.index(ANGLE)
-        least = best
-        for side in (1.0, -1.0):
-            z, above = best.z.copy(), 0
-            z[i] = max(z[i], math.log(LEAST_ANGLE))
-            for _ in range(MOST_ANGLES):
-                z[i] += side * math.log(RATIO)
-                angle = math.exp(z[i])
-                if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
-                    break
-                held = replace(
-                    problem,
-                    known={**problem.known, ANGLE: (math.copysign(angle, problem.begin[i]), HELD * angle)},
-                )
-                try:
-                    one = held.improved(z, self._levels(z))
-                except NoCycleError:
-                    above += 1
-                    continue
-                z = one.z.copy()
-                found = [*found, one]
-                least = min(least, one, key=lambda each: each.cost)
-                above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
-        if least is not best:
-            found = [*found, problem.solve(least.z, 0.0)]
-        return found
-
-    def _levels(self, start: _Floats) -> tuple[float, ...]:
-        """Errors that are added in turn: fewer near the traces."""
-        if not all(each.wave.repeats for each in self.problem.recordings):
-            return COARSE_OF_OWN
-        try:
-            misfit = self.problem.misfit(start)[0]
-        except Error:
-            return COARSE_OF_OWN
-        return (
-            COARSE_OF_OWN[-1:] if misfit < NEAR else COARSE_OF_OWN[-3:] if misfit < NEAR**2 else COARSE_OF_OWN
-        )
-
-    def _slow_starts(self, slow: Problem, given: _Floats) -> list[_Floats]:
-        """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
-        recording = self.problem.recordings[0]
-        near = [given]
-        load = recording.scene.friction.normal_load or 1.0
-        for values in glances(recording.wave, steady_velocity(recording.scene), load):
-            here = np.array(
-                [values.get(name, value) for name, value in zip(slow.names, np.abs(slow.begin), strict=True)]
-            )
-            near.append(np.append(slow.coordinates(here), np.zeros(len(slow.recordings))))
-        p = len(slow.names)
-        for _ in range(RANDOM_STARTS):
-            start = near[int(self.random.integers(len(near)))].copy()
-            start[:p] += self.random.uniform(-SPREAD, SPREAD, p)
-            near.append(start)
-        costs = [float(np.sum(slow.residuals(start, COARSE[0]) ** 2)) for start in near]
-        return [near[i] for i in np.argsort(costs, kind="stable")[: self.starts]]
-
-    def _own_starts(self, given: _Floats, proposal: _Floats | None) -> list[_Floats]:
-        """The best of many random starts near the scene's values and near the slow model's fit."""
-        p = len(self.problem.names)
-        starts = [given]
-        for i in range(TRIED):
-            if i % 2 and proposal is not None:
-                spread = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
-                start = proposal.copy()
-            else:
-                spread, start = np.full(p, SPREAD), given.copy()
-            start[:p] += spread * self.random.uniform(-1.0, 1.0, p)
-            starts.append(start)
-        costs = list(
-            self.problem.spread(
-                lambda start: float(np.sum(self.problem.residuals(start, COARSE_OF_OWN[0]) ** 2)), starts
-            )
-        )
-        return [starts[i] for i in np.argsort(costs, kind="stable")[:COMPLETED]]
-
-    def _proposed(self, slow: Problem, given: _Floats) -> _Floats | None:
-        """The best fit of the slow model."""
-        found = []
-        for start in self._slow_starts(slow, given):
-            try:
-                found.append(slow.improved(start, COARSE))
-            except NoCycleError:
-                continue
-        return min(found, key=lambda each: each.cost).z if found else None
-
-
-@dataclass(frozen=True)
-class _Proposal:
-    """A fit of the slow model, where the scene's own has none."""
-
-    z: _Floats
-    fault: str
-
-    def __str__(self) -> str:
-        return self.fault
-
-
-def _slow(problem: Problem) -> Problem:
-    """The same for the slow model."""
-    recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in problem.recordings)
-    scene = recordings[0].scene
-    groups: dict[str, Mapping[str, Any]] = {**scene.groups(), "chain": {"tare": 0.0, "gain": 1.0}}
-    heard = tuple(
-        name for name in problem.names if name.partition(".")[2] in groups.get(name.partition(".")[0], {})
-    )
-    return replace(problem, recordings=recordings, cycles_of=slow_cycles, heard=heard, step=STEP, runs=[])
+        search = Search(given, starts, generator(rng), show)
+        if not search.near():
+            search.beyond()
+        if search.found:
+            search.weigh()
+            show(1.0)
+            return _told(search.problem, search.found, search.problem, search.slow or given)
+        if search.slow is None or search.proposal is None:
+            raise search.nothing()
+        why = search.faults[-1] if search.faults else "the slow model's has none"
+        note = f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency"
+        best = search.slow.improved(search.proposal, (0.0,))
+        show(1.0)
+        return _told(search.slow, [best], given, search.slow, note)
 
 
 def _told(
-    problem: Problem,
-    best: Solution,
-    found: Sequence[Solution],
-    model: str,
-    notes: list[str],
-    traces: Sequence[Trace],
-    slow: Problem,
+    problem: Problem, found: Sequence[Solution], own: Problem, slow: Problem, *notes_before: str
 ) -> Fit:
-    names, p = problem.names, len(problem.names)
+    """A fit of a problem, whose scenes are those of the own model."""
+    names, p, notes = problem.names, len(problem.names), list(notes_before)
+    best = min(found, key=lambda each: each.cost)
     misfit, chance = problem.misfit(best.z)
     covariance, inverse, related = problem.covariance(best)
-    # From the coordinates to the logarithms.
-    turn = np.eye(best.z.size)
-    turn[:p, :p] = problem.slopes(best.z[:p])
-    covariance, inverse = (
-        turn @ matrix @ turn.T * max(1.0, misfit) ** i for i, matrix in ((1, covariance), (0, inverse))
-    )
+    covariance *= max(1.0, misfit)
     z = problem.logarithms(best.z[:p])
     broad, error = np.sqrt(np.diag(inverse))[:p], np.sqrt(np.diag(covariance))[:p]
     # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
@@ -743,7 +414,7 @@ def _told(
     other_laws = _of_other_laws(slow, best.z)
     if other_laws is not None:
         jacobian = best.jacobian.copy()
-        jacobian[:, :p] = np.linalg.solve(turn[:p, :p].T, jacobian[:, :p].T).T
+        jacobian[:, :p] = np.linalg.solve(problem.slopes(best.z[:p]).T, jacobian[:, :p].T).T
         law_error = _law_errors(jacobian, other_laws)[:p]
         notes += _hanging_on_the_law(names, z, error, law_error, told)
     if chance < MISFIT:
@@ -752,7 +423,7 @@ def _told(
             "another friction law, a parameter that is fixed at a wrong value, or a rig that differs from the scene; the "
             "errors include the misfit, but the values may be wrong by more"
         )
-    values = dict(zip(names, problem.values(best.z[:p]), strict=True))
+    values = problem.named(best.z)
     if abs(values.get("friction.mu_0", 0.0)) > LARGE_FRICTION:
         notes.append("friction.mu_0 is very large: are the unit of the force and friction.normal_load right?")
     for name, ends in problem.bounds.items():
@@ -764,29 +435,21 @@ def _told(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
         )
-    others = [
-        each
-        for each in found
-        if each is not best
-        and each.cost - best.cost < ALSO * max(1.0, misfit)
-        and np.any(np.abs(problem.logarithms(each.z[:p]) - z) > error)
-    ]
-    sets = []
-    for each in others:
-        turn[:p, :p] = problem.slopes(each.z[:p])
-        spread = turn @ problem.covariance(each)[0] @ turn.T * max(1.0, misfit)
-        sets.append(np.array([problem.logarithms(each.z[:p]), np.sqrt(np.diag(spread))[:p]]))
+    excess = ALSO * max(1.0, misfit)
+    others = [each for each in found if each is not best and each.cost - best.cost < excess]
+    sets = [_logarithms(problem, each, misfit) for each in others]
+    sets = [each for each in sets if np.any(np.abs(each[0] - z) > error)]
     if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):
         notes.append("other values explain the trace as well: the intervals contain them")
     for record in problem.recordings:
         notes += record.cycles.notes
     for note in notes:
-        warnings.warn(note, FitWarning, stacklevel=4)
-    scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(problem.values(best.z[:p])))
+        warnings.warn(note, FitWarning, stacklevel=3)
+    scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(list(values.values())))
     parameters = {
         name: FittedParameter(
             name,
-            float(values[name]) if told[i] else math.nan,
+            values[name] if told[i] else math.nan,
             float(scales[i] * error[i]) if told[i] else math.inf,
             unit_of(name),
             bool(told[i]),
@@ -795,15 +458,12 @@ def _told(
         for i, name in enumerate(names)
     }
     fitted = []
-    for k, (record, trace) in enumerate(zip(problem.recordings, traces, strict=True)):
-        scene, chain = problem.of_recording(record, best.z[:p])
+    for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
+        here = own.at_values(given, best.z[:p])
         cycles = problem.cycles(best.z, k)
         force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
-        fitted.append(
-            FittedTrace(
-                trace, record.scene, scene, chain, record.cycles, record.wave, force, ahead, cycles.period
-            )
-        )
+        measured = here.scene, here.chain, record.cycles, record.wave
+        fitted.append(FittedTrace(record.trace, given.scene, *measured, force, ahead, cycles.period))
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
     scale = np.sqrt(np.diag(inverse))[:p]
@@ -811,7 +471,7 @@ def _told(
         parameters,
         inverse[:p, :p] / np.outer(scale, scale),
         tuple(fitted),
-        model,
+        problem.model,
         misfit,
         chance,
         tuple(notes),
@@ -822,36 +482,39 @@ def _told(
     )
 
 
+def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:
+    """Logarithms of the parameters and their standard errors, shape (2, p)."""
+    p = len(problem.names)
+    spread = problem.covariance(found)[0] * max(1.0, misfit)
+    return np.array([problem.logarithms(found.z[:p]), np.sqrt(np.diag(spread))[:p]])
+
+
 def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
     """Weighted effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (residuals, 2)."""
     p = len(slow.names)
-    columns: list[list[_Floats]] = [[], []]
-    for k, record in enumerate(slow.recordings):
-        try:
-            here, _ = slow.of_recording(record, z[:p])
-            friction = here.friction
+    effects: list[_Floats] = []
+    try:
+        for k, record in enumerate(slow.recordings):
+            here = slow.at_values(record, z[:p]).scene
+            friction, wave = here.friction, record.wave
             if friction.law not in (None, "weakening"):
                 return None
             drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
-            viscous = drop / fastest_slip(here, record.wave)
-            delay = float(z[p + k]) * record.wave.fall
-            before = slow_cycles(here, record.wave, delay, record.chain, False)
-            for i, law in enumerate(({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})):
-                there = slow_cycles(
-                    here.replace(friction={"law": "stribeck", **law}), record.wave, delay, record.chain, False
-                )
-                change = (there.rows - before.rows)[0] * record.wave.weights(0.0)
-                if not record.wave.repeats:
-                    n = len(record.wave.rows)
-                    change = np.tile(change / math.sqrt(n), n)
-                columns[i].append(
-                    np.append(change, (there.period - before.period) / record.period_error(0.0)) / LAW_STEP
-                )
-        except Error:
-            return None
-    for column in columns:
-        column.append(np.zeros(len(slow.known)))
-    return np.column_stack([np.concatenate(column) for column in columns])
+            viscous = drop / fastest_slip(here, wave)
+            laws = ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
+            scenes = [here, *(here.replace(friction={"law": "stribeck", **law}) for law in laws)]
+            delay = float(z[p + k]) * wave.fall
+            before, *after = (slow_cycles(each, wave, delay, record.chain, False) for each in scenes)
+            effect = []
+            for there in after:
+                change = (there.rows - before.rows)[0] * wave.weights(0.0)
+                if not wave.repeats:
+                    change = np.tile(change / math.sqrt(len(wave.rows)), len(wave.rows))
+                effect.append(np.append(change, (there.period - before.period) / record.period_error(0.0)))
+            effects.append(np.column_stack(effect) / LAW_STEP)
+    except Error:
+        return None
+    return np.vstack([*effects, np.zeros((len(slow.known), 2))])
 
 
 def _hanging_on_the_law(
@@ -911,32 +574,30 @@ def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
     return errors
 
 
-def traces_of(given: Trace | Sequence[Trace]) -> list[Trace]:
-    """One trace or several as a list; others are refused."""
-    traces = [given] if isinstance(given, Trace) else list(given) if isinstance(given, Sequence) else [given]
-    return [
-        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns") for one in traces
-    ]
+_Given: TypeAlias = Mapping[str, Any]
+"""What an option says of each key."""
 
 
 def problem_of(
     scene: Scene,
-    traces: Sequence[Trace],
+    trace: Trace | Sequence[Trace],
     free: Sequence[str] | str,
-    *,
-    each: Mapping[str, Sequence[float]] | None = None,
-    known: Mapping[str, tuple[float, float]] | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    ties: Mapping[str, tuple[str, float]] | None = None,
-    chain: Chain | None = None,
     spread: Map,
+    *,
+    each: _Given | None = None,
+    known: _Given | None = None,
+    bounds: _Given | None = None,
+    ties: _Given | None = None,
+    chain: Chain | None = None,
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
-    each, known, bounds, ties = dict(each or {}), dict(known or {}), dict(bounds or {}), dict(ties or {})
-    chain = chain or Chain()
+    each, known, bounds, ties = (dict(given or {}) for given in (each, known, bounds, ties))
+    traces = trace if isinstance(trace, Sequence) else [trace]
+    for one in traces:
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
     names = names_in("free", free)
     scene.check()
-    instance("chain", chain, Chain, "give a dynstiction.Chain")
+    chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
     if not names or names == ("",):
         raise UsageError(
             "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
@@ -949,49 +610,28 @@ def problem_of(
         if name in names[:i]:
             raise UsageError(f"free: {name} is named twice")
         begin.append(_begin(scene, values, chain, name))
-    _check_known(names, len(traces), each, known)
-    _check_limits(names, bounds, ties)
+    _check_options(names, len(traces), each, known, bounds, ties)
     recordings = []
-    for k, trace in enumerate(traces):
-        groups: dict[str, dict[str, Any]] = {}
-        for name, own in each.items():
-            group, _, key = name.partition(".")
-            groups.setdefault(group, {})[key] = float(own[k])
-        rig = scene.replace(**groups) if groups else scene
-        if steady_velocity(rig) == 0.0:
+    for k, one in enumerate(traces):
+        rig = scene.replace(**cast(Any, {name: float(own[k]) for name, own in each.items()}))
+        velocity = steady_velocity(rig)
+        if velocity == 0.0:
             raise UsageError(
                 f"{scene.name}: drive.velocity is 0 or changes: a fit needs a constant velocity that is not 0"
             )
-        if trace.displacement is not None and "drive.velocity" in names:
+        if one.displacement is not None and "drive.velocity" in names:
             raise UsageError(
                 "free: drive.velocity cannot be free with a displacement, which contains it: leave one of them out"
             )
-        cycles = find_cycles(trace)
-        recordings.append(
-            Recording(rig, chain, cycles, waveform_of(trace, cycles, abs(steady_velocity(rig))))
-        )
-    slow = str(scene.scene.model or "full") == "low_frequency"
-    return Problem(
-        names,
-        np.array(begin),
-        known,
-        bounds,
-        ties,
-        tuple(recordings),
-        slow_cycles if slow else full_cycles,
-        names,
-        STEP if slow else OWN_STEP,
-        spread,
-    )
+        cycles = find_cycles(one)
+        recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
+    return Problem(names, np.array(begin), known, bounds, ties, tuple(recordings), names, spread)
 
 
-def _check_known(
-    names: Sequence[str],
-    traces: int,
-    each: Mapping[str, Sequence[float]],
-    known: Mapping[str, tuple[float, float]],
+def _check_options(
+    names: Sequence[str], traces: int, each: _Given, known: _Given, bounds: _Given, ties: _Given
 ) -> None:
-    """Refuse values of traces and known values that do not fit to the free parameters."""
+    """Refuse what does not fit to the free parameters and the number of traces."""
     for name, own in each.items():
         _check_key("each", name)
         if name in names:
@@ -1000,19 +640,13 @@ def _check_known(
             raise UsageError(
                 f"each: {name} has {len(own)} values, and there are {traces} traces: give one for each"
             )
+    for option, given in (("known", known), ("bounds", bounds)):
+        for name in given:
+            if name not in names:
+                raise UsageError(f"{option}: {name} is not free: a fixed value stands in the deck")
     for name, (_, error) in known.items():
-        if name not in names:
-            raise UsageError(f"known: {name} is not free: a fixed value stands in the deck")
         number(f"the error of {name}", error, above=0.0)
-
-
-def _check_limits(
-    names: Sequence[str], bounds: Mapping[str, tuple[float, float]], ties: Mapping[str, tuple[str, float]]
-) -> None:
-    """Refuse bounds and ties that do not fit to the free parameters."""
     for name, (low, high) in bounds.items():
-        if name not in names:
-            raise UsageError(f"bounds: {name} is not free: a fixed value stands in the deck")
         if not low < high:
             raise UsageError(f"bounds: {name}: {low:g} is not below {high:g}: give the least value first")
     for name, (other, factor) in ties.items():
@@ -1084,21 +718,20 @@ def verdict(found: Fit) -> tuple[bool, str]:
         for name, scene in (("fitted", each.scene), ("given", each.given)):
             try:
                 statistics = compare(scene, each.trace, chain=each.chain).statistics
-                differing = [one for one in statistics if abs(one.deviation) > limit]
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            agree[name] &= not differing
-            words = ", ".join(f"{one.name} by {one.deviation:.1f}" for one in differing)
-            lines.append(
-                f"the run of the {name} deck "
-                + (
-                    f"differs from the trace{of}: {words} standard errors"
-                    if differing
-                    else f"agrees with the trace{of}"
-                )
+            words = ", ".join(
+                f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit
             )
+            agree[name] &= not words
+            how = (
+                f"differs from the trace{of}: {words} standard errors"
+                if words
+                else f"agrees with the trace{of}"
+            )
+            lines.append(f"the run of the {name} deck {how}")
     explains = found.explains and agree["fitted"]
     first = (
         "the fit explains the trace"

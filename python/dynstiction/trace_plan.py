@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from ._fit.models import steady_velocity
 from ._fit.problem import Problem
 from ._run import run_sampled
 from .errors import UsageError
-from .html import page_table
+from .html import aligned, page_table
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
@@ -55,22 +56,13 @@ class TracePlan:
 
     def __str__(self) -> str:
         rows = [(f"standard error at {self.key} =", *self.errors), *self._rows()]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        return "\n".join(
-            "  ".join(
-                [
-                    row[0].ljust(widths[0]),
-                    *(text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)),
-                ]
-            )
-            for row in rows
-        )
+        return "\n".join(aligned(rows))
 
     def __repr__(self) -> str:
         return f"<TracePlan\n{self}>"
 
     def _repr_html_(self) -> str:
-        return page_table("expected standard errors", ("", *self.errors), self._rows(), "")
+        return page_table("expected standard errors", ("", *self.errors), self._rows())
 
 
 def plan_traces(
@@ -118,21 +110,14 @@ def plan_traces(
         raise UsageError("each: one key and its values, like {'drive.velocity': (3e-4, 1e-3)}")
     ((key, values),) = each.items()
     rig = Scene(scene)
-    group, _, name = key.partition(".")
     tables: dict[str, _Floats] = {}
     names: tuple[str, ...] = ()
     with ThreadPoolExecutor() as pool:
         for value in values:
-            there = rig.replace(**{group: {name: float(value)}})
+            there = rig.replace(**cast(Any, {key: float(value)}))
             trace = _simulated(there, duration, interval)
             noisy = trace.with_noise(noise * float(np.ptp(trace.force)), 0)
-            problem = problem_of(
-                there,
-                [noisy],
-                free,
-                chain=chain,
-                spread=pool.map,
-            )
+            problem = problem_of(there, noisy, free, pool.map, chain=chain)
             names = problem.names
             tables[f"{value:g}"] = _information(problem)
     errors = {at: _errors(table, names) for at, table in tables.items()}
@@ -156,7 +141,7 @@ def _simulated(scene: Scene, duration: float, interval: float) -> Trace:
 def _information(problem: Problem) -> _Floats:
     """Information of a trace about the logarithms of the parameters, whatever the delay of its slips."""
     p = len(problem.names)
-    here = problem.at(np.append(problem.coordinates(problem.begin), np.zeros(len(problem.recordings))))
+    here = problem.at(problem.place({}))
     matrix = here.jacobian.T @ here.jacobian
     own = matrix[:p, :p] - matrix[:p, p:] @ np.linalg.pinv(matrix[p:, p:]) @ matrix[p:, :p]
     back = np.linalg.inv(problem.slopes(here.z[:p]))

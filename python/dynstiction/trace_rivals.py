@@ -6,27 +6,29 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from functools import partial
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import generator, names_in
-from ._fit.models import NoCycleError, full_cycles, steady_velocity
-from ._fit.problem import LeadsNowhereError, Problem
+from ._fit.models import NoCycleError, steady_velocity
+from ._fit.problem import Problem
+from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search
 from ._fit.solve import Solution, has_failed
 from ._fit.starts import glances
 from ._progress import progress_bar
-from .errors import Error, FitWarning, UsageError
+from .errors import Error, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
-from .trace_fit import ANGLE, BAR, COARSE_OF_OWN, MISFIT, USUAL, Fit, Search, problem_of, traces_of
+from .trace_fit import BAR, Fit, problem_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
 
@@ -161,10 +163,10 @@ class _Fitted:
     name: str
     problem: Problem
     solution: Solution
-    cost: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "cost", float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2)))
+    @cached_property
+    def cost(self) -> float:
+        return float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2))
 
     def weighted_as(self, other: Problem) -> _Fitted:
         """The same with the errors of another problem of these traces."""
@@ -173,12 +175,6 @@ class _Fitted:
             for one, two in zip(self.problem.recordings, other.recordings, strict=True)
         ]
         return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
-
-    @property
-    def values(self) -> dict[str, float]:
-        names = self.problem.names
-        found = self.problem.values(self.solution.z[: len(names)])
-        return dict(zip(names, map(float, found), strict=True))
 
 
 def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
@@ -194,33 +190,18 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
         best.setdefault(fits[i].name, int(i))
     shares = np.exp([evidence[i] - max(evidence) for i in best.values()])
     return tuple(
-        Explanation(fits[i].name, float(share), told[i][0], told[i][1], fits[i].values)
+        Explanation(fits[i].name, float(share), *told[i], fits[i].problem.named(fits[i].solution.z))
         for i, share in zip(best.values(), shares / shares.sum(), strict=True)
     )
 
 
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
     """The best fit from the best of some starts, which name values of parameters; None if no start has stick-slip."""
-    begin = dict(zip(problem.names, problem.begin, strict=True))
-    places = [
-        np.append(
-            problem.coordinates(np.array([values.get(name, begin[name]) for name in problem.names])),
-            np.zeros(len(problem.recordings)),
-        )
-        for values in starts
-    ]
-    costs = [
-        math.inf if has_failed(there) else float(np.sum(there**2))
-        for there in problem.spread(lambda z: problem.residuals(z, COARSE_OF_OWN[0]), places)
-    ]
+    places = problem.cheapest([problem.place(values) for values in starts], COARSE_OF_OWN[0])
     rough: list[Solution] = []
-    for i in np.argsort(costs, kind="stable")[:TRIED]:
-        try:
-            rough.append(problem.improved(places[i], ROUGH))
-        except LeadsNowhereError as error:
-            rough.append(problem.at(error.z, ROUGH[-1]))
-        except NoCycleError:
-            continue
+    for place in places[:TRIED]:
+        with suppress(NoCycleError):
+            rough.append(problem.reached(place, ROUGH))
     rough.sort(key=lambda each: each.cost)
     if not rough or rough[0].cost > FAR * _expected(problem, ROUGH[-1]):
         return rough[0] if rough else None
@@ -296,7 +277,6 @@ def creep_test(
     UsageError, FileError, DeckError
         As for `fit`.
     """
-    traces = traces_of(trace)
     rig = Scene(scene)
     if (rig.scene.model or "full") != "full":
         raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
@@ -304,8 +284,7 @@ def creep_test(
         raise UsageError(
             "creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'"
         )
-    names = names_in("free", free)
-    names = tuple(name for name in names if name != ANGLE)
+    names = tuple(name for name in names_in("free", free) if name != ANGLE)
     rig = rig.replace(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
@@ -313,21 +292,22 @@ def creep_test(
     with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
         low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
-        options: dict[str, Any] = {"each": each, "chain": chain, "spread": pool.map}
-        creep = problem_of(rig, traces, (ANGLE, *names), known=known, bounds={ANGLE: (low, high)}, **options)
-        without = {name: value for name, value in (known or {}).items() if name != ANGLE}
+        limits = {ANGLE: (low, high)}
+        creep = problem_of(
+            rig, trace, (ANGLE, *names), pool.map, each=each, known=known, bounds=limits, chain=chain
+        )
         period = min(record.wave.period for record in creep.recordings)
         resting = []
-        for i, (name, friction, extra) in enumerate(_without_creep(rig, period, len(traces))):
+        for i, (name, rest) in enumerate(_without_creep(rig, period, len(creep.recordings))):
             show(0.1 * i)
-            changed = rig.replace(system={"misalignment_deg": 0.0}, friction=friction)
-            problem = problem_of(changed, traces, (*names, *extra), known=without, **options)
+            problem = creep.changed((*names, *rest), {ANGLE: 0.0, **rest})
+            problem.recordings[0].scene.check()
             found = _best(problem, list(_resting_starts(problem)))
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
         show(0.3)
         explained = any(one.problem.misfit(one.solution.z)[1] >= USUAL for one in resting)
-        fits = _whole(creep, traces, rng, thorough=not explained)
+        fits = _by_creep(creep, rng, explained)
         if fits:
             # The errors of cycles that are not alike are known from their fit.
             resting = [one.weighted_as(fits[0].problem) for one in resting]
@@ -343,37 +323,32 @@ def creep_test(
         return CreepTest(_compared(fits), sum(len(record.wave.rows) for record in creep.recordings), least)
 
 
-def _without_creep(
-    rig: Scene, period: float, traces: int
-) -> Iterator[tuple[str, dict[str, float], tuple[str, ...]]]:
-    """Name, values and free parameters of the explanations without a misalignment."""
+def _without_creep(rig: Scene, period: float, traces: int) -> Iterator[tuple[str, dict[str, float]]]:
+    """Name of each explanation without a misalignment, and values of its parameters."""
     mu_0 = float(rig.friction.mu_0 or 0.2)
-    age = {"ageing": BEGIN * mu_0, "ageing_time": rig.friction.ageing_time or AGE * period}
     # Friction that falls fast enough with speed is a static limit, too.
     name = "static" if traces > 1 else "static or ageing"
-    yield name, {}, ()
-    yield name, {"mu_static": (1.0 + BEGIN) * mu_0}, ("friction.mu_static",)
+    yield name, {}
+    yield name, {"friction.mu_static": (1.0 + BEGIN) * mu_0}
     # At one speed a rest is as long as the next, and shows one limit.
     if traces > 1:
-        yield "ageing", age, ("friction.ageing", "friction.ageing_time")
+        age = rig.friction.ageing_time or AGE * period
+        yield "ageing", {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": age}
 
 
-def _whole(
-    problem: Problem, traces: Sequence[Trace], rng: int | np.random.Generator | None, *, thorough: bool
-) -> list[_Fitted]:
-    """The explanation by creep, by a whole fit; none where the full model has no stick-slip near."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FitWarning)
-        try:
-            whole = Search(problem, STARTS if thorough else 1, generator(rng), lambda _: None, thorough).fit(
-                traces
-            )
-        except Error:
-            return []
-    if whole.model != "full":
-        return []
-    same = replace(whole.problem, spread=problem.spread)
-    return [_Fitted("creep", same, same.at(whole.coordinates))]
+def _by_creep(problem: Problem, rng: int | np.random.Generator | None, explained: bool) -> list[_Fitted]:
+    """The explanation by creep, none where the full model has no stick-slip near; not sought far away if another explains the traces."""
+    search = Search(problem, 1 if explained else STARTS, generator(rng))
+    with suppress(Error):
+        ends = search.near()
+        if explained and not search.found:
+            search.stay()
+        if not explained and not ends:
+            search.beyond()
+        if search.found:
+            search.weigh()
+            return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
+    return []
 
 
 def _least_angle(near: _Fitted) -> float:
@@ -384,11 +359,7 @@ def _least_angle(near: _Fitted) -> float:
     need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(here.size)) + POWER
 
     def is_seen(angle: float) -> bool:
-        turned = tuple(
-            replace(each, scene=each.scene.replace(system={"misalignment_deg": angle}))
-            for each in problem.recordings
-        )
-        there = replace(problem, recordings=turned, cycles_of=full_cycles).residuals(solution.z, 0.0)
+        there = problem.changed(problem.names, {ANGLE: angle}).residuals(solution.z, 0.0)
         if has_failed(there):
             return False
         change = there - here
@@ -396,14 +367,8 @@ def _least_angle(near: _Fitted) -> float:
         return bool(math.sqrt(change @ change) > need)
 
     # A larger angle has a larger effect.
-    least, most = -1, len(ANGLES)
-    while most - least > 1:
-        middle = (least + most) // 2
-        if is_seen(ANGLES[middle]):
-            most = middle
-        else:
-            least = middle
-    return float(ANGLES[most]) if most < len(ANGLES) else math.nan
+    least = bisect_left(ANGLES, True, key=is_seen)
+    return ANGLES[least] if least < len(ANGLES) else math.nan
 
 
 def explanations(found: Fit) -> tuple[Explanation, ...]:
@@ -424,49 +389,22 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         base = replace(found.problem, spread=pool.map)
         fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
-        for name, extra, groups in _changes(found):
-            chain = groups.get("chain", {})
-            record = tuple(
-                replace(
-                    each,
-                    scene=each.scene.replace(**{k: v for k, v in groups.items() if k != "chain"}),
-                    chain=replace(each.chain, **chain),
-                )
-                for each in base.recordings
-            )
-            group, _, key = extra.partition(".")
-            begin = float(groups[group][key])
-            sizes = (1.0,) if name.startswith("another ") else SIZES
-            problem = replace(
-                base,
-                names=(*base.names, extra),
-                heard=(*base.heard, extra),
-                begin=np.append(base.begin, begin),
-                recordings=record,
-                runs=[],
-            )
-            values = base.values(found.coordinates[: len(base.names)])
+        for name, extra, changes in _changes(found):
+            problem = base.changed((*base.names, extra), changes)
+            q, delays = np.split(found.coordinates, [len(base.names)])
             starts = [
                 np.append(
-                    problem.coordinates(np.append(values, size * begin)), found.coordinates[len(base.names) :]
+                    problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays
                 )
-                for size in sizes
+                for size in ((1.0,) if name.startswith("another ") else SIZES)
             ]
-            costs = [
-                float(np.sum(there**2))
-                for there in problem.spread(partial(problem.residuals, coarse=ROUGH[-1]), starts)
-            ]
-            try:
-                best = problem.improved(starts[int(np.argmin(costs))], COARSE_OF_OWN[-3:])
-            except LeadsNowhereError as error:
-                best = problem.at(error.z)
-            except Error:
-                continue
-            fits.append(_Fitted(name, problem, best))
+            with suppress(Error):
+                best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
+                fits.append(_Fitted(name, problem, best))
         return _compared(fits)
 
 
-def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]:
+def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Name, key and initial values of what one more free parameter may explain."""
     scene, chain = found.traces[0].scene, found.traces[0].chain
     wave = found.waveform
@@ -477,36 +415,33 @@ def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, dict[str, Any]]]]
         group, _, key = name.partition(".")
         value = getattr(getattr(scene, group), key)
         if name not in free and value:
-            yield f"another {key}", name, {group: {key: value}}
-    candidates: list[tuple[str, str, dict[str, Any], bool]] = [
-        ("a static limit", "friction.mu_static", {"mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
+            yield f"another {key}", name, {name: value}
+    candidates: list[tuple[str, dict[str, Any], bool]] = [
+        ("a static limit", {"friction.mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
         (
             "a limit that ages",
-            "friction.ageing",
-            {"ageing": BEGIN * mu_0, "ageing_time": AGE * wave.period},
+            {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": AGE * wave.period},
             not friction.ageing,
         ),
         (
             "another exponent of friction",
-            "friction.exponent",
-            {"law": "stribeck", "exponent": 1.0 + BEGIN},
+            {"friction.exponent": 1.0 + BEGIN, "friction.law": "stribeck"},
             friction.law in (None, "weakening"),
         ),
         (
             "a damper along the pull",
-            "system.damping_x",
-            {"damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
+            {"system.damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
             not system.damping_x,
         ),
         (
             "another velocity",
-            "drive.velocity",
-            {"velocity": scene.drive.velocity},
+            {"drive.velocity": scene.drive.velocity},
             len(found.traces) == 1 and not {"system.stiffness_x", "system.mass", "friction.v_f"} <= free,
         ),
-        ("a zero that is off", "chain.tare", {"tare": chain.tare + BEGIN * wave.swing}, True),
-        ("a low pass", "chain.filter", {"filter": BEGIN / wave.interval}, chain.filter is None),
+        ("a zero that is off", {"chain.tare": chain.tare + BEGIN * wave.swing}, True),
+        ("a low pass", {"chain.filter": BEGIN / wave.interval}, chain.filter is None),
     ]
-    for name, extra, values, applies in candidates:
+    for name, changes, applies in candidates:
+        extra = next(iter(changes))
         if applies and extra not in free:
-            yield name, extra, {extra.partition(".")[0]: values}
+            yield name, extra, changes

@@ -10,7 +10,8 @@ from pathlib import Path
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction import trace_fit
+from dynstiction._fit import problem as problem_module
+from dynstiction._fit import search
 from dynstiction._fit.models import NoCycleError
 from dynstiction._fit.problem import Problem
 from dynstiction.trace_fit import verdict
@@ -136,12 +137,27 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
         raise NoCycleError("none is completed")
 
     monkeypatch.setattr(Problem, "improved", nothing)
-    monkeypatch.setattr(trace_fit, "TRIED", 2)
+    monkeypatch.setattr(search, "TRIED", 2)
     for seed in (3, 3, 4):
         tried.append(b"")
         with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
             ds.fit(DECK, trace, ALL, rng=seed)
     assert tried[0] == tried[1] != tried[2]
+
+
+def test_values_of_the_slow_model_explain_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the scene's own model has no stick-slip the slow one's values are shown, with the scene's own model in the deck."""
+
+    def none(*_: object) -> None:
+        raise NoCycleError("steady sliding")
+
+    monkeypatch.setattr(problem_module, "full_cycles", none)
+    monkeypatch.setattr(search, "TRIED", 2)
+    with pytest.warns(ds.FitWarning, match="no stick-slip near these values"):
+        found = ds.fit(RIG, trace_of(SLOW), ("system.misalignment_deg", "friction.mu_0"))
+    assert found.model == "low_frequency" and found.scene.scene.model in (None, "full")
+    assert found.chance > 1e-4 and not found.explains
+    assert ds.explanations(found) == ()
 
 
 def test_dampers_pull_at_the_load_cell_too() -> None:

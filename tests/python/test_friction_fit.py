@@ -99,7 +99,7 @@ def test_tables_are_read_as_traces_are(tmp_path: Path) -> None:
         ("speed;mu\n1;0.2\n2;much\n3;0.2\n4;0.2\n5;0.1\n", r":3: mu \(column 1\) is 'much'"),
         ("speed;mu\n1;0.2\n2;0.2\n", "at least 5 points"),
         ("speed;mu\n-1;0.2\n2;0.2\n3;1\n4;1\n5;1\n", "speed"),
-        ("", "has no samples|no samples"),
+        ("", "has no samples: a table has one a line, speed and mu"),
     ],
 )
 def test_faults_of_tables(tmp_path: Path, text: str, told: str) -> None:

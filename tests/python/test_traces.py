@@ -98,6 +98,16 @@ def test_units_are_found_in_any_usual_head(tmp_path: Path, head: str) -> None:
     assert read.lines is not None and read.lines[0] == 1 + head.count("\n")
 
 
+def test_a_preamble_may_be_longer_than_the_samples(tmp_path: Path) -> None:
+    """Lines of it do not hide the delimiter, of one column neither."""
+    for count in (3, 12, 40):
+        preamble = "".join(f"Key {i}: value, {i}\n" for i in range(count))
+        read = ds.read_trace(write(tmp_path, preamble + "t [s];F [mN]\n0,0;1,5\n0,1;2,5\n0,2;3,5\n"))
+        np.testing.assert_allclose(read.force, [1.5e-3, 2.5e-3, 3.5e-3], rtol=1e-14)
+        read = ds.read_trace(write(tmp_path, preamble.replace(",", "") + "F\n1.5\n2.5\n3.5\n"), interval=0.1)
+        np.testing.assert_array_equal(read.force, [1.5, 2.5, 3.5])
+
+
 @pytest.mark.parametrize("case", MISREAD)
 def test_a_head_that_is_not_understood_is_refused(tmp_path: Path, case: str) -> None:
     head, first, told = MISREAD[case]
@@ -314,8 +324,9 @@ def test_arrays_are_checked_like_files() -> None:
         ds.Trace(time, time[1:])
     with pytest.raises(ds.UsageError, match=r"force has the shape \(5, 10\)"):
         ds.Trace(time, time.reshape(5, 10))
-    with pytest.raises(ds.UsageError, match="force is not an array of real numbers"):
-        ds.Trace(time, ["a"] * 50)
+    for wrong in (["a"] * 50, time * 1j, None):
+        with pytest.raises(ds.UsageError, match="force must be a real number or an array of them"):
+            ds.Trace(time, wrong)  # type: ignore[arg-type]
     with pytest.raises(ds.UsageError, match="masked"):
         ds.Trace(time, np.ma.masked_equal(time, 3.0))
     with pytest.raises(ds.UsageError, match="lines must be whole numbers"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -91,26 +90,6 @@ def slow_scene(scene: Scene) -> Scene:
     return scene.replace(**cast(Any, used_settings(scene.groups(), {"scene": {"model": "low_frequency"}})))
 
 
-@dataclass(frozen=True)
-class _Curve:
-    """Quantities that repeat: their integrals from `begin` on, over one period."""
-
-    begin: float
-    period: float
-    slip: float
-
-    def means(
-        self, wave: Waveform, bins: _Floats, delay: float, integral: Callable[[_Floats], _Floats]
-    ) -> _Floats:
-        """Means of a quantity over bins of a waveform, at the same phases."""
-        edges = bins * (self.period / wave.period) + self.slip + delay
-        turns = np.floor((edges - self.begin) / self.period)
-        whole = integral(np.array([self.begin + self.period]))[0]
-        total = integral(edges - turns * self.period) + turns * whole
-        means: _Floats = np.diff(total) / np.diff(edges)
-        return means
-
-
 def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
     """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
 
@@ -165,20 +144,24 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
     slip = _fall_through(middle, grid, load)
 
-    def integral(t: _Floats) -> _Floats:
-        total: _Floats = load_integral(t) + rest_integral(t) - load_integral(begin) - rest_integral(begin)
-        return total
+    def means(bins: _Floats, of: Callable[[_Floats], _Floats]) -> _Floats:
+        """Means over bins at the same phases, of what repeats and has this integral."""
+        edges = bins * (period / wave.period) + slip + delay
+        turns = np.floor((edges - begin) / period)
+        whole = of(np.array([begin + period]))[0]
+        return np.asarray(np.diff(of(edges - turns * period) + turns * whole) / np.diff(edges))
+
+    def force(t: _Floats) -> _Floats:
+        return np.asarray(load_integral(t) + rest_integral(t) - load_integral(begin) - rest_integral(begin))
 
     def ahead(t: _Floats) -> _Floats:
         # X - V t = -u_x cos(phi) along the pull.
-        way: _Floats = (load_integral(t) - load_integral(begin)) / -float(scene.system.stiffness_x or 0.0)
-        return way
+        return np.asarray((load_integral(t) - load_integral(begin)) / -float(scene.system.stiffness_x or 0.0))
 
-    curve = _Curve(begin, period, slip)
-    means = [chain.gain * curve.means(wave, wave.edges, delay, integral) + chain.tare]
+    rows = [chain.gain * means(wave.edges, force) + chain.tare]
     if wave.ahead is not None:
-        means.append(centred(curve.means(wave, wave.creep_edges, delay, ahead)))
-    row = np.hstack(means)[np.newaxis]
+        rows.append(centred(means(wave.creep_edges, ahead)))
+    row = np.hstack(rows)[np.newaxis]
     return Cycles(row, period, np.zeros(row.shape), 0.0)
 
 
@@ -255,10 +238,8 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
 
 def _sampled_means(time: _Floats, values: _Floats, edges: _Floats, finer: int) -> _Floats:
     """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle."""
-    means: _Floats = np.mean(
-        [bin_means(time[k::finer], values[k::finer], edges) for k in range(finer)], axis=0
-    )
-    return means
+    each = [bin_means(time[k::finer], values[k::finer], edges) for k in range(finer)]
+    return np.asarray(np.mean(each, axis=0))
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:

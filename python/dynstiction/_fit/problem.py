@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from .. import _native
 from ..errors import Error
 from ..scene import Scene
+from ..trace import Trace
 from ..trace_chain import Chain
 from ..trace_cycles import TraceCycles
-from .models import Cycles, NoCycleError
-from .solve import FAILED, Map, Solution, central_derivatives, least_squares_of, regressed
+from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
+from .solve import FAILED, Map, Solution, derivatives, has_failed, least_squares_of
 from .waveform import Waveform, smoothed
 
 __all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
@@ -37,13 +38,10 @@ MOST_OF_ONE = 3.0
 """Largest sum of squares of one cycle, over the median of all."""
 MOST_DELAY = 0.3
 """Largest error of a slip's time, over the duration of the fall."""
-
-SECANT = 0.6
-"""Change of a coordinate for a derivative, over the share that is added to the errors: smaller steps of the cost do not matter then."""
+STEP, OWN_STEP = 1e-4, 5e-3
+"""Changes of a coordinate for a derivative: of the slow model, and of the scene's own, whose runs are sampled."""
 BAD = 0.3
 """Mean square of the residuals with the first added error above which a search is given up: it leads nowhere."""
-
-ModelCycles = Callable[[Scene, Waveform, float, Chain, bool], Cycles]
 
 
 class LeadsNowhereError(NoCycleError):
@@ -64,6 +62,8 @@ class Recording:
         The scene with the values that are this trace's own.
     chain : Chain
         Its measuring chain.
+    trace : Trace
+        The trace.
     cycles : TraceCycles
         Its cycles.
     wave : Waveform
@@ -72,8 +72,20 @@ class Recording:
 
     scene: Scene
     chain: Chain
+    trace: Trace
     cycles: TraceCycles
     wave: Waveform
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the model is low_frequency."""
+        return self.scene.scene.model == "low_frequency"
+
+    def changed(self, values: Mapping[str, Any]) -> Recording:
+        """The same with other values of its scene and chain, by ``group.key``."""
+        of_chain: Any = {name.partition(".")[2]: value for name, value in values.items() if name in CHAIN}
+        others: Any = {name: value for name, value in values.items() if name not in CHAIN}
+        return replace(self, scene=self.scene.replace(**others), chain=replace(self.chain, **of_chain))
 
     @property
     def size(self) -> int:
@@ -185,12 +197,8 @@ class Problem:
         Keys that are multiples of a parameter: its name, and the factor.
     recordings : tuple of Recording
         The traces.
-    cycles_of : callable
-        The model.
     heard : tuple of str
         Parameters that the model has.
-    step : float
-        Change of a coordinate for a derivative.
     spread : callable
         Runs models side by side; `map` runs one after another.
     runs : list of int
@@ -203,11 +211,50 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]]
     ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
-    cycles_of: ModelCycles
     heard: tuple[str, ...]
-    step: float
     spread: Map
     runs: list[int] = field(default_factory=list)
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the model is low_frequency."""
+        return self.recordings[0].is_slow
+
+    @property
+    def model(self) -> str:
+        """The model of the scenes."""
+        return str(self.recordings[0].scene.scene.model or "full")
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the cycles of each trace are alike."""
+        return all(each.wave.repeats for each in self.recordings)
+
+    def of_slow_model(self) -> Problem:
+        """The same for the slow model."""
+        recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in self.recordings)
+        groups: dict[str, Mapping[str, Any]] = {
+            **recordings[0].scene.groups(),
+            "chain": {"tare": 0.0, "gain": 1.0},
+        }
+        heard = tuple(
+            name for name in self.names if name.partition(".")[2] in groups.get(name.partition(".")[0], {})
+        )
+        return replace(self, recordings=recordings, heard=heard, runs=[])
+
+    def changed(self, names: tuple[str, ...], changes: Mapping[str, Any]) -> Problem:
+        """The same with other values of the rig or its chain, and other free parameters, which begin as here or at these values."""
+        begin = {**dict(zip(self.names, self.begin, strict=True)), **changes}
+        return replace(
+            self,
+            names=names,
+            heard=names,
+            begin=np.array([float(begin[name]) for name in names]),
+            known={name: value for name, value in self.known.items() if name in names},
+            bounds={name: ends for name, ends in self.bounds.items() if name in names},
+            recordings=tuple(each.changed(changes) for each in self.recordings),
+            runs=[],
+        )
 
     @property
     def weakening(self) -> tuple[int, int, int] | None:
@@ -265,24 +312,35 @@ class Problem:
         ends = np.array([self.bounds.get(name, (-math.inf, math.inf)) for name in self.names])
         return np.asarray(np.clip(values, *ends.T))
 
-    def of_recording(self, recording: Recording, q: _Floats) -> tuple[Scene, Chain]:
-        """Scene and chain of a trace with the values at these coordinates."""
-        groups: dict[str, dict[str, Any]] = {}
-        values = dict(zip(self.names, map(float, self.values(q)), strict=True))
-        values = {name: value for name, value in values.items() if name in self.heard}
+    def named(self, z: _Floats) -> dict[str, float]:
+        """Values of the parameters by name, from all coordinates or those without delays."""
+        return dict(zip(self.names, map(float, self.values(z[: len(self.names)])), strict=True))
+
+    def place(self, values: Mapping[str, float]) -> _Floats:
+        """All coordinates of values by name, the others as they begin, without delays."""
+        begin = zip(self.names, self.begin, strict=True)
+        here = self.coordinates(np.array([values.get(name, value) for name, value in begin]))
+        return np.append(here, np.zeros(len(self.recordings)))
+
+    def cheapest(self, starts: Sequence[_Floats], coarse: float) -> list[_Floats]:
+        """Coordinates in the order of their cost, with a share that is added to the errors."""
+        costs = [
+            math.inf if has_failed(there) else float(np.sum(there**2))
+            for there in self.spread(lambda z: self.residuals(z, coarse), starts)
+        ]
+        return [starts[i] for i in np.argsort(costs, kind="stable")]
+
+    def at_values(self, recording: Recording, q: _Floats) -> Recording:
+        """A trace with the values at these coordinates in its scene and chain."""
+        values = {name: value for name, value in self.named(q).items() if name in self.heard}
         values |= {
             tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
         }
-        for name, value in values.items():
-            group, _, key = name.partition(".")
-            groups.setdefault(group, {})[key] = value
-        chain = replace(recording.chain, **groups.pop("chain", {}))
-        friction = groups.get("friction", {})
-        if STATIC in self.heard:
+        if STATIC in values:
             # At its end a static limit is the kinetic one.
-            least = friction.get("mu_0", recording.scene.friction.mu_0)
-            friction["mu_static"] = max(friction.get("mu_static", 0.0), float(least or 0.0))
-        return recording.scene.replace(**groups), chain
+            least = values.get("friction.mu_0", recording.scene.friction.mu_0)
+            values[STATIC] = max(values[STATIC], float(least or 0.0))
+        return recording.changed(values)
 
     def cycles(self, z: _Floats, k: int, patient: bool = True) -> Cycles:
         """Cycles of the model for trace k; a patient run may take very long to settle."""
@@ -290,8 +348,9 @@ class Problem:
         self.runs.append(k)
         recording = self.recordings[k]
         delay = float(z[p + k]) * recording.wave.fall if recording.wave.repeats else 0.0
-        scene, chain = self.of_recording(recording, z[:p])
-        return self.cycles_of(scene, recording.wave, delay, chain, patient)
+        here = self.at_values(recording, z[:p])
+        model = slow_cycles if recording.is_slow else full_cycles
+        return model(here.scene, here.wave, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
@@ -305,61 +364,43 @@ class Problem:
         return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
 
     def _of_known(self, z: _Floats) -> _Floats:
-        values = dict(zip(self.names, self.values(z[: len(self.names)]), strict=True))
+        values = self.named(z)
         return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
 
-    def solve(
-        self, start: _Floats, coarse: float, last: bool = True, offset: _Floats | float = 0.0
-    ) -> Solution:
-        """Least squares from one start.
-
-        Parameters
-        ----------
-        start : ndarray
-            Coordinates.
-        coarse : float
-            Share of swing and period that is added to the errors.
-        last : bool
-            As for `least_squares_of`.
-        offset : ndarray or float
-            Added to the residuals.
-        """
-        first = self.recordings[0]
-        return least_squares_of(
-            lambda z: self.residuals(z, coarse) + offset,
-            start,
-            period=first.size - 1,
-            exact=first.period_error(coarse) / first.wave.period,
-            step=max(self.step, SECANT * coarse),
-            spread=self.spread,
-            last=last,
-        )
+    @property
+    def step(self) -> float:
+        """Change of a coordinate for a derivative."""
+        return STEP if self.is_slow else OWN_STEP
 
     def improved(self, start: _Floats, levels: Sequence[float]) -> Solution:
         """Several fits, one after another, with errors that shrink to those of the traces."""
         z = start
         for coarse in levels[:-1]:
-            found = self.solve(z, coarse, last=False)
+            found = least_squares_of(self, z, coarse, last=False)
             if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
                 raise LeadsNowhereError(found.z, found.cost)
             z = found.z
-        return self.solve(z, levels[-1])
+        return least_squares_of(self, z, levels[-1])
+
+    def reached(self, start: _Floats, levels: Sequence[float]) -> Solution:
+        """The same, also if it ends far from the traces."""
+        try:
+            return self.improved(start, levels)
+        except LeadsNowhereError as error:
+            return self.at(error.z, levels[-1])
 
     def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
         """Cost and Jacobian at coordinates."""
         here = self.residuals(z, coarse)
-        jacobian = central_derivatives(
-            lambda there: self.residuals(there, coarse), z, here, step or self.step, self.spread
+        jacobian = derivatives(
+            lambda there: self.residuals(there, coarse),
+            z,
+            here,
+            step or self.step,
+            self.spread,
+            central=True,
         )
         return Solution(z, float(here @ here), jacobian)
-
-    def regressed(
-        self, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
-    ) -> Solution:
-        """The best fit of cycles that are not alike, see `solve.regressed`."""
-        return regressed(
-            lambda z: self.residuals(z, coarse), start, size=size, spread=self.spread, random=random
-        )
 
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""
@@ -374,11 +415,14 @@ class Problem:
         matrix: _Floats = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / PRIOR**2
         return matrix
 
-    def scatter(self, found: Solution) -> tuple[_Floats, _Floats]:
-        """Sum over the cycles of the squares of what each does to the gradient, and the correlation of one with the next, by parameter."""
+    def covariance(self, found: Solution) -> tuple[_Floats, _Floats, float]:
+        """Covariance of logarithms and delays from the scatter of the cycles, inverse normal matrix, largest correlation of one cycle with the next."""
         p = found.z.size
-        squares, related = np.zeros((p, p)), np.zeros(p)
+        turn = np.eye(p)
+        turn[: len(self.names), : len(self.names)] = self.slopes(found.z[: len(self.names)])
         inverse = np.linalg.inv(self.normal(found.jacobian))
+        # The squares of what each cycle does to the gradient, and how a parameter's changes by one cycle and the next are related.
+        squares, related = np.zeros((p, p)), np.zeros(p)
         begin = 0
         for k, recording in enumerate(self.recordings):
             wave, n = recording.wave, len(recording.wave.rows)
@@ -396,16 +440,11 @@ class Problem:
             sizes = np.maximum(np.sum(moves**2, axis=0), 1e-300)
             one = np.sum(moves[1:] * moves[:-1], axis=0) / sizes
             related = np.maximum(related, np.where(one > 2.0 / math.sqrt(n), one, 0.0))
-        return squares + (found.jacobian[begin:].T @ found.jacobian[begin:]), related
-
-    def covariance(self, found: Solution) -> tuple[_Floats, _Floats, float]:
-        """Covariance of the coordinates from the scatter of the cycles, inverse normal matrix, largest correlation of one cycle with the next."""
-        inverse = np.linalg.inv(self.normal(found.jacobian))
-        squares, related = self.scatter(found)
+        squares += found.jacobian[begin:].T @ found.jacobian[begin:]
         # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
         longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
         covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer) + found.blur
-        return covariance, np.asarray(inverse), float(related.max())
+        return turn @ covariance @ turn.T, turn @ inverse @ turn.T, float(related.max())
 
 
 def unit_of(name: str) -> str:

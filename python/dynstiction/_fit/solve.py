@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .models import NoCycleError
 
+if TYPE_CHECKING:
+    from .problem import Problem
+
 __all__ = [
     "FAILED",
     "Map",
     "Residuals",
     "Solution",
-    "central_derivatives",
+    "derivatives",
     "has_failed",
     "least_squares_of",
     "regressed",
@@ -35,6 +38,8 @@ FAILED = 1e6
 """Residual of parameters without stick-slip."""
 RANGE = 3.0
 """Largest change of a coordinate from its start."""
+SECANT = 0.6
+"""Change of a coordinate for a derivative, over the share that is added to the errors: smaller steps of the cost do not matter then."""
 PERIOD = 1e-8
 """Relative tolerance of the period."""
 PERIOD_STEPS = 4
@@ -67,50 +72,34 @@ def has_failed(residuals: _Floats) -> bool:
     return bool(np.all(residuals == FAILED))
 
 
-def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
-    """Jacobian by differences; 0 where there is stick-slip on neither side."""
+def derivatives(
+    at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map, central: bool = False
+) -> _Floats:
+    """Jacobian by differences: to one side with stick-slip, or central ones; 0 where there is stick-slip on neither side.
+
+    The weight of the period amplifies an error that is linear in the step: central differences have none.
+    """
 
     def column(i: int) -> _Floats:
-        for change in (step, -step):
+        def aside(change: float) -> _Floats | None:
             there = z.copy()
             there[i] += change
             values = at(there)
-            if not has_failed(values):
-                slope: _Floats = (values - here) / change
-                return slope
-        return np.zeros(here.size)
+            return None if has_failed(values) else values
 
-    return np.column_stack(list(spread(column, range(z.size))))
-
-
-def central_derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map) -> _Floats:
-    """The same by central differences: the weight of the period amplifies an error that is linear in the step."""
-
-    def column(i: int) -> _Floats:
-        sides = []
-        for change in (step, -step):
-            there = z.copy()
-            there[i] += change
-            sides.append(at(there))
-        good = [not has_failed(values) for values in sides]
-        if all(good):
-            return np.asarray((sides[0] - sides[1]) / (2.0 * step))
-        return np.asarray(
-            (sides[0] - here) / step if good[0] else (here - sides[1]) / step if good[1] else 0.0 * here
-        )
+        ahead = aside(step)
+        behind = aside(-step) if central or ahead is None else None
+        if ahead is not None and behind is not None:
+            return np.asarray((ahead - behind) / (2.0 * step))
+        if ahead is not None:
+            return np.asarray((ahead - here) / step)
+        return np.zeros(here.size) if behind is None else np.asarray((here - behind) / step)
 
     return np.column_stack(list(spread(column, range(z.size))))
 
 
 def least_squares_of(
-    at: Residuals,
-    start: _Floats,
-    *,
-    period: int,
-    exact: float,
-    step: float,
-    spread: Map,
-    last: bool = True,
+    problem: Problem, start: _Floats, coarse: float, last: bool = True, offset: _Floats | float = 0.0
 ) -> Solution:
     """Fit from one start.
 
@@ -119,20 +108,16 @@ def least_squares_of(
 
     Parameters
     ----------
-    at : callable
-        Residuals at coordinates.
+    problem : Problem
+        What is fitted.
     start : ndarray, shape (p,)
         Coordinates.
-    period : int
-        Index of the residual of the period.
-    exact : float
-        Its error, relative to the period.
-    step : float
-        Change of a coordinate for a derivative.
-    spread : callable
-        Computes the columns of derivatives.
+    coarse : float
+        Share of swing and period that is added to the errors.
     last : bool
         Whether no fit with smaller errors follows, so that the Jacobian is of use.
+    offset : ndarray or float
+        Added to the residuals.
 
     Raises
     ------
@@ -141,6 +126,13 @@ def least_squares_of(
     """
     from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
+    def at(z: _Floats) -> _Floats:
+        return problem.residuals(z, coarse) + offset
+
+    first, spread = problem.recordings[0], problem.spread
+    # The residual of the period, and its error relative to the period.
+    period, exact = first.size - 1, first.period_error(coarse) / first.wave.period
+    step = max(problem.step, SECANT * coarse)
     z, here = start, at(start)
     if has_failed(here):
         raise NoCycleError("no stick-slip near this start")
@@ -201,7 +193,7 @@ def least_squares_of(
     if not last:
         return Solution(z, float(here @ here), known["jacobian"])
     # One step with all parameters: it includes the error of the period.
-    full = central_derivatives(at, z, here, step, spread)
+    full = derivatives(at, z, here, step, spread, central=True)
     change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + change)
     if there @ there < here @ here:
@@ -210,23 +202,29 @@ def least_squares_of(
 
 
 def regressed(
-    at: Residuals, start: Solution, *, size: float, spread: Map, random: np.random.Generator
+    problem: Problem, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
 ) -> Solution:
-    """Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks: for noisy residuals.
+    """The best fit of cycles that are not alike, whose residuals are noisy.
+
+    Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks.
 
     Parameters
     ----------
-    at : callable
-        Residuals at coordinates.
+    problem : Problem
+        What is fitted.
     start : Solution
         Where the search begins, and a first Jacobian.
     size : float
         Size of the first cloud, in standard errors of the coordinates.
-    spread : callable
-        Computes residuals side by side.
     random : numpy.random.Generator
         Source of the clouds.
+    coarse : float
+        Share of swing and period that is added to the errors.
     """
+
+    def at(z: _Floats) -> _Floats:
+        return problem.residuals(z, coarse)
+
     p = start.z.size
     z, jacobian, blur = start.z, start.jacobian, np.zeros((p, p))
     here, cost = z, start.cost
@@ -236,7 +234,7 @@ def regressed(
         width = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
         half = np.linalg.cholesky(width) @ random.standard_normal((p, CLOUD // 2)) * size
         away = np.concatenate([half.T, -half.T])
-        values = list(spread(at, z + away))
+        values = list(problem.spread(at, z + away))
         good = [k for k, each in enumerate(values) if not has_failed(each)]
         if len(good) < 2 * p:
             size *= SHRINK

@@ -123,14 +123,12 @@ class Waveform:
     @property
     def mean(self) -> _Floats:
         """Mean over the cycles [N], shape (n,)."""
-        mean: _Floats = self.cycles.mean(axis=0)
-        return mean
+        return np.asarray(self.cycles.mean(axis=0))
 
     @property
     def time(self) -> _Floats:
         """Middles of the bins, time since the slip [s], shape (n,)."""
-        middle: _Floats = 0.5 * (self.edges[1:] + self.edges[:-1])
-        return middle
+        return np.asarray(0.5 * (self.edges[1:] + self.edges[:-1]))
 
     @property
     def swing(self) -> float:
@@ -159,14 +157,12 @@ def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
     past = edges - time[k]
     slope = (force[k + 1] - force[k]) / steps[k]
     integral = total[k] + past * (force[k] + 0.5 * past * slope)
-    means: _Floats = np.diff(integral) / np.diff(edges)
-    return means
+    return np.asarray(np.diff(integral) / np.diff(edges))
 
 
 def centred(values: _Floats) -> _Floats:
     """Without the mean over the bins (last axis): only changes of a displacement are compared."""
-    rest: _Floats = values - values.mean(axis=-1, keepdims=True)
-    return rest
+    return np.asarray(values - values.mean(axis=-1, keepdims=True))
 
 
 def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
@@ -232,8 +228,7 @@ def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats
     """Standard error of the mean over cycles: from the noise of the samples, and, if they are alike, from their scatter."""
     white = noise**2 * np.minimum(1.0, interval / np.diff(edges))
     scatter = smoothed(rows.var(axis=0, ddof=1)) if repeats else 0.0
-    error: _Floats = np.sqrt(np.maximum(white, scatter) / len(rows))
-    return error
+    return np.asarray(np.sqrt(np.maximum(white, scatter) / len(rows)))
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
@@ -263,9 +258,7 @@ def _edges(period: float, fall: float, interval: float) -> _Floats:
 def smoothed(variance: _Floats) -> _Floats:
     """Variances of bins, averaged over neighbours."""
     width = 2 * SMOOTHED + 1
-    padded = np.pad(variance, SMOOTHED, mode="edge")
-    smooth: _Floats = np.convolve(padded, np.ones(width) / width, mode="valid")
-    return smooth
+    return np.convolve(np.pad(variance, SMOOTHED, mode="edge"), np.ones(width) / width, mode="valid")
 
 
 def _true_changes(periods: _Floats) -> tuple[float, float]:

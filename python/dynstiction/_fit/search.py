@@ -1,0 +1,304 @@
+"""The search of a fit: near the scene's values and the slow model's fit, then beyond."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Error, UsageError
+from .models import NoCycleError, steady_velocity
+from .problem import LeadsNowhereError, Problem
+from .solve import Solution, has_failed, least_squares_of, regressed
+from .starts import glances
+
+__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search"]
+
+_Floats = NDArray[np.float64]
+
+ANGLE = "system.misalignment_deg"
+COARSE = (0.02, 0.005)
+"""Errors relative to swing and period that are added, one fit after another: of the slow model."""
+COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
+"""The same for the scene's own model."""
+MISFIT = 1e-4
+"""Probability of such a misfit by chance, below which the model does not explain a trace."""
+USUAL = 0.05
+"""The same, above which a search has found what it looked for."""
+CORRECTIONS, CORRECTED = 6, 0.1
+"""Largest number of times that the difference between the scene's model and the slow one is computed, and the change of all coordinates, in
+standard errors, below which this ends."""
+NEAR = 100.0
+"""Misfit below which a fit begins with the errors of the trace."""
+SMOOTH = 100.0
+"""Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
+RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
+"""Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
+HELD = 1e-3
+"""Relative error with which an angle is held."""
+ALSO = 3.84
+"""Excess of the cost, over the misfit, up to which other values explain a trace as well: 95 % of one parameter."""
+CLEARLY = 3.0
+"""Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
+RANDOM_STARTS = 6
+MOST_RUNS = 700
+"""Runs of the scene's model after which no further random start is completed."""
+TRIED, COMPLETED = 96, 4
+"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
+SECANT = 0.03
+"""Change of a coordinate for a derivative of noisy residuals."""
+FIRST, AGAIN = 30.0, 8.0
+"""Sizes of the first cloud of a search, and of one that ends near, in standard errors."""
+NEAR_SLOW, WIDE = 0.2, 1.4
+"""Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
+SPREAD = 0.7
+"""Largest change of a logarithm in a random start."""
+
+
+class Search:
+    """A search for the values of a problem; what it finds is in `found`.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem, with the scene's own model.
+    starts : int
+        Number of starts that are completed.
+    random : numpy.random.Generator
+        Source of random starts.
+    show : callable
+        Is told the share that is done.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        starts: int,
+        random: np.random.Generator,
+        show: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        self.problem, self.starts, self.random, self.show = problem, starts, random, show
+        self.slow = None if problem.is_slow else problem.of_slow_model()
+        """The same for the slow model, which proposes starts; None where it is the scene's own."""
+        self.given = problem.place({})
+        self.proposal: _Floats | None = None
+        """The best fit of the slow model."""
+        self.found: list[Solution] = []
+        self.faults: list[NoCycleError] = []
+        """Why starts were not completed."""
+        self._levels_at: dict[bytes, tuple[float, ...]] = {}
+
+    @property
+    def best(self) -> Solution:
+        """The fit with the least cost."""
+        return min(self.found, key=lambda each: each.cost)
+
+    def near(self) -> bool:
+        """Fits that begin near the traces; whether nothing better is to be expected elsewhere."""
+        problem = self.problem
+        if self.slow is None:
+            for start in self._slow_starts(problem):
+                self._attempt(start)
+            self._add_nearest()
+            return True
+        self._propose(self.slow)
+        if not problem.repeats:
+            return False
+        self.show(0.2)
+        if self.proposal is not None and self.slow.heard == problem.names:
+            self.found += self._guided(self.slow, self.proposal)
+        if self.found and self._is_smooth():
+            return True
+        for begin in (self.given, self.proposal):
+            if begin is not None and not self._explains() and self._is_near(begin):
+                self._attempt(begin)
+        return False
+
+    def beyond(self) -> None:
+        """Fits from other starts, until one explains the trace, and at other misalignments."""
+        if not self.problem.repeats:
+            self._of_each_cycle()
+            return
+        if self.proposal is not None and not self._explains() and not self._is_near(self.proposal):
+            self._attempt(self.proposal)
+        if not self._explains():
+            for i, start in enumerate(self._own_starts()):
+                if self.found and len(self.problem.runs) > MOST_RUNS:
+                    break
+                self.show(0.4 + 0.4 * i / COMPLETED)
+                self._attempt(start)
+                if self._explains():
+                    break
+        self._add_nearest()
+        if self.found:
+            self._along_the_angle()
+
+    def stay(self) -> None:
+        """The slow model's fit as it is, if the scene's own model has stick-slip there."""
+        if not self.problem.repeats:
+            start = self.given if self.proposal is None else self.proposal
+            self.found.append(self.problem.at(start, 0.0, SECANT))
+        elif self.proposal is not None and not has_failed(self.problem.residuals(self.proposal, 0.0)):
+            self.found.append(self.problem.at(self.proposal))
+
+    def weigh(self) -> None:
+        """Where cycles are not alike, take their scatter about those of the best fit for their error, and improve the fit with it."""
+        if self.problem.repeats:
+            return
+        best = self.best
+        better = [
+            each.reweighted(self.problem.cycles(best.z, k)) for k, each in enumerate(self.problem.recordings)
+        ]
+        self.problem = replace(self.problem, recordings=tuple(better))
+        self.found = [regressed(self.problem, best, AGAIN, self.random)]
+
+    def nothing(self) -> UsageError:
+        """What to say if no start has stick-slip."""
+        problem = self.problem
+        return UsageError(
+            f"{problem.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(problem.names)} with which "
+            "'dynstiction cycles' finds a stable cycle"
+        )
+
+    def _attempt(self, start: _Floats) -> None:
+        """A fit from one start, or why there is none."""
+        try:
+            self.found.append(self.problem.improved(start, self._levels(start)))
+        except NoCycleError as error:
+            self.faults.append(error)
+
+    def _add_nearest(self) -> None:
+        """If no search was completed, the one that came nearest."""
+        far = [each for each in self.faults if isinstance(each, LeadsNowhereError)]
+        if far and not self.found:
+            self.found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
+
+    def _levels(self, start: _Floats) -> tuple[float, ...]:
+        """Errors that are added in turn: fewer near the traces."""
+        key = start.tobytes()
+        if key not in self._levels_at:
+            try:
+                misfit = self.problem.misfit(start)[0] if self.problem.repeats else math.inf
+            except Error:
+                misfit = math.inf
+            last = 1 if misfit < NEAR else 3 if misfit < NEAR**2 else len(COARSE_OF_OWN)
+            self._levels_at[key] = COARSE_OF_OWN[-last:]
+        return self._levels_at[key]
+
+    def _is_near(self, start: _Floats) -> bool:
+        return len(self._levels(start)) == 1
+
+    def _explains(self) -> bool:
+        return bool(self.found) and self.problem.misfit(self.best.z)[1] >= USUAL
+
+    def _is_smooth(self) -> bool:
+        """Whether the best fit has many sticks in a cycle, or none: then one more or less does not matter."""
+        return not 0.0 < self.problem.cycles(self.best.z, 0).sticks < SMOOTH
+
+    def _propose(self, slow: Problem) -> None:
+        fits = []
+        for start in self._slow_starts(slow):
+            try:
+                fits.append(slow.improved(start, COARSE))
+            except NoCycleError:
+                continue
+        if fits:
+            self.proposal = min(fits, key=lambda each: each.cost).z
+
+    def _slow_starts(self, slow: Problem) -> list[_Floats]:
+        """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
+        recording = self.problem.recordings[0]
+        load = recording.scene.friction.normal_load or 1.0
+        rough = glances(recording.wave, steady_velocity(recording.scene), load)
+        near = [self.given, *(slow.place(values) for values in rough)]
+        p = len(slow.names)
+        for _ in range(RANDOM_STARTS):
+            start = near[int(self.random.integers(len(near)))].copy()
+            start[:p] += self.random.uniform(-SPREAD, SPREAD, p)
+            near.append(start)
+        return slow.cheapest(near, COARSE[0])[: self.starts]
+
+    def _own_starts(self) -> list[_Floats]:
+        """The best of many random starts near the scene's values and near the slow model's fit."""
+        p = len(self.problem.names)
+        near_slow = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
+        starts = [self.given]
+        for i in range(TRIED):
+            middle = self.given if i % 2 == 0 or self.proposal is None else self.proposal
+            start = middle.copy()
+            start[:p] += (SPREAD if middle is self.given else near_slow) * self.random.uniform(-1.0, 1.0, p)
+            starts.append(start)
+        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:COMPLETED]
+
+    def _guided(self, slow: Problem, z: _Floats) -> list[Solution]:
+        """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
+
+        With many sticks in a cycle the slow model is near, and its derivatives are smooth where the other's cost is rough by a stick more or less.
+        """
+        problem = self.problem
+        for _ in range(CORRECTIONS):
+            here, slowly = problem.residuals(z, 0.0), slow.residuals(z, 0.0)
+            if has_failed(here) or has_failed(slowly):
+                return []
+            try:
+                new = least_squares_of(slow, z, 0.0, offset=here - slowly)
+            except NoCycleError:
+                return []
+            errors = np.sqrt(np.diag(np.linalg.inv(problem.normal(new.jacobian))))
+            change, z = np.abs(new.z - z), new.z
+            if np.all(change < CORRECTED * errors):
+                break
+        here = problem.residuals(z, 0.0)
+        return [Solution(z, float(here @ here), new.jacobian)]
+
+    def _of_each_cycle(self) -> None:
+        """Fits of cycles that are not alike: rough ones from the best starts, then the best of these with the errors of the trace."""
+        problem = self.problem
+        rough = []
+        for start in self._own_starts()[: self.starts + 1]:
+            here = problem.at(start, COARSE_OF_OWN[0], SECANT)
+            rough.append(
+                regressed(problem, here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
+            )
+        for i, near in enumerate(sorted(rough, key=lambda each: each.cost)[: self.starts]):
+            self.show(0.4 + 0.5 * i / self.starts)
+            # The Jacobian with the errors of the trace, from large differences.
+            self.found.append(regressed(problem, problem.at(near.z, 0.0, SECANT), FIRST, self.random))
+            if self._explains():
+                break
+
+    def _along_the_angle(self) -> None:
+        """Fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.
+
+        A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
+        """
+        problem, first = self.problem, self.best
+        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth():
+            return
+        if problem.misfit(first.z)[1] < MISFIT:
+            return
+        i = problem.names.index(ANGLE)
+        least = first
+        for side in (1.0, -1.0):
+            z, above = first.z.copy(), 0
+            z[i] = max(z[i], math.log(LEAST_ANGLE))
+            for _ in range(MOST_ANGLES):
+                z[i] += side * math.log(RATIO)
+                angle = math.exp(z[i])
+                if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
+                    break
+                known = {ANGLE: (math.copysign(angle, problem.begin[i]), HELD * angle)}
+                try:
+                    one = replace(problem, known={**problem.known, **known}).improved(z, self._levels(z))
+                except NoCycleError:
+                    above += 1
+                    continue
+                z = one.z.copy()
+                self.found.append(one)
+                least = min(least, one, key=lambda each: each.cost)
+                above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
+        if least is not first:
+            self.found.append(least_squares_of(problem, least.z, 0.0))
