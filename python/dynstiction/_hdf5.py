@@ -15,7 +15,8 @@ from . import _native
 from ._commands import PROGRAM
 from ._open import dataset_in, info_of, open_file, own_datasets, values_in
 from .errors import FileError, IncompleteWarning
-from .record import EVENTS, LOG_DTYPE, Described, Info, Record
+from .record import EVENTS, LOG_DTYPE, Described, Info
+from .result import Result
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +29,7 @@ COUNTS = ("complete", "result_code", "threads")
 T = TypeVar("T")
 
 
-def read(name: str) -> Record | xarray.Dataset:
+def read(name: str) -> Result | xarray.Dataset:
     """Read a run or a sweep; see `dynstiction.open`."""
     with open_file(name) as file:
         if "sweep" in file:
@@ -46,7 +47,7 @@ def read(name: str) -> Record | xarray.Dataset:
     return result
 
 
-def _read_contents(file: h5py.File, name: str) -> Record:
+def _read_contents(file: h5py.File, name: str) -> Result:
     if file.attrs.get("program") != PROGRAM:
         raise FileError(f"{name}: is no file of {PROGRAM}")
     if "time_series/time" not in file:
@@ -68,7 +69,7 @@ def _read_contents(file: h5py.File, name: str) -> Record:
         raise FileError(f"{name}: is damaged: its deck does not have the checksum that the file states")
     attributes = {"complete": 0, **file.attrs}
     attributes |= {name: int(attributes[name]) for name in COUNTS if name in attributes}
-    return Record(
+    return Result(
         columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
         log=log,
         summary=Described(_in_order(_read_scalars(file, "summary"), "summary"), "summary"),

@@ -109,17 +109,7 @@ def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
     """
     import h5py  # noqa: PLC0415
 
-    item: Any = group
-    for part in path.strip("/").split("/"):
-        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
-        if isinstance(link, h5py.ExternalLink):
-            raise FileError(
-                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
-            )
-        if not isinstance(link, h5py.HardLink):
-            item = item.get(part) if link is not None and _stays_inside(item, link) else None
-        else:
-            item = item[part]
+    item = _item_in(group, path)
     if not isinstance(item, h5py.Dataset):
         return None
     if item.external or item.is_virtual:
@@ -148,16 +138,22 @@ def values_in(group: h5py.Group, path: str) -> Any:
     return dataset.asstr(errors="surrogateescape")[()] if is_text else dataset[()]
 
 
-def _stays_inside(group: h5py.Group, link: h5py.SoftLink) -> bool:
-    """Whether a soft link is an ordinary name of something in the file: no further links on its way."""
+def _item_in(group: h5py.Group, path: str) -> Any:
+    """What has a name in a group, or is where soft links lead; None if there is nothing in this file."""
     import h5py  # noqa: PLC0415
 
-    item: Any = group.file if link.path.startswith("/") else group
-    for part in link.path.strip("/").split("/"):
-        if not isinstance(item, h5py.Group) or not isinstance(item.get(part, getlink=True), h5py.HardLink):
-            return False
-        item = item[part]
-    return True
+    item: Any = group
+    for part in path.strip("/").split("/"):
+        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+        if isinstance(link, h5py.ExternalLink):
+            raise FileError(
+                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
+            )
+        if isinstance(link, h5py.SoftLink):
+            item = _item_in(item.file if link.path.startswith("/") else item, link.path)
+        else:
+            item = item[part] if isinstance(link, h5py.HardLink) else None
+    return item
 
 
 def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Dataset]]:

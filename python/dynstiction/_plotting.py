@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["PlotModule", "make_callable", "plot"]
+__all__ = ["PlotModule", "plot"]
 
 
 class PlotModule(ModuleType):
@@ -46,21 +46,11 @@ class PlotModule(ModuleType):
             figure: Figure = self.compare(result, **options)
         else:
             figure = self.draw(result, kind, **options)
-        if "ax" not in options and "figure" not in options:
-            _give_to_pyplot(figure)
+        pyplot = sys.modules.get("matplotlib.pyplot")
+        is_new = "ax" not in options and "figure" not in options
+        if is_new and pyplot is not None and "inline" not in pyplot.get_backend().lower():
+            pyplot.figure(FigureClass=lambda *_, **__: figure)
         return figure
-
-
-def make_callable(name: str) -> None:
-    """Make the module of this name callable, so that it draws."""
-    sys.modules[name].__class__ = PlotModule
-
-
-def _give_to_pyplot(figure: Figure) -> None:
-    """Let pyplot manage a figure, if it has been imported and figures are not shown as values."""
-    pyplot = sys.modules.get("matplotlib.pyplot")
-    if pyplot is not None and "inline" not in pyplot.get_backend().lower():
-        pyplot.figure(FigureClass=lambda *_, **__: figure)
 
 
 if TYPE_CHECKING:

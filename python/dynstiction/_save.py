@@ -20,7 +20,8 @@ from ._commands import PROGRAM
 from ._open import SEAL, open_file
 from ._output import check_outputs, put
 from .errors import FileError
-from .record import EVENTS, Described, Info, Record
+from .record import EVENTS, Described, Info
+from .result import Result
 
 __all__ = ["refuse_to_replace", "write"]
 
@@ -30,12 +31,12 @@ FORMAT = ("v108", "v108")
 STORED_AS = {"sticking": np.int8, "kind": np.int8, "occurs": np.int64}
 
 
-def write(result: Record, path: str, *, overwrite: bool) -> None:
+def write(result: Result, path: str, *, overwrite: bool) -> None:
     """Write a result; the file appears under its name only when it is complete and on the disk.
 
     Parameters
     ----------
-    result : Record
+    result : Result
         The result.
     path : str
         The file.
@@ -69,7 +70,7 @@ def refuse_to_replace(path: str, *, overwrite: bool) -> None:
         )
 
 
-def _image(result: Record) -> bytes:
+def _image(result: Result) -> bytes:
     """The bytes of the file.
 
     They are not taken from `H5Fget_file_image`, whose superblock has a wrong checksum in HDF5 1.14.
@@ -80,7 +81,7 @@ def _image(result: Record) -> bytes:
         return stream.getvalue()
 
 
-def _write_contents(file: h5py.File, result: Record) -> None:
+def _write_contents(file: h5py.File, result: Result) -> None:
     for name, value in result.attributes.items():
         if name != "complete":
             file.attrs[name] = np.int32(value) if isinstance(value, int) else value

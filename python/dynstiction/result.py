@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._arguments import flag, number, path_name, shown
 from .errors import UsageError, printable
@@ -14,8 +17,9 @@ from .html import sparkline, table
 from .record import (
     STICK_BEGINS,
     Described,
-    Record,
+    Table,
     event_columns,
+    events_between,
     frame_of,
     headed,
     number_shown,
@@ -37,13 +41,91 @@ SPARKLINES = ("spring_force_x", "theta", "X")
 SPARKLINE_BINS = 220
 
 
-class Result(Record):
+@dataclass(frozen=True, repr=False, eq=False)
+class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     """The results of a run, as `dynstiction.run` returns them and `dynstiction.open` reads them.
 
     A read-only mapping of the columns of the time series by name: ``result["u_x"]``, ``dict(result)``,
     ``for name in result``, ``"theta" in result``, ``len(result)`` columns. Events, summary, statistics and provenance are
     attributes. Results are equal only to themselves.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,), float64
+        The time series by name, ``time`` [s] first: ``u_x``, ``u_y`` [m], ``w_x``, ``w_y`` [m/s], …;
+        ``columns.units`` and ``columns.long_names`` describe them.
+    log : structured ndarray
+        The events of a run, those of a motion that repeats once: ``log["time"]`` [s], ``log["kind"]`` (1 = stick begins,
+        2 = slip begins), how many times it ``log["occurs"]``, and after which ``log["period"]`` [s]. `events` has each of them.
+    summary : Described of float or int
+        Period, peak force, …, if the run has them; counts are integers.
+    statistics : Described of int or float
+        Counts of the work: steps, evaluations, factorisations, wall time [s], ….
+    parameters : Described
+        Every key of the deck with the value used.
+    attributes : dict
+        Provenance and outcome: program, version, model, method, result_code, …; and what was added to the file.
+    deck, resolved_deck : str
+        The deck as read, and the deck with the values used of all keys.
     """
+
+    columns: Described[NDArray[np.float64]]
+    log: NDArray[np.void]
+    summary: Described[float]
+    statistics: Described[float]
+    parameters: Described[float | str] = field(default_factory=lambda: Described([]))
+    attributes: dict[str, Any] = field(default_factory=dict)
+    deck: str = ""
+    resolved_deck: str = ""
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def events(self) -> NDArray[np.void]:
+        """All events, shape (n_events,): ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
+
+        Raises
+        ------
+        UsageError
+            If there are more than twenty million.
+        """
+        return self.events_between(-np.inf, np.inf)
+
+    def events_between(self, first: float, last: float) -> NDArray[np.void]:
+        """The events from one time to another, both included: ``time`` [s] and ``kind``, as in `events`.
+
+        Parameters
+        ----------
+        first, last : float
+            Times [s].
+
+        Raises
+        ------
+        UsageError
+            If there are more than twenty million.
+        """
+        return events_between(self.log, first, last)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples [s], shape (n,); the last one is the `t_end` of a complete run."""
+        return self.columns["time"]
+
+    @property
+    def result_code(self) -> int:
+        """0: done, 40 to 49: the solver gave up, 75: stopped early."""
+        return int(self.attributes.get("result_code", 0))
+
+    @property
+    def result_text(self) -> str:
+        """How the run ended, in words."""
+        return str(self.attributes.get("result_text", ""))
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end."""
+        return bool(self.attributes.get("complete", 0))
 
     def sticks(self, until: float = np.inf) -> int:
         """Number of sticks that began, including the first one.
@@ -212,5 +294,4 @@ def open(path: str | os.PathLike[str]) -> Any:
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-    found = _hdf5.read(path_name(path))
-    return Result(**vars(found)) if isinstance(found, Record) else found
+    return _hdf5.read(path_name(path))

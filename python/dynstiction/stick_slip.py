@@ -22,13 +22,8 @@ THRESHOLD = 0.01
 """Share of the static limit mu_0 W by which the load must fall or rise to count."""
 KEPT = 100
 """Largest number of cycles over which means are taken."""
-RING_DOWN, RING_DOWN_OF_ONE, RIPPLE = 0.9, 0.5, 0.01
-"""An oscillation dies out if its last swing is below RING_DOWN times its first one (RING_DOWN_OF_ONE in a single cycle), and no
-swing exceeds the one before by more than the share RIPPLE."""
-TELLING = 4
-"""Number of cycles from which shrinking swings are not a coincidence."""
-PATIENCE, LONG = 3.0, 10.0
-"""Time without a turn, in lengths of the longest cycle, after which the cycles are over, or a new motion begins."""
+LONG = 10.0
+"""Time without a turn, in lengths of the longest cycle, after which a new motion begins."""
 
 _Floats = NDArray[np.float64]
 
@@ -61,7 +56,7 @@ class StickSlip(Table[_Floats]):
         or the drive stops or reverses, before the next peak.
     settled : ndarray of bool, shape (n,)
         The rows that `means` and `scatter` use: the later half of the complete cycles, at least two and at most 100;
-        none if the oscillation dies out.
+        none if the summary has no period, because the oscillation dies out.
     """
 
     columns: Described[_Floats]
@@ -124,16 +119,12 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
     drive, pull, cosine = _directions(result)
     turns: list[tuple[int, int, int]] = []
-    since_turn = 0.0
     for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
         if stretch.size and pull[stretch[0]]:
             first, last = stretch[[0, -1]]
             inside = slice(first, last + 2)
             found = _turns(pull[first] * force[inside], THRESHOLD * limit)
             turns += [(first + i, kind, first) for i, kind in found]
-            since_turn = float(abs(position[-1] - position[first + (found[-1][0] if found else 0)]))
-        else:
-            since_turn = 0.0
     at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
     # Peaks and valleys alternate: in a stretch, a peak is followed by its valley, and then by the next peak.
     peak = np.flatnonzero(kind > 0)
@@ -170,7 +161,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, _padded(rest_time, n), np.nan),
     )
     settled = np.zeros(n, dtype=bool)
-    settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
+    # Whether they persist is the core's to say.
+    settled[_later_half(cycles)] = "period" in result.summary
     return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), settled)
 
 
@@ -233,22 +225,6 @@ def _last_motion(
 def _later_half(cycles: list[int]) -> list[int]:
     """Number of rows for means: at least two if there are two, at most `KEPT`."""
     return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
-
-
-def _settled(
-    cycles: list[int], travel: _Floats, peak: _Floats, valley: _Floats, since_turn: float
-) -> list[int]:
-    """The rows that means are taken over."""
-    later = _later_half(cycles)
-    if not later or since_turn > PATIENCE * travel[later].max():
-        return []
-    # Of these, the last ones without a break in between: falls and rises in turn.
-    row = np.split(cycles, np.flatnonzero(np.diff(cycles) > 1) + 1)[-1]
-    chain = row[-max(TELLING, len(later)) :]
-    swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
-    share = RING_DOWN_OF_ONE if chain.size == 1 else RING_DOWN
-    rings_down = np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]
-    return [] if rings_down else later
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:

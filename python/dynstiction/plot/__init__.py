@@ -6,6 +6,7 @@ A kind of figure is a function of a view of a run, or of another result, and an 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase, SubFigure
 
-from .._plotting import make_callable
+from .._plotting import PlotModule
 from ..branches import Branches
 from ..errors import UsageError
 from ..result import Result
@@ -84,7 +85,7 @@ SWEEP_KINDS: dict[str, Callable[..., None]] = {
 MOST_RESULTS = 6
 """Largest number of results side by side; more would be too narrow to read."""
 
-WITH_QUANTITY = (None, "map", "bifurcation", "branches")
+WITH_QUANTITY = ("map", "bifurcation", "branches")
 """Kinds of figure, of a sweep or of branches, for which a quantity can be chosen."""
 
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
@@ -96,7 +97,7 @@ LARGEST = 1e100
 SENSITIVITY, BRANCHES = "sensitivity", "branches"
 """The kinds of figure of the derivatives of a cycle, and of branches of cycles."""
 
-make_callable(__name__)
+sys.modules[__name__].__class__ = PlotModule
 
 Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 """A run, the derivatives of a cycle, branches of cycles, or a sweep."""
@@ -161,36 +162,32 @@ def draw(
         result, or the start is not before the end; the text says what would be right.
     """
     kinds, usual = _kinds_of(result, kind)
-    if quantity is not None and not ({"map", BRANCHES} & set(kinds) and kind in WITH_QUANTITY):
+    if quantity is not None and (kind or usual) not in WITH_QUANTITY:
         raise UsageError(
             "a quantity can be chosen for branches, and for the map or the bifurcation diagram of a sweep only"
         )
     if figure is not None and ax is not None:
         raise UsageError("give figure= or ax=, not both")
     names = _names(columns)
-    chosen: dict[str, Any] = {} if quantity is None else {"quantity": quantity}
     if isinstance(result, Result):
         _refuse_undrawable(result)
         kind = _kind_of_part(result, kind, usual, names, (start, end))
-        chosen |= {"names": names} if names else {}
     elif names or start is not None or end is not None:
         raise UsageError("columns and a part in time can be chosen for a run only: a sweep has no samples")
-    if branches is not None:
-        if kind != "bifurcation":
-            raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
-        chosen["branches"] = branches
-
-    def seen() -> Any:
-        return view_of(result, start, end) if isinstance(result, Result) else result
+    if branches is not None and kind != "bifurcation":
+        raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
+    options: dict[str, Any] = {"quantity": quantity, "branches": branches, "names": names}
+    chosen = {name: value for name, value in options.items() if value}
 
     def fill(name: str, canvas: FigureBase | Axes) -> None:
-        kinds[name](seen(), canvas, **chosen)
+        kinds[name](view_of(result, start, end) if isinstance(result, Result) else result, canvas, **chosen)
 
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
             return drawn(partial(fill, str(kind)), axes[0])
-        return drawn(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
+        shown = names or ("spring_force_x",)
+        return drawn(lambda _: draw_in_axes(view_of(result, start, end), axes, shown), axes[0])
     try:
         return drawn(partial(fill, kind or usual), figure)
     except UsageError:
