@@ -102,11 +102,11 @@ _MODULE_OF = {
     "fit": "trace_fit",
 }
 if _TYPE_CHECKING:
-    from ._plotting import plot as plot
     from ._trade import Trade, trade
     from .branches import Branch, Branches, BranchPoint, branch
     from .creep_fit import CreepFit, fit_creep
     from .friction_fit import FrictionFit, fit_friction_law
+    from .plot import plot as plot
     from .ranges import KeyRange, StickSlipRange, stick_slip_range
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import shown
 from ._names import Info, nearest
-from ._optional import needed
 from .errors import ColumnError, UsageError, printable
 from .html import page_table
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
-    import xarray
 
 __all__ = [
     "EVENTS",
@@ -231,26 +229,8 @@ class Table(Generic[C]):
         return iter(self.columns)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units.
-
-        Raises
-        ------
-        PackageError
-            If pandas is not installed.
-        """
+        """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units."""
         return frame_of(self.columns)
-
-    def _dataset(self, index: str, attributes: Mapping[str, object]) -> xarray.Dataset:
-        """The table as an `xarray.Dataset` over one of its columns, or over the row number."""
-        needed("xarray", "to_xarray")
-        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
-
-        variables = {
-            info.name: (index, values, {"units": info.units, "long_name": info.long_name})
-            for info, values in self.columns.info()
-        }
-        coordinates = {index: variables.pop(index)} if index in variables else {}
-        return xarray.Dataset(variables, coordinates, dict(attributes))
 
     def _values(self) -> tuple[str, str, Described[float]]:
         """What a notebook shows: a title, the kind of values, and the values."""
@@ -263,8 +243,7 @@ class Table(Generic[C]):
 
 def frame_of(columns: Described[C]) -> pandas.DataFrame:
     """Columns as a `pandas.DataFrame` with their units."""
-    needed("pandas", "to_pandas")
-    import pandas  # noqa: PLC0415  (optional)
+    import pandas  # noqa: PLC0415  (slow to import)
 
     frame = pandas.DataFrame(dict(columns))
     frame.attrs["units"] = columns.units

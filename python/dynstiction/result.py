@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import flag, number, path_name, shown
+from ._arguments import flag, path_name, shown
 from .errors import UsageError, printable
-from .html import sparkline, table
+from .html import table
 from .record import (
     STICK_BEGINS,
     Described,
@@ -22,23 +21,15 @@ from .record import (
     events_between,
     frame_of,
     headed,
-    number_shown,
-    occurrences,
     unit_shown,
 )
-from .thinning import extremes
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     import xarray
     from matplotlib.figure import Figure
 
-    from ._plotting import PlotModule
-
 __all__ = ["Result", "open"]
-
-SPARKLINES = ("spring_force_x", "theta", "X")
-SPARKLINE_BINS = 220
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -127,36 +118,23 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         """Whether the run reached its end."""
         return bool(self.attributes.get("complete", 0))
 
-    def sticks(self, until: float = np.inf) -> int:
-        """Number of sticks that began, including the first one.
-
-        Parameters
-        ----------
-        until : float
-            Time [s] after which sticks are not counted.
-
-        Raises
-        ------
-        UsageError
-            If `until` is not a number.
-        """
-        latest = number("until", until, checked=False)
-        if np.isnan(latest):
-            raise UsageError("until is not a number: give a time [s], or infinity for all")
-        return int(occurrences(self.log[self.log["kind"] == STICK_BEGINS], latest).sum())
+    def sticks(self) -> int:
+        """Number of sticks that began, including the first one."""
+        return int(self.log["occurs"][self.log["kind"] == STICK_BEGINS].sum())
 
     def to_xarray(self) -> xarray.Dataset:
         """Time series as an `xarray.Dataset` over ``time`` [s], with units and provenance.
 
         It has the same variables as ``xarray.open_dataset(file, group="time_series", engine="h5netcdf")`` gives
         for the saved result, and the attributes of the whole file.
-
-        Raises
-        ------
-        PackageError
-            If xarray is not installed.
         """
-        return self._dataset("time", self.attributes)
+        import xarray  # noqa: PLC0415  (costs a second)
+
+        variables = {
+            info.name: ("time", values, {"units": info.units, "long_name": info.long_name})
+            for info, values in self.columns.info()
+        }
+        return xarray.Dataset(variables, {"time": variables.pop("time")}, self.attributes)
 
     def to_pandas(self, which: str = "time_series") -> pandas.DataFrame:
         """Time series or events as a `pandas.DataFrame`; ``frame.attrs["units"]`` has the units.
@@ -171,8 +149,6 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         ------
         UsageError
             If `which` is neither.
-        PackageError
-            If pandas is not installed.
         """
         if not isinstance(which, str):
             which = shown(which)
@@ -203,7 +179,9 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         UsageError
             If there is no such kind, or the result lacks the data for it.
         """
-        return _plot_package()(self, kind, **options)
+        from . import plot  # noqa: PLC0415  (matplotlib is slow to import)
+
+        return plot(self, kind, **options)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the same HDF5 file as the executable; it appears under its name only when it is complete.
@@ -222,9 +200,9 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         UsageError
             If `path` is not a path.
         """
-        from . import _save  # noqa: PLC0415  (h5py is slow to import)
+        from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-        _save.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
+        _hdf5.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
 
     def _heading(self) -> str:
         about = " ".join(str(self.attributes[key]) for key in ("model", "method") if key in self.attributes)
@@ -236,32 +214,17 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         return self._heading(), "summary", self.summary
 
     def _repr_html_(self) -> str:
-        lines = ""
-        if self.time.size > 1:
-            drawn = [
-                f"<tr><td>{name}</td><td>{sparkline(*extremes(self.time, self[name], SPARKLINE_BINS))}</td></tr>"
-                for name in SPARKLINES
-                if name in self
-            ]
-            lines = f"<table>{''.join(drawn)}</table>"
         columns = table(
             ("column", "unit", ""),
             [(i.name, unit_shown(i.units), i.long_name) for i, _ in self.columns.info()],
         )
         shown = super()._repr_html_()
-        return f"{shown}{lines}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
+        return f"{shown}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
 
     def __repr__(self) -> str:
-        lines = [f"<{self._heading()}"]
-        lines.append("  columns: " + ", ".join(headed(name, u) for name, u in self.columns.units.items()))
-        for name, value in self.summary.items():
-            lines.append(f"  {name} = {number_shown(value)} {unit_shown(self.summary.units[name])}")
-        return "\n".join(printable(line.rstrip()) for line in lines) + ">"
-
-
-def _plot_package() -> PlotModule:
-    """The package of the figures, which is imported at its first use."""
-    return cast("PlotModule", import_module(".plot", __package__))
+        columns = "columns: " + ", ".join(headed(name, u) for name, u in self.columns.units.items())
+        lines = [f"<{self._heading()}", columns, *repr(self.summary).splitlines()]
+        return "\n  ".join(printable(line) for line in lines) + ">"
 
 
 def open(path: str | os.PathLike[str]) -> Any:
@@ -289,8 +252,6 @@ def open(path: str | os.PathLike[str]) -> Any:
         If the file is missing, damaged or of another program.
     UsageError
         If `path` is not a path.
-    PackageError
-        If it is a sweep, and xarray is not installed.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 

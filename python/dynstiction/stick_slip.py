@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import instance
-from .errors import UsageError
+from .errors import Error, UsageError
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
 from .scene import Scene
 
-__all__ = ["StickSlip", "first_release", "stick_slip_statistics"]
+__all__ = ["StickSlip", "drive_profile", "first_release", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
 """Share of the static limit mu_0 W by which the load must fall or rise to count."""
@@ -179,6 +179,20 @@ def first_release(force: _Floats) -> int:
     return int(np.argmax(size >= 0.99 * size.max()))
 
 
+def drive_profile(result: Result) -> tuple[_Floats, _Floats] | None:
+    """Times [s] and velocities [m/s] of the corners of the drive; None if the drive is constant, or the run does not contain it."""
+    if "velocity" in result.parameters or not result.resolved_deck:
+        return None
+    try:
+        drive = Scene(result.resolved_deck).groups()["drive"]
+        time, velocity = (
+            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
+        )
+    except (Error, KeyError, ValueError):
+        return None
+    return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
+
+
 def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
     """Signs of V and of V cos(phi) from each sample to the next, 0 where the drive does not pull; and cos(phi)."""
     angle = float(result.parameters.get("misalignment_deg", 0.0))
@@ -186,13 +200,10 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
     if result.parameters.get("model") in ("high_frequency", "creep", "creep_asymptotic"):
         cosine = 0.0
     middle = 0.5 * (result.time[1:] + result.time[:-1])
-    if "velocity" in result.parameters:
-        velocity = np.full(middle.shape, float(result.parameters["velocity"]))
-    elif result.resolved_deck:
-        drive = Scene(result.resolved_deck).groups()["drive"]
-        velocity = np.interp(middle, np.atleast_1d(drive["time"]), np.atleast_1d(drive["velocity"]))
-    else:
-        velocity = np.ones(middle.shape)
+    profile = drive_profile(result)
+    velocity = np.full(middle.shape, float(result.parameters.get("velocity", 1.0)))
+    if profile is not None:
+        velocity = np.interp(middle, *profile)
     sign = np.sign(velocity).astype(int)
     return sign, sign * int(np.sign(cosine)), cosine
 

@@ -14,8 +14,6 @@ import xarray
 from dynstiction.__main__ import main
 from programs import INPUTS, Program
 
-pandas = pytest.importorskip("pandas", reason="no pandas: pip install pandas")
-
 
 @pytest.fixture(scope="module")
 def result(fig3: ds.Scene) -> ds.Result:

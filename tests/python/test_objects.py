@@ -479,14 +479,11 @@ def test_of_two_savers_one_is_refused(tmp_path: Path, fig3: ds.Scene) -> None:
 
 
 def test_a_missing_package_is_told_before_anything_is_computed(
-    fig3: ds.Scene, fig3_result: ds.Result, monkeypatch: pytest.MonkeyPatch
+    fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_sweep._native, "Sweep", lambda *_: pytest.fail("computed"))
     for package, call in (
         ("xarray", lambda: ds.sweep(fig3, {"system.mass": [1.0]})),
-        ("xarray", fig3_result.to_xarray),
-        ("pandas", fig3_result.to_pandas),
-        ("pandas", ds.stick_slip_statistics(fig3_result).to_pandas),
         ("tqdm", lambda: ds.run(fig3, progress=True)),
     ):
         with monkeypatch.context() as patch:

@@ -135,10 +135,7 @@ def test_result_describes_itself(fig3: ds.Scene, fig3_result: ds.Result) -> None
         assert values.shape == fig3_result.time.shape
     assert (fig3_result.time[0], fig3_result.time[-1]) == (0.0, 10.0)
     assert np.all(np.diff(fig3_result.time) > 0)
-    page = fig3_result._repr_html_()
-    assert page.count("<svg") == 3
-    assert len(page) < 50_000
-    assert "<svg" not in ds.run(fig3, scene=SHORT, output={"fields": "Y"})._repr_html_()
+    assert len(fig3_result._repr_html_()) < 50_000
 
 
 def test_missing_names_name_the_nearest(fig3: ds.Scene, fig3_result: ds.Result) -> None:

@@ -9,13 +9,13 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase, SubFigure
 
-from .._plotting import PlotModule
 from ..branches import Branches
 from ..errors import UsageError
 from ..result import Result
@@ -54,6 +54,7 @@ __all__ = [
     "SENSITIVITY",
     "SWEEP_KINDS",
     "Drawable",
+    "PlotModule",
     "coarseness",
     "compare",
     "draw",
@@ -96,8 +97,6 @@ LARGEST = 1e100
 
 SENSITIVITY, BRANCHES = "sensitivity", "branches"
 """The kinds of figure of the derivatives of a cycle, and of branches of cycles."""
-
-sys.modules[__name__].__class__ = PlotModule
 
 Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 """A run, the derivatives of a cycle, branches of cycles, or a sweep."""
@@ -362,3 +361,45 @@ def save(
         If the file cannot be written.
     """
     write(draw(result, kind, quantity, **how), path, overwrite=overwrite)
+
+
+class PlotModule(ModuleType):
+    """A module that draws when it is called."""
+
+    def __call__(self, result: Any, kind: str | None = None, **options: Any) -> Figure:
+        """Draw a result.
+
+        If pyplot has been imported, it also manages a new figure, so that ``plt.show()`` shows it. In a notebook with inline
+        figures it does not, because the notebook shows the returned figure itself.
+
+        Parameters
+        ----------
+        result : Result, Sensitivity or xarray.Dataset, or mapping of Result
+            A run, derivatives, or a sweep; or several runs by name, which are drawn side by side.
+        kind : str, optional
+            Kind of figure, as for `dynstiction.plot.draw`.
+        **options
+            As for `dynstiction.plot.draw`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UsageError
+            As for `dynstiction.plot.draw`.
+        """
+        is_one = isinstance(result, Result) or not isinstance(result, Mapping) or hasattr(result, "coords")
+        figure = draw(result, kind, **options) if is_one else compare(result, **options)
+        pyplot = sys.modules.get("matplotlib.pyplot")
+        is_new = "ax" not in options and "figure" not in options
+        if is_new and pyplot is not None and "inline" not in pyplot.get_backend().lower():
+            pyplot.figure(FigureClass=lambda *_, **__: figure)
+        return figure
+
+
+sys.modules[__name__].__class__ = PlotModule
+
+if TYPE_CHECKING:
+    plot: PlotModule

@@ -12,11 +12,11 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
+from .._run import run
 from ..errors import Error, UsageError
 from ..record import SLIP_BEGINS
 from ..result import Result
 from ..scene import Scene
-from ..simulation import Simulation
 from .notation import Floats, prefixed
 from .style import VERMILION, sized
 from .theory import slider
@@ -104,7 +104,7 @@ def releases_of(result: Result) -> Releases:
         raise UsageError(
             f"the run has {found.size} releases from a stick, and a map needs {LEAST_RELEASES}: {INSTEAD}"
         )
-    stop = float(found[MOST_RELEASES - 1] if found.size > MOST_RELEASES else result.time[-1])
+    stop = float(found[MOST_RELEASES] if found.size > MOST_RELEASES else result.time[-1])
     try:
         time, u_x = _repeat(result, stop)
     except Error as error:
@@ -149,19 +149,11 @@ def _parameters(result: Result) -> dict[str, float]:
 
 
 def _repeat(result: Result, stop: float) -> tuple[Floats, Floats]:
-    """Times [s] and u_x [m] of the releases of a run up to `stop`, from the states of the same run at these times."""
-    end = float(result.parameters["t_end"])
-    scene = Scene(result.resolved_deck, output={"interval": end, "fields": ["u_x"], "wall_limit": 0.0})
-    with Simulation(scene) as simulation:
-        simulation.step_to(min(stop, end))
-        events = simulation.events
-    time = events["time"][events["kind"] == SLIP_BEGINS]
-    u_x = np.empty(time.size)
-    with Simulation(scene) as simulation:
-        for place, instant in enumerate(time):
-            simulation.step_to(float(instant))
-            u_x[place] = simulation.state["u_x"]
-    return time, u_x
+    """Times [s] and u_x [m] of the releases of a run up to `stop`: one of its steps ends at each."""
+    output = {"interval": 0.0, "fields": ["u_x"], "wall_limit": 0.0}
+    again = run(Scene(result.resolved_deck, scene={"t_end": stop}, output=output), progress=False)
+    time = again.events["time"][again.events["kind"] == SLIP_BEGINS]
+    return time, again["u_x"][np.searchsorted(again.time, time)]
 
 
 def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Normalize) -> None:

@@ -17,10 +17,10 @@ from matplotlib.transforms import Bbox
 from ..errors import ColumnError, UsageError
 from ..record import Described
 from ..result import Result
-from ..stick_slip import first_release
+from ..stick_slip import drive_profile, first_release
 from .notation import COLUMNS, PARAMETERS, Floats, columns, label_of, scaled, thin, with_unit
 from .style import BLACK, COLUMN_WIDTH, MM, PALETTE, degree_ticks, legend_above, note, panels, sized
-from .theory import drive_profile, driven_length, static_limit, steady_friction, stiff_frequency
+from .theory import driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
 __all__ = ["draw_comparison", "draw_history", "draw_overlay", "draw_series", "draw_velocities"]
