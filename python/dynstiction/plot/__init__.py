@@ -31,7 +31,7 @@ from .notation import the_nearest, thin
 from .path import draw_path
 from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
-from .style import DOTS_PER_INCH, drawn, write
+from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
 from .time_series import (
@@ -184,18 +184,18 @@ def draw(
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
-            return drawn(partial(fill, str(kind)), axes[0])
+            return new_figure(partial(fill, str(kind)), axes[0])
         shown = names or ("spring_force_x",)
-        return drawn(lambda _: draw_in_axes(view_of(result, start, end), axes, shown), axes[0])
+        return new_figure(lambda _: draw_in_axes(view_of(result, start, end), axes, shown), axes[0])
     try:
-        return drawn(partial(fill, kind or usual), figure)
+        return new_figure(partial(fill, kind or usual), figure)
     except UsageError:
         if kind is not None or not isinstance(result, Result):
             raise
     # The default kind cannot be drawn: all columns.
     if figure is not None:
         figure.clear()
-    return drawn(partial(fill, "columns"), figure)
+    return new_figure(partial(fill, "columns"), figure)
 
 
 def _names(columns: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -227,7 +227,7 @@ def _kind_of_part(
 
 def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list[Axes]:
     """Axes of the user for columns of a run, or for a kind with one panel."""
-    axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    axes = list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
     if not isinstance(result, Result) or kind not in (None, *OF_COLUMNS, *IN_AXES):
@@ -339,7 +339,7 @@ def _of_several(
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    return drawn(partial(fill, results, names=_names(columns), **how))
+    return new_figure(partial(fill, results, names=_names(columns), **how))
 
 
 def save(

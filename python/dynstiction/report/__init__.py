@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import os
 from html import escape
 from importlib.resources import files
@@ -17,7 +16,7 @@ from .._native import catalogue
 from .._output import put
 from ..errors import Error, UsageError
 from ..html import table
-from ..plot.style import rendering
+from ..plot.style import image_of
 from ..plot.view import view_of
 from ..record import Described, headed, number_shown, rows_of, unit_shown
 from ..result import Result
@@ -173,15 +172,12 @@ def _figures(result: Result) -> tuple[str, str]:
     for kind in plot.KINDS:
         if kind == "columns" and drawn:
             continue
-        picture = io.BytesIO()
         try:
-            figure = plot.draw(result, kind)
-            with rendering():
-                figure.savefig(picture, format="png", dpi=DOTS_PER_INCH)
+            picture = image_of(plot.draw(result, kind), "png", DOTS_PER_INCH)
         except UsageError as error:
             missing.append(f"<li><b>{kind}</b>: {escape(str(error))}</li>")
             continue
-        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture.getvalue()).decode("ascii")
+        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture).decode("ascii")
         drawn.append(
             f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}">'
             f"<figcaption>{caption}</figcaption></figure>"
