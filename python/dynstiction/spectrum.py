@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import finite, instance, number, reals, shape_of, whole
@@ -15,8 +16,8 @@ __all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "
 
 _Floats = NDArray[np.float64]
 
-# Windows are filled with zeros to this multiple of their length: the peak is then within three close points.
 PADDING = 2
+"""Windows are filled with zeros to this multiple of their length, so that the peak is within three close points."""
 # How far the spacing of samples may be from uniform.
 SPACING_TOLERANCE = 1e-6
 
@@ -82,27 +83,19 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
     first, last = -(-half // hop), (n - length + half) // hop + 1
     begins = hop * np.arange(first, last) - half
     padded = PADDING * length
+    windows, weights = sliding_window_view(signal, length)[begins], np.hamming(length)
     with np.errstate(all="ignore"):
-        density = np.stack(
-            [_density(signal[begin : begin + length], padded, step) for begin in begins.tolist()], axis=1
-        )
+        spectra = np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * weights, padded)
+        density = step / np.sum(weights**2) * np.abs(spectra.T) ** 2
+        # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
+        density[1:-1] *= 2.0
         frequency = np.fft.rfftfreq(padded, step)
     middles = times[0] + step * hop * np.arange(first, last)
     return Spectrogram(
         middles,
         finite("the frequency", np.asarray(frequency, dtype=np.float64)),
-        finite("the density", density),
+        finite("the density", np.ascontiguousarray(density)),
     )
-
-
-def _density(values: _Floats, padded: int, step: float) -> _Floats:
-    """One-sided power spectral density of one window, filled up with zeros to `padded` samples."""
-    window = np.hamming(values.size)
-    spectrum = np.fft.rfft((values - values.mean()) * window, padded)
-    density = step / np.sum(window**2) * np.abs(spectrum) ** 2
-    # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
-    density[1 : -1 if padded % 2 == 0 else None] *= 2.0
-    return np.asarray(density)
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:

@@ -48,10 +48,8 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = [
-    "BRANCHES",
     "DOTS_PER_INCH",
     "KINDS",
-    "SENSITIVITY",
     "SWEEP_KINDS",
     "Drawable",
     "PlotModule",
@@ -95,8 +93,12 @@ KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequenc
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 
-SENSITIVITY, BRANCHES = "sensitivity", "branches"
-"""The kinds of figure of the derivatives of a cycle, and of branches of cycles."""
+KINDS_OF: dict[type, dict[str, Callable[..., None]]] = {
+    Result: KINDS,
+    Sensitivity: {"sensitivity": draw_sensitivity},
+    Branches: {"branches": draw_branches},
+}
+"""Kinds of figure of other objects than sweeps, the default one first."""
 
 Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 """A run, the derivatives of a cycle, branches of cycles, or a sweep."""
@@ -133,8 +135,7 @@ def draw(
         `dynstiction.branch`; or a sweep, from `dynstiction.sweep` or `dynstiction.open`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
-        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For derivatives
-        `SENSITIVITY`, the only one.
+        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``.
     quantity : str, optional
         Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``,
         which is also that of branches.
@@ -240,13 +241,10 @@ def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list
 
 def _kinds_of(result: Drawable, kind: str | None) -> tuple[dict[str, Callable[..., None]], str]:
     """Kinds of figure for the given object, and the default one; a kind that is none of them is refused."""
-    kinds, usual = SWEEP_KINDS, "map"
-    if isinstance(result, Sensitivity):
-        kinds, usual = {SENSITIVITY: draw_sensitivity}, SENSITIVITY
-    elif isinstance(result, Branches):
-        kinds, usual = {BRANCHES: draw_branches}, BRANCHES
-    elif isinstance(result, Result):
-        kinds, usual = KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
+    kinds = next((kinds for type_, kinds in KINDS_OF.items() if isinstance(result, type_)), SWEEP_KINDS)
+    usual = next(iter(kinds))
+    if isinstance(result, Result):
+        usual = KIND_OF_MODEL.get(str(result.attributes.get("model", "")), usual)
     if kind is not None and kind not in kinds:
         near = the_nearest(kind, kinds)
         raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
