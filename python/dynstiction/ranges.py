@@ -161,15 +161,10 @@ def stick_slip_range(
         finally:
             rig.stopped = True
             pool.shutdown(cancel_futures=True)
-    ranges = [
-        KeyRange(
-            name,
-            _native.key_info(*name.split(".")).units or "1",
-            starts[name][0],
-            *zip(found[name, -1], found[name, 1], strict=True),
-        )
-        for name in wanted
-    ]
+    ranges = []
+    for name in wanted:
+        about = name, _native.key_info(*name.split(".")).units or "1", starts[name][0]
+        ranges.append(KeyRange._make((*about, *zip(found[name, -1], found[name, 1], strict=True))))
     return StickSlipRange(rig.velocity, own.swing, own.limit, own.least, sliding, tuple(ranges))
 
 

@@ -177,17 +177,20 @@ def draw(
     if branches is not None and kind != "bifurcation":
         raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
     options: dict[str, Any] = {"quantity": quantity, "branches": branches, "names": names}
-    chosen = {name: value for name, value in options.items() if value}
+    chosen = {name: value for name, value in options.items() if value not in (None, ())}
+
+    def seen() -> Any:
+        return view_of(result, start, end) if isinstance(result, Result) else result
 
     def fill(name: str, canvas: FigureBase | Axes) -> None:
-        kinds[name](view_of(result, start, end) if isinstance(result, Result) else result, canvas, **chosen)
+        kinds[name](seen(), canvas, **chosen)
 
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
             return new_figure(partial(fill, str(kind)), axes[0])
         shown = names or ("spring_force_x",)
-        return new_figure(lambda _: draw_in_axes(view_of(result, start, end), axes, shown), axes[0])
+        return new_figure(lambda _: draw_in_axes(seen(), axes, shown), axes[0])
     try:
         return new_figure(partial(fill, kind or usual), figure)
     except UsageError:
