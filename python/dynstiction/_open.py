@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from .errors import Error, FileError
-from .record import Info, si_units
+from .record import Info
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
@@ -168,7 +168,7 @@ def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Datas
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
     """Name, unit and meaning of a dataset, from its attributes."""
     about = dataset.attrs
-    return Info(name, si_units(str(about.get("units", "1"))), str(about.get("long_name", "")))
+    return Info(name, str(about.get("units", "1")), str(about.get("long_name", "")))
 
 
 def check_seal(name: str) -> bool:

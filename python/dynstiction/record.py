@@ -35,7 +35,6 @@ __all__ = [
     "number_shown",
     "occurrences",
     "rows_of",
-    "si_units",
     "unit_shown",
 ]
 
@@ -80,15 +79,6 @@ def unit_shown(units: str) -> str:
 def headed(name: str, units: str) -> str:
     """Heading of a column: its name, and its unit in brackets if it has one."""
     return f"{name} [{units}]" if unit_shown(units) else name
-
-
-def si_units(units: str) -> str:
-    """A unit in the notation of this package, ``m/s``; older files have ``m s-1``."""
-    above = [part for part in units.split() if "-" not in part]
-    below = [part.replace("-", "").removesuffix("1") for part in units.split() if "-" in part]
-    if not below or not all(part[:1].isalpha() for part in below):
-        return units
-    return "/".join([" ".join(above) or "1", *below])
 
 
 def number_shown(value: object, digits: int = 6) -> str:

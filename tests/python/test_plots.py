@@ -466,7 +466,6 @@ def test_a_map_seen_with_leaps_is_the_same(slipped: ds.Result, fig3: ds.Scene) -
 def test_a_run_without_a_cycle_map_says_why(fig3: ds.Scene, slipped: ds.Result) -> None:
     refused = {
         "full model": ds.run(deck("creep")),
-        "has no deck": replace(slipped, resolved_deck=""),
         "cannot be repeated": replace(slipped, resolved_deck="&scene\n nonsense = 1\n/\n"),
         "is one point": ds.run(fig3, scene={"t_end": 8.0}, system={"misalignment_deg": 0.0}),
     }
