@@ -27,9 +27,7 @@ __all__ = [
     "Described",
     "Info",
     "Table",
-    "event_columns",
     "events_between",
-    "frame_of",
     "headed",
     "log_until",
     "number_shown",
@@ -220,7 +218,11 @@ class Table(Generic[C]):
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units."""
-        return frame_of(self.columns)
+        import pandas  # noqa: PLC0415  (slow to import)
+
+        frame = pandas.DataFrame(dict(self.columns))
+        frame.attrs["units"] = self.columns.units
+        return frame
 
     def _values(self) -> tuple[str, str, Described[float]]:
         """What a notebook shows: a title, the kind of values, and the values."""
@@ -229,15 +231,6 @@ class Table(Generic[C]):
     def _repr_html_(self) -> str:
         title, head, values = self._values()
         return page_table(title, (head, "value", "unit", ""), rows_of(values))
-
-
-def frame_of(columns: Described[C]) -> pandas.DataFrame:
-    """Columns as a `pandas.DataFrame` with their units."""
-    import pandas  # noqa: PLC0415  (slow to import)
-
-    frame = pandas.DataFrame(dict(columns))
-    frame.attrs["units"] = columns.units
-    return frame
 
 
 def rows_of(values: Described[Any], digits: int = 8) -> list[tuple[str, str, str, str]]:
@@ -293,8 +286,3 @@ def events_between(log: NDArray[np.void], first: float, last: float) -> NDArray[
         parts.append(part.ravel())
     events = np.concatenate(parts)
     return events[(events["time"] >= first) & (events["time"] <= last)]
-
-
-def event_columns(events: NDArray[np.void]) -> Iterator[tuple[Info, NDArray[Any]]]:
-    """Time and kind of events, with their meanings."""
-    return ((EVENTS[name], events[name]) for name in ("time", "kind"))

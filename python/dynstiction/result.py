@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import flag, path_name, shown
-from .errors import UsageError, printable
+from ._arguments import flag, path_name
+from .errors import printable
 from .html import table
 from .record import (
     STICK_BEGINS,
     Described,
     Table,
-    event_columns,
     events_between,
-    frame_of,
     headed,
     unit_shown,
 )
@@ -136,27 +134,9 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         }
         return xarray.Dataset(variables, {"time": variables.pop("time")}, self.attributes)
 
-    def to_pandas(self, which: str = "time_series") -> pandas.DataFrame:
-        """Time series or events as a `pandas.DataFrame`; ``frame.attrs["units"]`` has the units.
-
-        Parameters
-        ----------
-        which : str
-            ``"time_series"``, indexed by time [s], or ``"events"``, with time [s] and kind (1 = stick begins, 2 = slip
-            begins).
-
-        Raises
-        ------
-        UsageError
-            If `which` is neither.
-        """
-        if not isinstance(which, str):
-            which = shown(which)
-        if which not in ("time_series", "events"):
-            raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
-        if which == "time_series":
-            return super().to_pandas().set_index("time")
-        return frame_of(Described(event_columns(self.events)))
+    def to_pandas(self) -> pandas.DataFrame:
+        """Time series as a `pandas.DataFrame`, indexed by time [s]; ``frame.attrs["units"]`` has the units."""
+        return super().to_pandas().set_index("time")
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw the result.

@@ -370,8 +370,6 @@ def test_wild_calls_are_refused(fig3: ds.Scene, fig3_result: ds.Result) -> None:
         lambda: ds.open(None),
         lambda: ds.Described([1]),
         lambda: ds.Simulation(scene).step_to(None),
-        lambda: result.sticks(np.nan),
-        lambda: result.to_pandas(np.ones(2)),
         lambda: result.save(3),
         lambda: result.save("x.h5", overwrite="no"),
         lambda: ds.stick_slip_statistics(result)[[1]],

@@ -55,12 +55,8 @@ WIDTH = 52
 VISIBLE = 0.01
 """Share of F_0 by which the steady force must differ from F_0 to get a separate line."""
 
-NEVER_SHOWN = frozenset(
-    {
-        "title", "file", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps",
-        "t_end",
-        "threads", "accuracy", "quantities", "stop_at_steady", "overwrite",
-    }
+NEVER_SHOWN = (
+    "title", "file", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps", "t_end", "accuracy", "quantities"
 )  # fmt: skip
 """Parameters that do not change the motion, or not in a way that matters to the reader."""
 
