@@ -47,6 +47,8 @@ SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
 SMALL = 2e-3
 """Swing over F_0 below which a cycle of the slow motion is about to end in steady sliding."""
+MOST_POINTS = 500
+"""Points of a branch to either side of the cycle with which it begins."""
 BESIDE = 0.01
 """How far from a doubling the cycles that begin there are looked for, over the range."""
 
@@ -246,7 +248,6 @@ def branch(
     slow_cycles: int = 2,
     model: str = "",
     most_branches: int = 12,
-    most_points: int = 1000,
     progress: bool | None = None,
 ) -> Branches:
     """Follow the cycles of a scene, stable and unstable, over a key of the deck.
@@ -264,8 +265,8 @@ def branch(
         Unstable cycles of up to so many slow cycles are followed; stable ones whatever their number (up to 8).
     model : str
         'full' or 'low_frequency'; by default the scene's own.
-    most_branches, most_points : int
-        No more branches, and no more points of a branch, are followed.
+    most_branches : int
+        No more branches are followed.
     progress : bool, optional
         Whether to show progress as a bar; by default as for `dynstiction.run`.
 
@@ -313,7 +314,7 @@ def branch(
             for cycle, a in _cycles_at(the_map, q, slow_cycles, known.get(q)):
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
-                one = _follow(the_map, q, a, max(1, cycle.slow_cycles), most_points)
+                one = _follow(the_map, q, a, max(1, cycle.slow_cycles))
                 if one is None:
                     continue
                 found.append((_as_branch(the_map, cycle.slow_cycles, *one), one[0]))
@@ -377,9 +378,7 @@ def _is_known(
 _Special = tuple[Kind, _Place]
 
 
-def _follow(
-    the_map: _Map, q: float, a: float, n: int, most_points: int
-) -> tuple[list[_Place], list[_Special]] | None:
+def _follow(the_map: _Map, q: float, a: float, n: int) -> tuple[list[_Place], list[_Special]] | None:
     """The branch through a cycle: its points, and the special ones among them."""
     try:
         middle = the_map.at_value(q, a, n)
@@ -387,7 +386,7 @@ def _follow(
         return None
     sides = []
     for side in (-1, 1):
-        places, between, end = _one_way(the_map, middle, side, n, most_points // 2)
+        places, between, end = _one_way(the_map, middle, side, n)
         special = [*(found for _, found in between), (end, places[-1])]
         for place, (_, at) in reversed(between):
             places.insert(place, at)
@@ -397,14 +396,14 @@ def _follow(
 
 
 def _one_way(
-    the_map: _Map, first: _Place, side: int, n: int, most: int
+    the_map: _Map, first: _Place, side: int, n: int
 ) -> tuple[list[_Place], list[tuple[int, _Special]], Kind]:
     """The branch from a cycle to one side of its value, to its end: points, special ones with their place among these, and the end."""
     places: list[_Place] = [first]
     special: list[tuple[int, _Special]] = []
     step = FIRST_STEP
     end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
-    while end is None and len(places) < most:
+    while end is None and len(places) < MOST_POINTS:
         here = places[-1]
         way = (float(side), 0.0)
         if len(places) > 1:

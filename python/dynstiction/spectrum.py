@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import finite, instance, number, reals, shape_of, whole
+from ._arguments import finite, instance, number, reals, shape_of
 from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
@@ -16,10 +16,12 @@ __all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "
 
 _Floats = NDArray[np.float64]
 
+WINDOWS = 400
+"""Approximate number of windows; fewer if they would be less than a sample apart."""
 PADDING = 2
 """Windows are filled with zeros to this multiple of their length, so that the peak is within three close points."""
-# How far the spacing of samples may be from uniform.
 SPACING_TOLERANCE = 1e-6
+"""How far the spacing of samples may be from uniform."""
 
 
 class Spectrogram(NamedTuple):
@@ -33,7 +35,7 @@ class Spectrogram(NamedTuple):
     """One-sided power spectral density [unit of the signal squared / Hz], shape (n_f, n_t)."""
 
 
-def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: int = 400) -> Spectrogram:
+def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1) -> Spectrogram:
     """Power spectral density in a Hamming window that slides over the signal; the mean of each window is subtracted.
 
     Parameters
@@ -45,8 +47,6 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
         The signal.
     window : float
         Length of the window [s].
-    count : int
-        Approximate number of windows; fewer if they would be less than a sample apart.
 
     Returns
     -------
@@ -56,11 +56,11 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
     Raises
     ------
     UsageError
-        If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, if
-        `count` is not a whole number of at least 1, or if the density is beyond the range of double precision.
+        If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, or if
+        the density is beyond the range of double precision.
     """
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
-    window, count = number("window", window, checked=False), whole("count", count, least=1)
+    window = number("window", window, checked=False)
     if times.ndim != 1 or times.shape != signal.shape:
         raise UsageError(f"time and values of shapes {times.shape} and {signal.shape}: both must be (n,)")
     if not (np.all(np.isfinite(signal)) and np.all(np.isfinite(times))):
@@ -77,7 +77,7 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
             f"samples {step:.6g} s apart are too few for a window of {window:g} s: "
             f"run again with output.interval = {window / 100:.1g} or less"
         )
-    hop = max(1, (n - length) // count)
+    hop = max(1, (n - length) // WINDOWS)
     # The middles of the windows are multiples of the hop, from the first to the last that is within the signal.
     half = length // 2
     first, last = -(-half // hop), (n - length + half) // hop + 1
