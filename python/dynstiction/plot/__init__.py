@@ -107,9 +107,6 @@ Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
 """Kinds of figure of a run that can show a part of its time; the others show the first creep, or the releases."""
 
-OF_COLUMNS = ("history", "columns")
-"""Kinds of figure of a run whose columns can be chosen."""
-
 IN_AXES = ("path", "damping")
 """Kinds of figure of a run that can be drawn into one pair of axes, besides single columns."""
 
@@ -142,7 +139,7 @@ def draw(
     branches : Branches, optional
         Branches over the parameter of the sweep, which are drawn into its bifurcation diagram.
     columns : str or sequence of str, optional
-        Columns of a run to draw, one in each panel, in place of those of the kind ``"history"`` or ``"columns"``.
+        Columns of a run to draw, one in each panel, in place of those of the kind ``"history"``.
     start, end : float, optional
         Part of a run to draw [s]. Without both, a run with many cycles is drawn up to its first cycles, and the figure says so.
     figure : Figure or SubFigure, optional
@@ -215,9 +212,9 @@ def _kind_of_part(
 ) -> str | None:
     """The kind of figure for some columns or a part of a run, refused if it cannot show them; None is the default kind."""
     if names:
-        kind = kind or "history"
-        if kind not in OF_COLUMNS:
-            raise UsageError(f"columns can be chosen for the kinds {', '.join(OF_COLUMNS)}, not for '{kind}'")
+        if kind not in (None, "history"):
+            raise UsageError(f"columns can be chosen for the kind 'history', not for '{kind}'")
+        kind = "history"
         # A missing column is refused here: otherwise the default kind would be replaced by another.
         refuse_lacking(result, *names)
     if part != (None, None):
@@ -234,7 +231,7 @@ def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list
     axes = list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
-    if not isinstance(result, Result) or kind not in (None, *OF_COLUMNS, *IN_AXES):
+    if not isinstance(result, Result) or kind not in (None, "history", *IN_AXES):
         offered = ", ".join(IN_AXES)
         raise UsageError(f"ax= is for columns of a run, and the kinds {offered}: give figure= for others")
     if kind in IN_AXES and len(axes) != 1:

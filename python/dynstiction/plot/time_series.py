@@ -228,15 +228,14 @@ def draw_velocities(view: View, figure: FigureBase) -> None:
     figure.align_ylabels(axes[:, 0])
 
 
-def draw_series(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
-    """All columns, or some, one in each panel: for files with too few columns for another kind."""
-    held = [name for name in view.whole if name != "time"]
-    if not held:
+def draw_series(view: View, figure: FigureBase) -> None:
+    """All columns, one in each panel: for files with too few columns for another kind."""
+    names = [name for name in view.whole if name != "time"]
+    if not names:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
     # Known columns in the order of the figures, the others in the order of the file.
     order = {name: place for place, name in enumerate(COLUMNS)}
-    names = names or sorted(held, key=lambda name: order.get(name, len(order)))
-    columns(view.whole, *names)
+    names.sort(key=lambda name: order.get(name, len(order)))
     height = 26.0 if len(names) <= FEW else 18.0
     axes = panels(figure, len(names), height * len(names) + 12.0, letters="", sharex=True)
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
