@@ -118,24 +118,20 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
     drive, pull, cosine = _directions(result)
-    turns: list[tuple[int, int, int]] = []
+    # Of each peak: its sample, that of its valley, whether that and the next peak follow in the same stretch, and where this begins.
+    rows: list[tuple[int, int, bool, bool, int]] = []
     for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
         if stretch.size and pull[stretch[0]]:
             first, last = stretch[[0, -1]]
-            inside = slice(first, last + 2)
-            found = _turns(pull[first] * force[inside], THRESHOLD * limit)
-            turns += [(first + i, kind, first) for i, kind in found]
-    at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
-    # Peaks and valleys alternate: in a stretch, a peak is followed by its valley, and then by the next peak.
-    peak = np.flatnonzero(kind > 0)
-
-    def has(turn: NDArray[np.intp]) -> NDArray[np.bool_]:
-        inside = np.minimum(turn, at.size - 1)
-        return np.asarray((turn < at.size) & (stretch_of[inside] == stretch_of[peak]))
-
-    whole, linked = has(peak + 1), has(peak + 2)
-    peaks, valleys = at[peak], at[np.where(whole, peak + 1, peak)]
-    side_of, along = (sides[stretch_of[peak]].astype(float) for sides in (pull, drive))
+            found = _turns(pull[first] * force[first : last + 2], THRESHOLD * limit)
+            # Peaks and valleys alternate.
+            for k, (peak, kind) in enumerate(found):
+                valley, *later = [i for i, _ in found[k + 1 : k + 3]] or [peak]
+                if kind > 0:
+                    rows.append((first + peak, first + valley, k + 1 < len(found), bool(later), first))
+    peaks, valleys, whole, linked, begin = np.array(rows, dtype=np.intp).reshape(-1, 5).T
+    whole, linked = whole > 0, linked > 0
+    side_of, along = pull[begin].astype(float), drive[begin].astype(float)
     n = peaks.size
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
