@@ -129,8 +129,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
                 valley, *later = [i for i, _ in found[k + 1 : k + 3]] or [peak]
                 if kind > 0:
                     rows.append((first + peak, first + valley, k + 1 < len(found), bool(later), first))
-    peaks, valleys, whole, linked, begin = np.array(rows, dtype=np.intp).reshape(-1, 5).T
-    whole, linked = whole > 0, linked > 0
+    peaks, valleys, has_valley, has_next, begin = np.array(rows, dtype=np.intp).reshape(-1, 5).T
+    whole, linked = has_valley > 0, has_next > 0
     side_of, along = pull[begin].astype(float), drive[begin].astype(float)
     n = peaks.size
     peak_time, peak_force = _vertex(time, force, peaks)

@@ -475,9 +475,7 @@ def test_of_two_savers_one_is_refused(tmp_path: Path, fig3: ds.Scene) -> None:
 # Packages, series, memory, stacks
 
 
-def test_a_missing_package_is_told_before_anything_is_computed(
-    fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_told_before_anything_is_computed(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_sweep._native, "Sweep", lambda *_: pytest.fail("computed"))
     for package, call in (
         ("xarray", lambda: ds.sweep(fig3, {"system.mass": [1.0]})),
