@@ -68,7 +68,6 @@ _MODULE_OF = {
     "BranchPoint": "branches",
     "Branches": "branches",
     "branch": "branches",
-    "fold_curve": "branches",
     "Trace": "trace",
     "Statistic": "trace_comparison",
     "TraceComparison": "trace_comparison",
@@ -103,11 +102,11 @@ _MODULE_OF = {
     "fit": "trace_fit",
 }
 if _TYPE_CHECKING:
-    from ._plotting import plot as plot
     from ._trade import Trade, trade
-    from .branches import Branch, Branches, BranchPoint, branch, fold_curve
+    from .branches import Branch, Branches, BranchPoint, branch
     from .creep_fit import CreepFit, fit_creep
     from .friction_fit import FrictionFit, fit_friction_law
+    from .plot import plot as plot
     from .ranges import KeyRange, StickSlipRange, stick_slip_range
     from .tangents import Derivatives, Sensitivity, derivatives, sensitivity
     from .trace import Trace
@@ -194,7 +193,6 @@ __all__ = [
     "fit",
     "fit_creep",
     "fit_friction_law",
-    "fold_curve",
     "jacobian",
     "mean_slip",
     "mean_waveform",

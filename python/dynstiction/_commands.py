@@ -121,7 +121,7 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
     )
     add("file", metavar="FILE.h5", type=Path)
     _overwrite(add)
-    _output(add, "OUT", "X.gif, X.mp4 (needs ffmpeg), or a folder for PNG frames", required=True)
+    _output(add, "OUT", "X.gif, or a folder for PNG frames", required=True)
     _part(add, "of the run [s]; default of --from and --to: the first creep and three cycles")
     _number(add, "--fps", "N", 20, "frames per second (20)")
     _number(add, "--seconds", "S", 10.0, "length of the animation [s] (10)")

@@ -21,7 +21,7 @@ FILES = {
     "TRACE": ("*.csv", "*.h5"),
     "FIGURE": ("*.png",),
     "HTML": ("*.html",),
-    "OUT": ("*.gif", "*.mp4"),
+    "OUT": ("*.gif",),
     "DIR": ("*/",),
 }
 """Endings of the files that an argument names."""

@@ -1,9 +1,16 @@
-"""Reading the HDF5 file of a run (see the manual, "The result file")."""
+"""The HDF5 file of a run, in the layout of the executable (see the manual, "The result file").
+
+It is created in memory and written as bytes, so that HDF5 itself never writes to a full disk; after such an error HDF5 would
+fail again and again, also at the end of the process.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import io
+import os
 import warnings
+import zlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,22 +20,29 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._commands import PROGRAM
-from ._open import dataset_in, info_of, open_file, own_datasets, values_in
+from ._open import SEAL, dataset_in, info_of, open_file, own_datasets, values_in
+from ._output import check_outputs, put
 from .errors import FileError, IncompleteWarning
-from .record import EVENTS, LOG_DTYPE, Described, Info, Record
+from .record import EVENTS, LOG_DTYPE, Described, Info
+from .result import Result
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["read"]
+__all__ = ["read", "write"]
 
 COUNTS = ("complete", "result_code", "threads")
 """Attributes that are Python integers, as in a run in memory; every other one is what h5py reads, also what others have added."""
 
+TEXTS = {"text": "the deck as read", "resolved": "the deck with every key as used"}
+FORMAT = ("v108", "v108")
+"""The oldest one in which the descriptions of the data have checksums."""
+STORED_AS = {"sticking": np.int8, "kind": np.int8, "occurs": np.int64}
+
 T = TypeVar("T")
 
 
-def read(name: str) -> Record | xarray.Dataset:
+def read(name: str) -> Result | xarray.Dataset:
     """Read a run or a sweep; see `dynstiction.open`."""
     with open_file(name) as file:
         if "sweep" in file:
@@ -46,7 +60,7 @@ def read(name: str) -> Record | xarray.Dataset:
     return result
 
 
-def _read_contents(file: h5py.File, name: str) -> Record:
+def _read_contents(file: h5py.File, name: str) -> Result:
     if file.attrs.get("program") != PROGRAM:
         raise FileError(f"{name}: is no file of {PROGRAM}")
     if "time_series/time" not in file:
@@ -68,7 +82,7 @@ def _read_contents(file: h5py.File, name: str) -> Record:
         raise FileError(f"{name}: is damaged: its deck does not have the checksum that the file states")
     attributes = {"complete": 0, **file.attrs}
     attributes |= {name: int(attributes[name]) for name in COUNTS if name in attributes}
-    return Record(
+    return Result(
         columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
         log=log,
         summary=Described(_in_order(_read_scalars(file, "summary"), "summary"), "summary"),
@@ -112,3 +126,77 @@ def _in_order(
 
 def _read_text(file: h5py.File, name: str) -> str:
     return "" if dataset_in(file, name) is None else values_in(file, name)
+
+
+def write(result: Result, path: str, *, overwrite: bool) -> None:
+    """Write a result; the file appears under its name only when it is complete and on the disk.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    path : str
+        The file.
+    overwrite : bool
+        Whether an existing result may be replaced.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written, or an existing file may not be replaced.
+    """
+    check_outputs([path], overwrite=overwrite, hdf5=True)
+    _refuse_what_is_not_ours(path)
+    # Not by `H5Fget_file_image`, whose superblock has a wrong checksum in HDF5 1.14.
+    with io.BytesIO() as stream:
+        with h5py.File(stream, "w", libver=FORMAT) as file:
+            _write_contents(file, result)
+        image = stream.getvalue()
+    put(path, image + SEAL % zlib.crc32(image), overwrite=overwrite)
+
+
+def _refuse_what_is_not_ours(path: str) -> None:
+    if not os.path.exists(path) or os.path.getsize(path) == 0:
+        return
+    try:
+        with open_file(path) as file:
+            ours = file.attrs.get("program") == PROGRAM
+    except FileError:
+        ours = False
+    if not ours:
+        raise FileError(
+            f"{path}: exists and is no result of {PROGRAM} (no HDF5 file, of another program, or damaged): "
+            "choose another name or remove it"
+        )
+
+
+def _write_contents(file: h5py.File, result: Result) -> None:
+    for name, value in result.attributes.items():
+        if name != "complete":
+            file.attrs[name] = np.int32(value) if isinstance(value, int) else value
+    group = file.create_group("deck")
+    for name, text in (("text", result.deck), ("resolved", result.resolved_deck)):
+        data = text.encode("utf-8", "surrogateescape")
+        _put(group, Info(name, "1", TEXTS[name]), data, dtype=h5py.string_dtype("utf-8"))
+    log = [(EVENTS[name], result.log[name]) for name in EVENTS]
+    for path, columns in (("time_series", result.columns.info()), ("events", log)):
+        group = file.create_group(path)
+        for info, values in columns:
+            _put(group, info, values.astype(STORED_AS.get(info.name, np.float64), copy=False), chunks=True)
+        group["time"].make_scale("time")
+        for name in group:
+            if name != "time":
+                group[name].dims[0].attach_scale(group["time"])
+    for table in ("summary", "statistics", "parameters"):
+        group = file.create_group(table)
+        for info, value in getattr(result, table).info():
+            # The executable writes counts as real numbers, except those of the statistics.
+            keeps = table == "statistics" or isinstance(value, str)
+            _put(group, info, value if keeps else float(value))
+    file.attrs["complete"] = np.int32(result.complete)
+
+
+def _put(group: h5py.Group, info: Info, data: Any, **how: Any) -> None:
+    """Write a dataset with its unit and its meaning."""
+    dataset = group.create_dataset(info.name, data=data, **how)
+    dataset.attrs["units"], dataset.attrs["long_name"] = info.units, info.long_name

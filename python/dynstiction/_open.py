@@ -10,10 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from .errors import Error, FileError
-from .record import Info, si_units
+from .record import Info
 
 if TYPE_CHECKING:
     import h5py  # type: ignore[import-untyped]
@@ -40,8 +38,6 @@ TEXTS, HEAD = b"GCOL\x01\0\0\0", 16
 """How a list of texts begins in a file; bytes before its texts, and before each of them."""
 MOST_COMPRESSED = 1100
 """More bytes than this for one byte in the file no filter of HDF5 gives back: the dataset claims what it does not have."""
-TEXT = np.dtype(object, metadata={"vlen": str})
-"""Texts of any length, as h5py knows them."""
 UNREAD = 2**20
 """Bytes that may be claimed all the same."""
 
@@ -109,17 +105,7 @@ def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
     """
     import h5py  # noqa: PLC0415
 
-    item: Any = group
-    for part in path.strip("/").split("/"):
-        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
-        if isinstance(link, h5py.ExternalLink):
-            raise FileError(
-                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
-            )
-        if not isinstance(link, h5py.HardLink):
-            item = item.get(part) if link is not None and _stays_inside(item, link) else None
-        else:
-            item = item[part]
+    item = _item_in(group, path)
     if not isinstance(item, h5py.Dataset):
         return None
     if item.external or item.is_virtual:
@@ -148,16 +134,22 @@ def values_in(group: h5py.Group, path: str) -> Any:
     return dataset.asstr(errors="surrogateescape")[()] if is_text else dataset[()]
 
 
-def _stays_inside(group: h5py.Group, link: h5py.SoftLink) -> bool:
-    """Whether a soft link is an ordinary name of something in the file: no further links on its way."""
+def _item_in(group: h5py.Group, path: str) -> Any:
+    """What has a name in a group, or is where soft links lead; None if there is nothing in this file."""
     import h5py  # noqa: PLC0415
 
-    item: Any = group.file if link.path.startswith("/") else group
-    for part in link.path.strip("/").split("/"):
-        if not isinstance(item, h5py.Group) or not isinstance(item.get(part, getlink=True), h5py.HardLink):
-            return False
-        item = item[part]
-    return True
+    item: Any = group
+    for part in path.strip("/").split("/"):
+        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+        if isinstance(link, h5py.ExternalLink):
+            raise FileError(
+                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
+            )
+        if isinstance(link, h5py.SoftLink):
+            item = _item_in(item.file if link.path.startswith("/") else item, link.path)
+        else:
+            item = item[part] if isinstance(link, h5py.HardLink) else None
+    return item
 
 
 def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Dataset]]:
@@ -165,15 +157,8 @@ def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Datas
     import h5py  # noqa: PLC0415
 
     for name in group:
-        # The interface below h5py's, which takes a quarter of the time: results have some hundred datasets of one number.
-        word = name.encode("utf-8", "surrogateescape")
-        if group.id.links.get_info(word).type != h5py.h5l.TYPE_HARD:
-            continue
-        found = h5py.h5o.open(group.id, word)
-        if not isinstance(found, h5py.h5d.DatasetID) or found.rank != ndim:
-            continue
-        dataset = h5py.Dataset(found)
-        if dataset.shape is None:
+        dataset = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
+        if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.ndim != ndim:
             continue
         is_plain = dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None
         if is_plain and not (dataset.is_virtual or dataset.external):
@@ -182,24 +167,8 @@ def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Datas
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:
     """Name, unit and meaning of a dataset, from its attributes."""
-    return Info(name, si_units(_text_of(dataset, "units", "1")), _text_of(dataset, "long_name", ""))
-
-
-def _text_of(dataset: h5py.Dataset, name: str, default: str) -> str:
-    """An attribute as text; one that is a text as the program writes it is read in a quarter of the time h5py's `attrs` takes."""
-    import h5py  # noqa: PLC0415
-
-    word = name.encode()
-    if not h5py.h5a.exists(dataset.id, word):
-        return default
-    attribute = h5py.h5a.open(dataset.id, word)
-    kind = attribute.get_type()
-    if attribute.shape != () or not isinstance(kind, h5py.h5t.TypeStringID) or not kind.is_variable_str():
-        return str(dataset.attrs[name])
-    value = np.empty((), TEXT)
-    attribute.read(value)
-    text = value[()]
-    return text.decode("utf-8", "surrogateescape") if isinstance(text, bytes) else str(text)
+    about = dataset.attrs
+    return Info(name, str(about.get("units", "1")), str(about.get("long_name", "")))
 
 
 def check_seal(name: str) -> bool:

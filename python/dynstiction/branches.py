@@ -18,7 +18,7 @@ from .errors import DeckError, SolverError, UsageError
 from .limit_cycles import Cycles, LimitCycle, cycles
 from .scene import DeckLike, Scene
 
-__all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words", "fold_curve"]
+__all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words"]
 
 _Floats = NDArray[np.float64]
 
@@ -45,10 +45,10 @@ KINK = 1e-3
 """Step from which on that test is left out: the factor in it may jump where a stick or a slip begins to graze."""
 SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
-PREDICTED = 0.05
-"""How far a point of a curve may be from the prediction, relatively."""
 SMALL = 2e-3
 """Swing over F_0 below which a cycle of the slow motion is about to end in steady sliding."""
+MOST_POINTS = 500
+"""Points of a branch to either side of the cycle with which it begins."""
 BESIDE = 0.01
 """How far from a doubling the cycles that begin there are looked for, over the range."""
 
@@ -248,7 +248,6 @@ def branch(
     slow_cycles: int = 2,
     model: str = "",
     most_branches: int = 12,
-    most_points: int = 1000,
     progress: bool | None = None,
 ) -> Branches:
     """Follow the cycles of a scene, stable and unstable, over a key of the deck.
@@ -266,8 +265,8 @@ def branch(
         Unstable cycles of up to so many slow cycles are followed; stable ones whatever their number (up to 8).
     model : str
         'full' or 'low_frequency'; by default the scene's own.
-    most_branches, most_points : int
-        No more branches, and no more points of a branch, are followed.
+    most_branches : int
+        No more branches are followed.
     progress : bool, optional
         Whether to show progress as a bar; by default as for `dynstiction.run`.
 
@@ -315,7 +314,7 @@ def branch(
             for cycle, a in _cycles_at(the_map, q, slow_cycles, known.get(q)):
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
-                one = _follow(the_map, q, a, max(1, cycle.slow_cycles), most_points)
+                one = _follow(the_map, q, a, max(1, cycle.slow_cycles))
                 if one is None:
                     continue
                 found.append((_as_branch(the_map, cycle.slow_cycles, *one), one[0]))
@@ -379,9 +378,7 @@ def _is_known(
 _Special = tuple[Kind, _Place]
 
 
-def _follow(
-    the_map: _Map, q: float, a: float, n: int, most_points: int
-) -> tuple[list[_Place], list[_Special]] | None:
+def _follow(the_map: _Map, q: float, a: float, n: int) -> tuple[list[_Place], list[_Special]] | None:
     """The branch through a cycle: its points, and the special ones among them."""
     try:
         middle = the_map.at_value(q, a, n)
@@ -389,7 +386,7 @@ def _follow(
         return None
     sides = []
     for side in (-1, 1):
-        places, between, end = _one_way(the_map, middle, side, n, most_points // 2)
+        places, between, end = _one_way(the_map, middle, side, n)
         special = [*(found for _, found in between), (end, places[-1])]
         for place, (_, at) in reversed(between):
             places.insert(place, at)
@@ -399,14 +396,14 @@ def _follow(
 
 
 def _one_way(
-    the_map: _Map, first: _Place, side: int, n: int, most: int
+    the_map: _Map, first: _Place, side: int, n: int
 ) -> tuple[list[_Place], list[tuple[int, _Special]], Kind]:
     """The branch from a cycle to one side of its value, to its end: points, special ones with their place among these, and the end."""
     places: list[_Place] = [first]
     special: list[tuple[int, _Special]] = []
     step = FIRST_STEP
     end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
-    while end is None and len(places) < most:
+    while end is None and len(places) < MOST_POINTS:
         here = places[-1]
         way = (float(side), 0.0)
         if len(places) > 1:
@@ -652,101 +649,3 @@ def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place], special: l
         BranchPoint(kind, the_map.value(at.q), at.a * the_map.unit, *at.measures[:3]) for kind, at in special
     )
     return Branch._make((slow_cycles, *np.array(rows).T, points))
-
-
-def fold_curve(
-    scene: DeckLike,
-    found: Branches,
-    point: BranchPoint,
-    key: str,
-    values: Sequence[float],
-    *,
-    slow_cycles: int = 1,
-) -> _Floats:
-    """Follow a fold or a doubling over a second key.
-
-    Parameters
-    ----------
-    scene : str, PathLike or Scene
-        The scene of `branch`.
-    found : Branches
-        What `branch` has found.
-    point : BranchPoint
-        A fold or a doubling of it.
-    key : str
-        The second key, a number of the deck.
-    values : sequence of float
-        Its values, in an order in which the first is near the scene's own and neighbours are near each other.
-    slow_cycles : int
-        Slow cycles of the branch.
-
-    Returns
-    -------
-    ndarray, shape (values,)
-        The value of ``found.key`` at the fold or doubling; NaN from the value on at which it is not found.
-
-    Raises
-    ------
-    UsageError
-        If the point is neither a fold nor a doubling, or the key no number.
-    DeckError, FileError, SolverError
-        As for `branch`.
-    """
-    if point.kind not in ("fold", "doubling"):
-        raise UsageError(f"a curve follows a fold or a doubling: this point is '{point.kind}'")
-    rig, name = held_drive(Scene(scene)), number_key(key)
-    target = 1.0 if point.kind == "fold" else -1.0
-    at = np.full(len(values), math.nan)
-    own = own_number(rig, name)
-    known = [(float(values[0]) if math.isnan(own) else own, np.array([point.value, point.place]))]
-    for i, value in enumerate(values):
-        if not _walk(rig, name, found, target, slow_cycles, known, float(value)):
-            break
-        at[i] = known[-1][1][0]
-    return at
-
-
-def _walk(
-    rig: Scene,
-    name: str,
-    found: Branches,
-    target: float,
-    slow_cycles: int,
-    known: list[tuple[float, _Floats]],
-    end: float,
-) -> bool:
-    """Go from the last known point of a curve of folds or doublings to a value of the second key, in steps as long as the prediction holds."""
-    from scipy.optimize import root  # noqa: PLC0415
-
-    share = 1.0
-    while known[-1][0] != end or len(known) == 1:
-        value, here = known[-1]
-        to = end if share == 1.0 else value + share * (end - value)
-        start = here
-        if len(known) > 1:
-            # Along the line through the last two.
-            before, there = known[-2]
-            start = here + (here - there) * (to - value) / (value - before) if value != before else here
-        the_map = _Map(_changed(rig, name, to), found.key, start[0], 2.0 * abs(start[0]) + 1.0, found.model)
-
-        def residual(x: _Floats, the_map: _Map = the_map, scale: _Floats = here) -> list[float]:
-            try:
-                turn, there = the_map.go(
-                    the_map.share(float(x[0] * scale[0])), float(x[1] * scale[1]) / the_map.unit, slow_cycles
-                )
-            except _NoReturn:
-                return [1e3, 1e3]
-            return [turn, 0.1 * (there.slope - target)]
-
-        solved = root(residual, start / here, options={"eps": 1e-7, "xtol": 1e-12})
-        is_there = (
-            max(map(abs, residual(solved.x))) <= 1e-6 and max(abs(solved.x - start / here)) <= PREDICTED
-        )
-        if is_there:
-            known.append((to, solved.x * here))
-            share = min(1.0, 2.0 * share)
-        elif share < 1e-3:
-            return False
-        else:
-            share *= 0.5
-    return True

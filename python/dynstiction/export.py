@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd  # type: ignore[import-untyped]
 
 from ._output import check_outputs, make_folder, put
-from .record import event_columns, headed, unit_shown
+from .record import headed, unit_shown
 from .result import Result
 
 if TYPE_CHECKING:
@@ -62,10 +62,8 @@ def export_csv(
 
 
 def _of_run(result: Result) -> dict[str, pd.DataFrame]:
-    series, events = (
-        pd.DataFrame({headed(info.name, info.units): values for info, values in columns})
-        for columns in (result.columns.info(), event_columns(result.events))
-    )
+    series = pd.DataFrame({headed(info.name, info.units): values for info, values in result.columns.info()})
+    events = pd.DataFrame(result.events).rename(columns={"time": "time [s]"})
     rows = [
         (table, info.name, value, unit_shown(info.units), info.long_name)
         for table in ("summary", "statistics", "parameters")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import os
-import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import NamedTuple
 
 import numpy as np
@@ -76,13 +76,10 @@ class StickSlipRange(NamedTuple):
         return self.swing >= self.least
 
     def __str__(self) -> str:
-        motion = (
-            f"stick-slip with a swing of {self.swing:.4g} N ({100 * self.swing / self.limit:.0f} % of mu_0 W)"
-        )
-        if not self.has_stick_slip:
-            motion = (
-                f"no stick-slip (swing {self.swing:.2g} N, {100 * self.swing / self.limit:.2g} % of mu_0 W)"
-            )
+        share = 100 * self.swing / self.limit
+        motion = f"no stick-slip (swing {self.swing:.2g} N, {share:.2g} % of mu_0 W)"
+        if self.has_stick_slip:
+            motion = f"stick-slip with a swing of {self.swing:.4g} N ({share:.0f} % of mu_0 W)"
         stable = "stable" if self.sliding_is_stable else "not stable"
         lines = [f"at V = {self.velocity:.6g} m/s: {motion}; steady sliding is {stable}", ""]
         change = "ends" if self.has_stick_slip else "begins"
@@ -153,45 +150,26 @@ def stick_slip_range(
     starts = {name: rig.start(name) for name in wanted}
     own, sliding = rig.own, rig.growth({}) < 0.0
     sides = [(name, side) for name in wanted for side in (-1, 1)]
-    done, lock = 0, threading.Lock()
-    bar = progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}")
-    with bar as show:
-
-        def search(place: tuple[str, int]) -> _Side:
-            nonlocal done
-            found = _search(rig, *place, starts[place[0]], sliding)
-            with lock:
-                done += 1
-                show(done)
-            return found
-
-        pool = ThreadPoolExecutor(os.cpu_count() or 1)
+    found: dict[tuple[str, int], _Side] = {}
+    pool = ThreadPoolExecutor(os.cpu_count() or 1)
+    with progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}") as show:
         try:
-            found = dict(zip(sides, pool.map(search, sides), strict=True))
+            searches = {pool.submit(_search, rig, *side, starts[side[0]], sliding): side for side in sides}
+            for search in as_completed(searches):
+                found[searches[search]] = search.result()
+                show(len(found))
         finally:
             rig.stopped = True
             pool.shutdown(cancel_futures=True)
-    ranges = [
-        KeyRange(
-            name,
-            _native.key_info(*name.split(".")).units or "1",
-            starts[name][0],
-            (low.stick_slip, high.stick_slip),
-            (low.jumps, high.jumps),
-            (low.sliding, high.sliding),
-            (low.searched, high.searched),
-        )
-        for name in wanted
-        for low, high in [(found[name, -1], found[name, 1])]
-    ]
+    ranges = []
+    for name in wanted:
+        about = name, _native.key_info(*name.split(".")).units or "1", starts[name][0]
+        ranges.append(KeyRange._make((*about, *zip(found[name, -1], found[name, 1], strict=True))))
     return StickSlipRange(rig.velocity, own.swing, own.limit, own.least, sliding, tuple(ranges))
 
 
-class _Side(NamedTuple):
-    stick_slip: float
-    jumps: bool
-    sliding: float
-    searched: float
+_Side = tuple[float, bool, float, float]
+"""Of one side of a value, what `KeyRange` has of both: stick_slip, jumps, sliding, searched."""
 
 
 class _Rig:
@@ -244,7 +222,7 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], slides:
     """What changes on one side of a value."""
     value, begin = start
     if value == 0.0 and side < 0:
-        return _Side(math.nan, False, math.nan, 0.0)
+        return math.nan, False, math.nan, 0.0
     swings: dict[float, float] = {}
 
     def excess(at: float) -> float:
@@ -252,16 +230,13 @@ def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], slides:
         swings[at] = motion.swing / motion.least
         return swings[at] - 1.0
 
-    def growth(at: float) -> float:
-        return rig.growth({name: at})
-
     last = 90.0 if name == KEYS[0] else math.inf
     end, reached = _nearest(excess, rig.own.swing >= rig.own.least, value, begin, side, last, JUMP)
-    sliding, _ = _nearest(growth, not slides, value, begin, side, last)
+    sliding, _ = _nearest(lambda at: rig.growth({name: at}), not slides, value, begin, side, last)
     beside = [
         swing for at, swing in swings.items() if swing >= 1.0 and abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY
     ]
-    return _Side(end, bool(beside) and min(beside) > JUMP, sliding, reached)
+    return end, bool(beside) and min(beside) > JUMP, sliding, reached
 
 
 def _nearest(
@@ -278,13 +253,7 @@ def _nearest(
     """
     from scipy.optimize import brentq  # noqa: PLC0415
 
-    reached, known = value, {}
-
-    def seen(at: float) -> float:
-        if at not in known:
-            known[at] = function(at)
-        return known[at]
-
+    reached, seen = value, functools.cache(function)
     try:
         for count in itertools.count(1 if value else 0):
             ratio = FIRST_STEP ** (count * (count + 1) // 2)

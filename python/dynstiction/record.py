@@ -1,10 +1,9 @@
-"""The data of one run with units and meanings: the base of results, files and values from the core."""
+"""Values with units and meanings, tables of them, and events: what results, files and values from the core consist of."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -13,13 +12,11 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import shown
 from ._names import Info, nearest
-from ._optional import needed
 from .errors import ColumnError, UsageError, printable
 from .html import page_table
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
-    import xarray
 
 __all__ = [
     "EVENTS",
@@ -29,17 +26,13 @@ __all__ = [
     "STICK_BEGINS",
     "Described",
     "Info",
-    "Record",
     "Table",
-    "event_columns",
     "events_between",
-    "frame_of",
     "headed",
     "log_until",
     "number_shown",
     "occurrences",
     "rows_of",
-    "si_units",
     "unit_shown",
 ]
 
@@ -84,15 +77,6 @@ def unit_shown(units: str) -> str:
 def headed(name: str, units: str) -> str:
     """Heading of a column: its name, and its unit in brackets if it has one."""
     return f"{name} [{units}]" if unit_shown(units) else name
-
-
-def si_units(units: str) -> str:
-    """A unit in the notation of this package, ``m/s``; older files have ``m s-1``."""
-    above = [part for part in units.split() if "-" not in part]
-    below = [part.replace("-", "").removesuffix("1") for part in units.split() if "-" in part]
-    if not below or not all(part[:1].isalpha() for part in below):
-        return units
-    return "/".join([" ".join(above) or "1", *below])
 
 
 def number_shown(value: object, digits: int = 6) -> str:
@@ -233,26 +217,12 @@ class Table(Generic[C]):
         return iter(self.columns)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units.
+        """The table as a `pandas.DataFrame` with the same rows; ``frame.attrs["units"]`` has the units."""
+        import pandas  # noqa: PLC0415  (slow to import)
 
-        Raises
-        ------
-        PackageError
-            If pandas is not installed.
-        """
-        return frame_of(self.columns)
-
-    def _dataset(self, index: str, attributes: Mapping[str, object]) -> xarray.Dataset:
-        """The table as an `xarray.Dataset` over one of its columns, or over the row number."""
-        needed("xarray", "to_xarray")
-        import xarray  # noqa: PLC0415  (costs a second, and only this method needs it)
-
-        variables = {
-            info.name: (index, values, {"units": info.units, "long_name": info.long_name})
-            for info, values in self.columns.info()
-        }
-        coordinates = {index: variables.pop(index)} if index in variables else {}
-        return xarray.Dataset(variables, coordinates, dict(attributes))
+        frame = pandas.DataFrame(dict(self.columns))
+        frame.attrs["units"] = self.columns.units
+        return frame
 
     def _values(self) -> tuple[str, str, Described[float]]:
         """What a notebook shows: a title, the kind of values, and the values."""
@@ -263,27 +233,9 @@ class Table(Generic[C]):
         return page_table(title, (head, "value", "unit", ""), rows_of(values))
 
 
-def frame_of(columns: Described[C]) -> pandas.DataFrame:
-    """Columns as a `pandas.DataFrame` with their units."""
-    needed("pandas", "to_pandas")
-    import pandas  # noqa: PLC0415  (optional)
-
-    frame = pandas.DataFrame(dict(columns))
-    frame.attrs["units"] = columns.units
-    return frame
-
-
-def rows_of(values: Described[Any]) -> list[tuple[str, str, str, str]]:
+def rows_of(values: Described[Any], digits: int = 8) -> list[tuple[str, str, str, str]]:
     """Name, value, unit and meaning of each scalar as texts, for a table."""
-    return [
-        (
-            i.name,
-            f"{v:.8g}" if isinstance(v, float) else str(v),
-            unit_shown(i.units),
-            i.long_name,
-        )
-        for i, v in values.info()
-    ]
+    return [(i.name, number_shown(v, digits), unit_shown(i.units), i.long_name) for i, v in values.info()]
 
 
 def occurrences(log: NDArray[np.void], latest: float) -> NDArray[np.int64]:
@@ -334,91 +286,3 @@ def events_between(log: NDArray[np.void], first: float, last: float) -> NDArray[
         parts.append(part.ravel())
     events = np.concatenate(parts)
     return events[(events["time"] >= first) & (events["time"] <= last)]
-
-
-def event_columns(events: NDArray[np.void]) -> Iterator[tuple[Info, NDArray[Any]]]:
-    """Time and kind of events, with their meanings."""
-    return ((EVENTS[name], events[name]) for name in ("time", "kind"))
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Record(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
-    """The results of one run: its time series as a mapping of columns, events, summary, statistics, provenance.
-
-    Attributes
-    ----------
-    columns : Described of ndarray, shape (n,), float64
-        The time series by name, ``time`` [s] first: ``u_x``, ``u_y`` [m], ``w_x``, ``w_y`` [m/s], …;
-        ``columns.units`` and ``columns.long_names`` describe them.
-    log : structured ndarray
-        The events of a run, those of a motion that repeats once: ``log["time"]`` [s], ``log["kind"]`` (1 = stick begins,
-        2 = slip begins), how many times it ``log["occurs"]``, and after which ``log["period"]`` [s]. `events` has each of them.
-    summary : Described of float or int
-        Period, peak force, …, if the run has them; counts are integers.
-    statistics : Described of int or float
-        Counts of the work: steps, evaluations, factorisations, wall time [s], ….
-    parameters : Described
-        Every key of the deck with the value used.
-    attributes : dict
-        Provenance and outcome: program, version, model, method, result_code, …; and what was added to the file.
-    deck, resolved_deck : str
-        The deck as read, and the deck with the values used of all keys.
-    """
-
-    columns: Described[NDArray[np.float64]]
-    log: NDArray[np.void]
-    summary: Described[float]
-    statistics: Described[float]
-    parameters: Described[float | str] = field(default_factory=lambda: Described([]))
-    attributes: dict[str, Any] = field(default_factory=dict)
-    deck: str = ""
-    resolved_deck: str = ""
-
-    def __len__(self) -> int:
-        return len(self.columns)
-
-    @property
-    def events(self) -> NDArray[np.void]:
-        """All events, shape (n_events,): ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
-
-        Raises
-        ------
-        UsageError
-            If there are more than twenty million.
-        """
-        return self.events_between(-np.inf, np.inf)
-
-    def events_between(self, first: float, last: float) -> NDArray[np.void]:
-        """The events from one time to another, both included: ``time`` [s] and ``kind``, as in `events`.
-
-        Parameters
-        ----------
-        first, last : float
-            Times [s].
-
-        Raises
-        ------
-        UsageError
-            If there are more than twenty million.
-        """
-        return events_between(self.log, first, last)
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Times of the samples [s], shape (n,); the last one is the `t_end` of a complete run."""
-        return self.columns["time"]
-
-    @property
-    def result_code(self) -> int:
-        """0: done, 40 to 49: the solver gave up, 75: stopped early."""
-        return int(self.attributes.get("result_code", 0))
-
-    @property
-    def result_text(self) -> str:
-        """How the run ended, in words."""
-        return str(self.attributes.get("result_text", ""))
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run reached its end."""
-        return bool(self.attributes.get("complete", 0))

@@ -3,102 +3,140 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ._arguments import flag, number, path_name, shown
-from .errors import UsageError, printable
-from .html import sparkline, table
+from ._arguments import flag, path_name
+from .errors import printable
+from .html import table
 from .record import (
     STICK_BEGINS,
     Described,
-    Record,
-    event_columns,
-    frame_of,
+    Table,
+    events_between,
     headed,
-    number_shown,
-    occurrences,
     unit_shown,
 )
-from .thinning import extremes
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     import xarray
     from matplotlib.figure import Figure
 
-    from ._plotting import PlotModule
-
 __all__ = ["Result", "open"]
 
-SPARKLINES = ("spring_force_x", "theta", "X")
-SPARKLINE_BINS = 220
 
-
-class Result(Record):
+@dataclass(frozen=True, repr=False, eq=False)
+class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
     """The results of a run, as `dynstiction.run` returns them and `dynstiction.open` reads them.
 
     A read-only mapping of the columns of the time series by name: ``result["u_x"]``, ``dict(result)``,
     ``for name in result``, ``"theta" in result``, ``len(result)`` columns. Events, summary, statistics and provenance are
     attributes. Results are equal only to themselves.
+
+    Attributes
+    ----------
+    columns : Described of ndarray, shape (n,), float64
+        The time series by name, ``time`` [s] first: ``u_x``, ``u_y`` [m], ``w_x``, ``w_y`` [m/s], …;
+        ``columns.units`` and ``columns.long_names`` describe them.
+    log : structured ndarray
+        The events of a run, those of a motion that repeats once: ``log["time"]`` [s], ``log["kind"]`` (1 = stick begins,
+        2 = slip begins), how many times it ``log["occurs"]``, and after which ``log["period"]`` [s]. `events` has each of them.
+    summary : Described of float or int
+        Period, peak force, …, if the run has them; counts are integers.
+    statistics : Described of int or float
+        Counts of the work: steps, evaluations, factorisations, wall time [s], ….
+    parameters : Described
+        Every key of the deck with the value used.
+    attributes : dict
+        Provenance and outcome: program, version, model, method, result_code, …; and what was added to the file.
+    deck, resolved_deck : str
+        The deck as read, and the deck with the values used of all keys.
     """
 
-    def sticks(self, until: float = np.inf) -> int:
-        """Number of sticks that began, including the first one.
+    columns: Described[NDArray[np.float64]]
+    log: NDArray[np.void]
+    summary: Described[float]
+    statistics: Described[float]
+    parameters: Described[float | str] = field(default_factory=lambda: Described([]))
+    attributes: dict[str, Any] = field(default_factory=dict)
+    deck: str = ""
+    resolved_deck: str = ""
 
-        Parameters
-        ----------
-        until : float
-            Time [s] after which sticks are not counted.
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def events(self) -> NDArray[np.void]:
+        """All events, shape (n_events,): ``events["time"]`` [s] and ``events["kind"]`` (1 = stick begins, 2 = slip begins).
 
         Raises
         ------
         UsageError
-            If `until` is not a number.
+            If there are more than twenty million.
         """
-        latest = number("until", until, checked=False)
-        if np.isnan(latest):
-            raise UsageError("until is not a number: give a time [s], or infinity for all")
-        return int(occurrences(self.log[self.log["kind"] == STICK_BEGINS], latest).sum())
+        return self.events_between(-np.inf, np.inf)
+
+    def events_between(self, first: float, last: float) -> NDArray[np.void]:
+        """The events from one time to another, both included: ``time`` [s] and ``kind``, as in `events`.
+
+        Parameters
+        ----------
+        first, last : float
+            Times [s].
+
+        Raises
+        ------
+        UsageError
+            If there are more than twenty million.
+        """
+        return events_between(self.log, first, last)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples [s], shape (n,); the last one is the `t_end` of a complete run."""
+        return self.columns["time"]
+
+    @property
+    def result_code(self) -> int:
+        """0: done, 40 to 49: the solver gave up, 75: stopped early."""
+        return int(self.attributes.get("result_code", 0))
+
+    @property
+    def result_text(self) -> str:
+        """How the run ended, in words."""
+        return str(self.attributes.get("result_text", ""))
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end."""
+        return bool(self.attributes.get("complete", 0))
+
+    def sticks(self) -> int:
+        """Number of sticks that began, including the first one."""
+        return int(self.log["occurs"][self.log["kind"] == STICK_BEGINS].sum())
 
     def to_xarray(self) -> xarray.Dataset:
         """Time series as an `xarray.Dataset` over ``time`` [s], with units and provenance.
 
         It has the same variables as ``xarray.open_dataset(file, group="time_series", engine="h5netcdf")`` gives
         for the saved result, and the attributes of the whole file.
-
-        Raises
-        ------
-        PackageError
-            If xarray is not installed.
         """
-        return self._dataset("time", self.attributes)
+        import xarray  # noqa: PLC0415  (costs a second)
 
-    def to_pandas(self, which: str = "time_series") -> pandas.DataFrame:
-        """Time series or events as a `pandas.DataFrame`; ``frame.attrs["units"]`` has the units.
+        variables = {
+            info.name: ("time", values, {"units": info.units, "long_name": info.long_name})
+            for info, values in self.columns.info()
+        }
+        return xarray.Dataset(variables, {"time": variables.pop("time")}, self.attributes)
 
-        Parameters
-        ----------
-        which : str
-            ``"time_series"``, indexed by time [s], or ``"events"``, with time [s] and kind (1 = stick begins, 2 = slip
-            begins).
-
-        Raises
-        ------
-        UsageError
-            If `which` is neither.
-        PackageError
-            If pandas is not installed.
-        """
-        if not isinstance(which, str):
-            which = shown(which)
-        if which not in ("time_series", "events"):
-            raise UsageError(f"which={which!r}: a result has 'time_series' and 'events'")
-        if which == "time_series":
-            return super().to_pandas().set_index("time")
-        return frame_of(Described(event_columns(self.events)))
+    def to_pandas(self) -> pandas.DataFrame:
+        """Time series as a `pandas.DataFrame`, indexed by time [s]; ``frame.attrs["units"]`` has the units."""
+        return super().to_pandas().set_index("time")
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
         """Draw the result.
@@ -121,7 +159,9 @@ class Result(Record):
         UsageError
             If there is no such kind, or the result lacks the data for it.
         """
-        return _plot_package()(self, kind, **options)
+        from . import plot  # noqa: PLC0415  (matplotlib is slow to import)
+
+        return plot(self, kind, **options)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the same HDF5 file as the executable; it appears under its name only when it is complete.
@@ -140,9 +180,9 @@ class Result(Record):
         UsageError
             If `path` is not a path.
         """
-        from . import _save  # noqa: PLC0415  (h5py is slow to import)
+        from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-        _save.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
+        _hdf5.write(self, path_name(path), overwrite=flag("overwrite", overwrite))
 
     def _heading(self) -> str:
         about = " ".join(str(self.attributes[key]) for key in ("model", "method") if key in self.attributes)
@@ -154,32 +194,17 @@ class Result(Record):
         return self._heading(), "summary", self.summary
 
     def _repr_html_(self) -> str:
-        lines = ""
-        if self.time.size > 1:
-            drawn = [
-                f"<tr><td>{name}</td><td>{sparkline(*extremes(self.time, self[name], SPARKLINE_BINS))}</td></tr>"
-                for name in SPARKLINES
-                if name in self
-            ]
-            lines = f"<table>{''.join(drawn)}</table>"
         columns = table(
             ("column", "unit", ""),
             [(i.name, unit_shown(i.units), i.long_name) for i, _ in self.columns.info()],
         )
         shown = super()._repr_html_()
-        return f"{shown}{lines}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
+        return f"{shown}<details><summary>{len(self.columns)} columns</summary>{columns}</details>"
 
     def __repr__(self) -> str:
-        lines = [f"<{self._heading()}"]
-        lines.append("  columns: " + ", ".join(headed(name, u) for name, u in self.columns.units.items()))
-        for name, value in self.summary.items():
-            lines.append(f"  {name} = {number_shown(value)} {unit_shown(self.summary.units[name])}")
-        return "\n".join(printable(line.rstrip()) for line in lines) + ">"
-
-
-def _plot_package() -> PlotModule:
-    """The package of the figures, which is imported at its first use."""
-    return cast("PlotModule", import_module(".plot", __package__))
+        columns = "columns: " + ", ".join(headed(name, u) for name, u in self.columns.units.items())
+        lines = [f"<{self._heading()}", columns, *repr(self.summary).splitlines()]
+        return "\n  ".join(printable(line) for line in lines) + ">"
 
 
 def open(path: str | os.PathLike[str]) -> Any:
@@ -207,10 +232,7 @@ def open(path: str | os.PathLike[str]) -> Any:
         If the file is missing, damaged or of another program.
     UsageError
         If `path` is not a path.
-    PackageError
-        If it is a sweep, and xarray is not installed.
     """
     from . import _hdf5  # noqa: PLC0415  (h5py is slow to import)
 
-    found = _hdf5.read(path_name(path))
-    return Result(**vars(found)) if isinstance(found, Record) else found
+    return _hdf5.read(path_name(path))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import finite, instance, number, reals, shape_of, whole
+from ._arguments import finite, instance, number, reals, shape_of
 from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
@@ -15,10 +16,12 @@ __all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "
 
 _Floats = NDArray[np.float64]
 
-# Windows are filled with zeros to this multiple of their length: the peak is then within three close points.
+WINDOWS = 400
+"""Approximate number of windows; fewer if they would be less than a sample apart."""
 PADDING = 2
-# How far the spacing of samples may be from uniform.
+"""Windows are filled with zeros to this multiple of their length, so that the peak is within three close points."""
 SPACING_TOLERANCE = 1e-6
+"""How far the spacing of samples may be from uniform."""
 
 
 class Spectrogram(NamedTuple):
@@ -32,7 +35,7 @@ class Spectrogram(NamedTuple):
     """One-sided power spectral density [unit of the signal squared / Hz], shape (n_f, n_t)."""
 
 
-def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: int = 400) -> Spectrogram:
+def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1) -> Spectrogram:
     """Power spectral density in a Hamming window that slides over the signal; the mean of each window is subtracted.
 
     Parameters
@@ -44,8 +47,6 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
         The signal.
     window : float
         Length of the window [s].
-    count : int
-        Approximate number of windows; fewer if they would be less than a sample apart.
 
     Returns
     -------
@@ -55,11 +56,11 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
     Raises
     ------
     UsageError
-        If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, if
-        `count` is not a whole number of at least 1, or if the density is beyond the range of double precision.
+        If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, or if
+        the density is beyond the range of double precision.
     """
     times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
-    window, count = number("window", window, checked=False), whole("count", count, least=1)
+    window = number("window", window, checked=False)
     if times.ndim != 1 or times.shape != signal.shape:
         raise UsageError(f"time and values of shapes {times.shape} and {signal.shape}: both must be (n,)")
     if not (np.all(np.isfinite(signal)) and np.all(np.isfinite(times))):
@@ -76,33 +77,25 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1, count: 
             f"samples {step:.6g} s apart are too few for a window of {window:g} s: "
             f"run again with output.interval = {window / 100:.1g} or less"
         )
-    hop = max(1, (n - length) // count)
+    hop = max(1, (n - length) // WINDOWS)
     # The middles of the windows are multiples of the hop, from the first to the last that is within the signal.
     half = length // 2
     first, last = -(-half // hop), (n - length + half) // hop + 1
     begins = hop * np.arange(first, last) - half
     padded = PADDING * length
+    windows, weights = sliding_window_view(signal, length)[begins], np.hamming(length)
     with np.errstate(all="ignore"):
-        density = np.stack(
-            [_density(signal[begin : begin + length], padded, step) for begin in begins.tolist()], axis=1
-        )
+        spectra = np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * weights, padded)
+        density = step / np.sum(weights**2) * np.abs(spectra.T) ** 2
+        # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
+        density[1:-1] *= 2.0
         frequency = np.fft.rfftfreq(padded, step)
     middles = times[0] + step * hop * np.arange(first, last)
     return Spectrogram(
         middles,
         finite("the frequency", np.asarray(frequency, dtype=np.float64)),
-        finite("the density", density),
+        finite("the density", np.ascontiguousarray(density)),
     )
-
-
-def _density(values: _Floats, padded: int, step: float) -> _Floats:
-    """One-sided power spectral density of one window, filled up with zeros to `padded` samples."""
-    window = np.hamming(values.size)
-    spectrum = np.fft.rfft((values - values.mean()) * window, padded)
-    density = step / np.sum(window**2) * np.abs(spectrum) ** 2
-    # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
-    density[1 : -1 if padded % 2 == 0 else None] *= 2.0
-    return np.asarray(density)
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:

@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 
-UNDAMPED: dict[str, ArrayLike | None] = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
+UNDAMPED = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 
 class CriticalMisalignment(NamedTuple):
@@ -146,24 +146,11 @@ def steady_sliding_eigenvalues(
     Computed by LAPACK; the error is about 1e-16 times the largest eigenvalue, so the sign of a real part
     far below that has no meaning. `critical_misalignment` has no such limit.
     """
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": stiffness_y,
-        "misalignment_deg": misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-        "v_smooth": v_smooth,
-        "damping_x": damping_x,
-        "damping_y": damping_y,
-    }
-    if scene is not None and not any(value is not None for value in given.values()):
-        with _native.Steady(Scene(scene).source) as found:
+    given = locals()
+    if _is_alone(given):
+        with _native.Steady(Scene(given["scene"]).source) as found:
             return found.eigenvalues
-    sliders, shape = _sliders(scene, given)
+    sliders, shape = _sliders(given)
     parts = _native.steady_sliding("eigenvalues", 8, sliders)
     return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
 
@@ -211,24 +198,13 @@ def critical_misalignment(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": stiffness_y,
-        "misalignment_deg": 0.0 if scene is None and misalignment_deg is None else misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-        "v_smooth": v_smooth,
-        "damping_x": damping_x,
-        "damping_y": damping_y,
-    }
-    if scene is not None and not any(value is not None for value in given.values()):
-        with _native.Steady(Scene(scene).source) as found:
+    given = locals()
+    if _is_alone(given):
+        with _native.Steady(Scene(given["scene"]).source) as found:
             return _critical(found.critical)
-    sliders, shape = _sliders(scene, given)
+    if scene is None and misalignment_deg is None:
+        given["misalignment_deg"] = 0.0
+    sliders, shape = _sliders(given)
     return _critical(_native.steady_sliding("critical", 9, sliders).reshape(*shape, 9))
 
 
@@ -282,18 +258,7 @@ def creep_end(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": stiffness_y,
-        "misalignment_deg": misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-    }
-    sliders, shape = _sliders(scene, given | UNDAMPED)
+    sliders, shape = _sliders(locals() | UNDAMPED)
     values = _native.steady_sliding("creep_end", 5, sliders)
     exists = values[:, 0] == 1.0
     return CreepEnd(*(np.where(exists, column, np.nan).reshape(shape) for column in values.T[1:]))
@@ -340,33 +305,28 @@ def damping_ratio(
     UsageError
         As for `steady_sliding_eigenvalues`; also if ``V sin(phi) = 0``.
     """
+    given = locals() | UNDAMPED | {"stiffness_y": 1.0 if stiffness_y is None else stiffness_y}
     angles = reals("theta", theta, units="rad")
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": 1.0 if stiffness_y is None else stiffness_y,
-        "misalignment_deg": misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-    }
-    sliders, shape = _sliders(scene, given | UNDAMPED, theta=angles)
+    sliders, shape = _sliders(given, theta=angles)
     every_angle = np.broadcast_to(angles, shape).reshape(-1)
     weakens = np.any(sliders[:, 4] != sliders[:, 5])
     what = "weakening" if mu_inf is not None or weakens else "damping"
     return _native.steady_sliding(what, 1, sliders, every_angle).reshape(shape)
 
 
+def _is_alone(given: Mapping[str, Any]) -> bool:
+    """Whether a scene is given, and no parameter besides."""
+    return [name for name, value in given.items() if value is not None] == ["scene"]
+
+
 def _sliders(
-    scene: DeckLike | None, given: Mapping[str, ArrayLike | None], **others: NDArray[np.float64]
+    given: Mapping[str, Any], **others: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
-    """Parameter rows of the core, and the shape that they and `others` broadcast to."""
+    """Parameter rows of the core, from the arguments of a function, and the shape that they and `others` broadcast to."""
     # The core checks the ranges.
     parameters = {
         name: for_the_core(name, reals(name, value, checked=False))
-        for name, value in slider_parameters(scene, given).items()
+        for name, value in slider_parameters(given["scene"], given).items()
     }
     shape = shape_of(**parameters, **others)
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)

@@ -11,24 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import instance
-from .errors import UsageError
+from .errors import Error, UsageError
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
 from .scene import Scene
 
-__all__ = ["StickSlip", "first_release", "stick_slip_statistics"]
+__all__ = ["StickSlip", "drive_profile", "first_release", "stick_slip_statistics"]
 
 THRESHOLD = 0.01
 """Share of the static limit mu_0 W by which the load must fall or rise to count."""
 KEPT = 100
 """Largest number of cycles over which means are taken."""
-RING_DOWN, RING_DOWN_OF_ONE, RIPPLE = 0.9, 0.5, 0.01
-"""An oscillation dies out if its last swing is below RING_DOWN times its first one (RING_DOWN_OF_ONE in a single cycle), and no
-swing exceeds the one before by more than the share RIPPLE."""
-TELLING = 4
-"""Number of cycles from which shrinking swings are not a coincidence."""
-PATIENCE, LONG = 3.0, 10.0
-"""Time without a turn, in lengths of the longest cycle, after which the cycles are over, or a new motion begins."""
+LONG = 10.0
+"""Time without a turn, in lengths of the longest cycle, after which a new motion begins."""
 
 _Floats = NDArray[np.float64]
 
@@ -61,7 +56,7 @@ class StickSlip(Table[_Floats]):
         or the drive stops or reverses, before the next peak.
     settled : ndarray of bool, shape (n,)
         The rows that `means` and `scatter` use: the later half of the complete cycles, at least two and at most 100;
-        none if the oscillation dies out.
+        none if the summary has no period, because the oscillation dies out.
     """
 
     columns: Described[_Floats]
@@ -123,28 +118,20 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
     drive, pull, cosine = _directions(result)
-    turns: list[tuple[int, int, int]] = []
-    since_turn = 0.0
+    # Of each peak: its sample, that of its valley, whether that and the next peak follow in the same stretch, and where this begins.
+    rows: list[tuple[int, int, bool, bool, int]] = []
     for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
         if stretch.size and pull[stretch[0]]:
             first, last = stretch[[0, -1]]
-            inside = slice(first, last + 2)
-            found = _turns(pull[first] * force[inside], THRESHOLD * limit)
-            turns += [(first + i, kind, first) for i, kind in found]
-            since_turn = float(abs(position[-1] - position[first + (found[-1][0] if found else 0)]))
-        else:
-            since_turn = 0.0
-    at, kind, stretch_of = np.array(turns, dtype=np.intp).reshape(-1, 3).T
-    # Peaks and valleys alternate: in a stretch, a peak is followed by its valley, and then by the next peak.
-    peak = np.flatnonzero(kind > 0)
-
-    def has(turn: NDArray[np.intp]) -> NDArray[np.bool_]:
-        inside = np.minimum(turn, at.size - 1)
-        return np.asarray((turn < at.size) & (stretch_of[inside] == stretch_of[peak]))
-
-    whole, linked = has(peak + 1), has(peak + 2)
-    peaks, valleys = at[peak], at[np.where(whole, peak + 1, peak)]
-    side_of, along = (sides[stretch_of[peak]].astype(float) for sides in (pull, drive))
+            found = _turns(pull[first] * force[first : last + 2], THRESHOLD * limit)
+            # Peaks and valleys alternate.
+            for k, (peak, kind) in enumerate(found):
+                valley, *later = [i for i, _ in found[k + 1 : k + 3]] or [peak]
+                if kind > 0:
+                    rows.append((first + peak, first + valley, k + 1 < len(found), bool(later), first))
+    peaks, valleys, has_valley, has_next, begin = np.array(rows, dtype=np.intp).reshape(-1, 5).T
+    whole, linked = has_valley > 0, has_next > 0
+    side_of, along = pull[begin].astype(float), drive[begin].astype(float)
     n = peaks.size
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
@@ -170,7 +157,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, _padded(rest_time, n), np.nan),
     )
     settled = np.zeros(n, dtype=bool)
-    settled[_settled(cycles, travel, values[1], values[3], since_turn)] = True
+    # Whether they persist is the core's to say.
+    settled[_later_half(cycles)] = "period" in result.summary
     return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), settled)
 
 
@@ -187,6 +175,20 @@ def first_release(force: _Floats) -> int:
     return int(np.argmax(size >= 0.99 * size.max()))
 
 
+def drive_profile(result: Result) -> tuple[_Floats, _Floats] | None:
+    """Times [s] and velocities [m/s] of the corners of the drive; None if the drive is constant, or the run does not contain it."""
+    if "velocity" in result.parameters or not result.resolved_deck:
+        return None
+    try:
+        drive = Scene(result.resolved_deck).groups()["drive"]
+        time, velocity = (
+            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
+        )
+    except (Error, KeyError, ValueError):
+        return None
+    return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
+
+
 def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
     """Signs of V and of V cos(phi) from each sample to the next, 0 where the drive does not pull; and cos(phi)."""
     angle = float(result.parameters.get("misalignment_deg", 0.0))
@@ -194,13 +196,10 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
     if result.parameters.get("model") in ("high_frequency", "creep", "creep_asymptotic"):
         cosine = 0.0
     middle = 0.5 * (result.time[1:] + result.time[:-1])
-    if "velocity" in result.parameters:
-        velocity = np.full(middle.shape, float(result.parameters["velocity"]))
-    elif result.resolved_deck:
-        drive = Scene(result.resolved_deck).groups()["drive"]
-        velocity = np.interp(middle, np.atleast_1d(drive["time"]), np.atleast_1d(drive["velocity"]))
-    else:
-        velocity = np.ones(middle.shape)
+    profile = drive_profile(result)
+    velocity = np.full(middle.shape, float(result.parameters.get("velocity", 1.0)))
+    if profile is not None:
+        velocity = np.interp(middle, *profile)
     sign = np.sign(velocity).astype(int)
     return sign, sign * int(np.sign(cosine)), cosine
 
@@ -233,22 +232,6 @@ def _last_motion(
 def _later_half(cycles: list[int]) -> list[int]:
     """Number of rows for means: at least two if there are two, at most `KEPT`."""
     return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
-
-
-def _settled(
-    cycles: list[int], travel: _Floats, peak: _Floats, valley: _Floats, since_turn: float
-) -> list[int]:
-    """The rows that means are taken over."""
-    later = _later_half(cycles)
-    if not later or since_turn > PATIENCE * travel[later].max():
-        return []
-    # Of these, the last ones without a break in between: falls and rises in turn.
-    row = np.split(cycles, np.flatnonzero(np.diff(cycles) > 1) + 1)[-1]
-    chain = row[-max(TELLING, len(later)) :]
-    swing = np.column_stack([peak[chain] - valley[chain], peak[chain + 1] - valley[chain]]).ravel()
-    share = RING_DOWN_OF_ONE if chain.size == 1 else RING_DOWN
-    rings_down = np.all(swing[1:] <= (1.0 + RIPPLE) * swing[:-1]) and swing[-1] < share * swing[0]
-    return [] if rings_down else later
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:

@@ -87,18 +87,6 @@ def test_a_cycle_without_rest_ends_a_branch() -> None:
     assert found.stable.all()
 
 
-def test_a_curve_of_folds_is_that_of_branches() -> None:
-    found = ds.branch(SLOW, "misalignment_deg", 3.0, 6.0)
-    (fold,) = found.special("fold")
-    speeds = [0.075, 0.08, 0.09, 0.1]
-    curve = ds.fold_curve(SLOW, found, fold, "drive.velocity", speeds)
-    for speed, at in zip(speeds, curve, strict=True):
-        (there,) = ds.branch(SLOW.replace(velocity=speed), "misalignment_deg", 2.0, 6.0).special("fold")
-        assert at == pytest.approx(there.value, rel=1e-8)
-    with pytest.raises(ds.UsageError, match="follows a fold or a doubling"):
-        ds.fold_curve(SLOW, found, found.branches[0].points[0], "drive.velocity", speeds)
-
-
 @pytest.mark.parametrize(
     ("key", "ends", "error", "text"),
     [

@@ -40,13 +40,6 @@ def closest(colours: list[str], seen: str) -> tuple[float, str, str]:
     return min((float(np.linalg.norm(lab(a, seen) - lab(b, seen))), a, b) for a, b in pairs)
 
 
-def report() -> dict[str, list[str]]:
-    """Colours of each theme."""
-    sheet = (Path(dynstiction.plot.__file__).parents[1] / "report" / "page.css").read_text(encoding="utf-8")
-    named = [dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", theme)) for theme in sheet.split("@media (prefers-color-scheme: dark)")]
-    return {f"report {i}": [theme[name] for name in ("friction", "force", "ink")] for i, theme in enumerate(named)}
-
-
 @pytest.mark.parametrize("seen", SEEN)
 def test_colours_can_be_told_apart(seen: str) -> None:
     used = {
@@ -55,7 +48,7 @@ def test_colours_can_be_told_apart(seen: str) -> None:
         "overlay": list(time_series.COLOURS),
     }
     assert set().union(*used.values()) == set(style.PALETTE)
-    for name, colours in (used | report()).items():
+    for name, colours in used.items():
         distance, *pair = closest(colours, seen)
         assert distance >= LEAST, (name, seen, pair, distance)
 

@@ -72,7 +72,7 @@ OFFERED = {
     "fit a.nml a.csv --fitted ": ["*.nml"],
     "compare a.nml a.csv --unit ": ["time=", "force="],
     "compare a.nml --set friction.law=st": ["friction.law=stribeck"],
-    "animate a.h5 -o ": ["*.gif", "*.mp4"],
+    "animate a.h5 -o ": ["*.gif"],
 }
 
 

@@ -130,7 +130,6 @@ def test_what_a_user_added_is_left_alone(sound: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("group", ["/", "sweep", "sweep/summary", "sweep/cycles"])
 def test_what_a_user_added_to_a_sweep_is_left_alone(executable: Path, tmp_path: Path, group: str) -> None:
-    pytest.importorskip("xarray")
     program = Program((executable,), tmp_path)
     angles = ("--vary", "system.misalignment_deg=1:4:4", "--set", "sweep.keep='cycles'")
     program("sweep", INPUTS / "low_frequency.nml", "-o", "map.h5", "--quiet", *angles, status=0)

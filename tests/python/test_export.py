@@ -14,8 +14,6 @@ import xarray
 from dynstiction.__main__ import main
 from programs import INPUTS, Program
 
-pandas = pytest.importorskip("pandas", reason="no pandas: pip install pandas")
-
 
 @pytest.fixture(scope="module")
 def result(fig3: ds.Scene) -> ds.Result:
@@ -112,8 +110,3 @@ def test_to_pandas(file: Path, result: ds.Result) -> None:
     np.testing.assert_array_equal(frame["u_x"], result["u_x"])
     assert frame.attrs["units"]["u_x"] == "m"
     assert (frame.dtypes == np.float64).all()
-    events = result.to_pandas("events")
-    np.testing.assert_array_equal(events["time"], result.events["time"])
-    assert set(events["kind"]) == {1, 2}
-    with pytest.raises(ds.UsageError, match=r"'time_series' and 'events'"):
-        result.to_pandas("summary")

@@ -364,14 +364,11 @@ def test_wild_calls_are_refused(fig3: ds.Scene, fig3_result: ds.Result) -> None:
         lambda: ds.trade(scene, budget=np.nan),
         lambda: ds.ridge(1),
         lambda: ds.ridge(ds.Spectrogram(np.empty(0), np.empty(0), np.empty((0, 0)))),
-        lambda: ds.spectrogram(samples, np.ones(99), 20.0, count=0),
         lambda: ds.spectrogram(samples, samples * 1e300, 20.0),
         lambda: ds.stick_slip_statistics(None),
         lambda: ds.open(None),
         lambda: ds.Described([1]),
         lambda: ds.Simulation(scene).step_to(None),
-        lambda: result.sticks(np.nan),
-        lambda: result.to_pandas(np.ones(2)),
         lambda: result.save(3),
         lambda: result.save("x.h5", overwrite="no"),
         lambda: ds.stick_slip_statistics(result)[[1]],
@@ -478,15 +475,10 @@ def test_of_two_savers_one_is_refused(tmp_path: Path, fig3: ds.Scene) -> None:
 # Packages, series, memory, stacks
 
 
-def test_a_missing_package_is_told_before_anything_is_computed(
-    fig3: ds.Scene, fig3_result: ds.Result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_told_before_anything_is_computed(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_sweep._native, "Sweep", lambda *_: pytest.fail("computed"))
     for package, call in (
         ("xarray", lambda: ds.sweep(fig3, {"system.mass": [1.0]})),
-        ("xarray", fig3_result.to_xarray),
-        ("pandas", fig3_result.to_pandas),
-        ("pandas", ds.stick_slip_statistics(fig3_result).to_pandas),
         ("tqdm", lambda: ds.run(fig3, progress=True)),
     ):
         with monkeypatch.context() as patch:
@@ -516,7 +508,7 @@ for call in (
     lambda: ds.run(DECK, scene={"t_end": 1e4}, output={"interval": 1e-6}),
     lambda: ds.creep_exact(many, 0.1),
     lambda: ds.steady_sliding_eigenvalues(**SLIDER | {"mass": many}),
-    lambda: ds.spectrogram(np.arange(10**6) * 1e-3, np.ones(10**6), window=100.0, count=10**6),
+    lambda: ds.spectrogram(np.arange(10**6) * 1e-3, np.ones(10**6), window=100.0),
 ):
     try:
         call()

@@ -315,7 +315,6 @@ def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def angles():
     """Stick-slip below 13.1 degrees, steady sliding beyond."""
-    pytest.importorskip("xarray")
     return ds.sweep(OWN, {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, t_end=6.0, threads=1)
 
 

@@ -211,7 +211,6 @@ LOW = INPUTS / "low_frequency.nml"
 @pytest.fixture(scope="module")
 def grid():
     """A small map, coarse enough to be quick."""
-    pytest.importorskip("xarray")
     return ds.sweep(LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, threads=1)
 
 
@@ -245,7 +244,6 @@ def test_map_shows_the_grid_and_the_line_of_stability(grid) -> None:
 
 
 def test_map_of_the_full_model_has_both_modes_and_the_crossover(fig3: ds.Scene) -> None:
-    pytest.importorskip("xarray")
     both = {"system.misalignment_deg": [0.1, 1.0, 10.0], "system.stiffness_y": [1e3, 1e5, 1e7]}
     data = ds.sweep(fig3, both, t_end=0.1, threads=1)
     axis = plot.draw(data, quantity="sticking_time").axes[0]
@@ -288,7 +286,6 @@ KEEP = {"keep": "cycles", "cycles": 8}
 @pytest.fixture(scope="module")
 def cycles():
     """Stick-slip below 8.2 degrees, steady sliding beyond."""
-    pytest.importorskip("xarray")
     return ds.sweep(LOW, {"system.misalignment_deg": np.linspace(1.0, 12.0, 23)}, scene={"t_end": 20.0}, sweep=KEEP, threads=1)
 
 
@@ -469,7 +466,6 @@ def test_a_map_seen_with_leaps_is_the_same(slipped: ds.Result, fig3: ds.Scene) -
 def test_a_run_without_a_cycle_map_says_why(fig3: ds.Scene, slipped: ds.Result) -> None:
     refused = {
         "full model": ds.run(deck("creep")),
-        "has no deck": replace(slipped, resolved_deck=""),
         "cannot be repeated": replace(slipped, resolved_deck="&scene\n nonsense = 1\n/\n"),
         "is one point": ds.run(fig3, scene={"t_end": 8.0}, system={"misalignment_deg": 0.0}),
     }

@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 import xarray
 from dynstiction._interrupt import held_back
-from dynstiction.record import si_units
 from fig3 import SLIDER
 from programs import SCRIPT, Program
 from results import assert_same
@@ -135,10 +134,7 @@ def test_result_describes_itself(fig3: ds.Scene, fig3_result: ds.Result) -> None
         assert values.shape == fig3_result.time.shape
     assert (fig3_result.time[0], fig3_result.time[-1]) == (0.0, 10.0)
     assert np.all(np.diff(fig3_result.time) > 0)
-    page = fig3_result._repr_html_()
-    assert page.count("<svg") == 3
-    assert len(page) < 50_000
-    assert "<svg" not in ds.run(fig3, scene=SHORT, output={"fields": "Y"})._repr_html_()
+    assert len(fig3_result._repr_html_()) < 50_000
 
 
 def test_missing_names_name_the_nearest(fig3: ds.Scene, fig3_result: ds.Result) -> None:
@@ -175,15 +171,10 @@ def test_a_result_is_a_mapping(fig3_result: ds.Result) -> None:
     assert fig3_result != other and len({fig3_result, other}) == 2
 
 
-def test_units_have_one_grammar_and_counts_are_integers(tmp_path: Path, fig3_result: ds.Result) -> None:
+def test_units_have_one_grammar_and_counts_are_integers(fig3_result: ds.Result) -> None:
     units = {*fig3_result.columns.units.values(), *fig3_result.summary.units.values(), *fig3_result.parameters.units.values()}
     assert {"m/s", "1", "N"} <= units
     assert not [unit for unit in units if "-" in unit]
-    older = ("m s-1", "N s m-1", "m s-2", "s-1", "m/s", "1", "", "a - b")
-    assert [si_units(unit) for unit in older] == ["m/s", "N s/m", "m/s2", "1/s", "m/s", "1", "", "a - b"]
-    columns = ds.Described((info._replace(units=info.units.replace("m/s", "m s-1")), v) for info, v in fig3_result.columns.info())
-    ds.Result(**{**vars(fig3_result), "columns": columns}).save(tmp_path / "old.h5")
-    assert ds.open(tmp_path / "old.h5").columns.units == fig3_result.columns.units
     assert type(fig3_result.summary["cycles"]) is type(fig3_result.summary["sticks"]) is int
     assert type(fig3_result.parameters["max_steps"]) is type(fig3_result.statistics["steps"]) is int
 

@@ -116,7 +116,6 @@ def test_the_command_says_the_same(executable: str, tmp_path) -> None:
 
 
 def test_figure() -> None:
-    pytest.importorskip("matplotlib")
     found = ds.sensitivity(FIG3)
     figure = ds.plot(found)
     assert len(figure.axes) == len(found.cycle)

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from fig3 import slider
 
-pytest.importorskip("xarray")
-
 MEANS = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
 
 RAMP = {"velocity": (5e-4, 5e-4, 1e-3), "time": (0.0, 100.0, 150.0)}

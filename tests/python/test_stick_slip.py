@@ -96,6 +96,5 @@ def test_the_table_is_tabled_and_pickled(fig3_result: ds.Result) -> None:
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(cycles))["period"], cycles["period"])
     with pytest.raises(ds.ColumnError, match="no column 'lambda'"):
         cycles["lambda"]
-    pytest.importorskip("pandas", reason="no pandas: pip install pandas")
     frame = cycles.to_pandas()
     assert list(frame) == list(cycles) and frame.attrs["units"]["slip_length"] == "m"

@@ -6,15 +6,16 @@ A kind of figure is a function of a view of a run, or of another result, and an 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase, SubFigure
 
-from .._plotting import make_callable
 from ..branches import Branches
 from ..errors import UsageError
 from ..result import Result
@@ -30,7 +31,7 @@ from .notation import the_nearest, thin
 from .path import draw_path
 from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
-from .style import DOTS_PER_INCH, drawn, write
+from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_lambda import draw_lambda
 from .sweep_map import draw_map
 from .time_series import (
@@ -47,12 +48,11 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = [
-    "BRANCHES",
     "DOTS_PER_INCH",
     "KINDS",
-    "SENSITIVITY",
     "SWEEP_KINDS",
     "Drawable",
+    "PlotModule",
     "coarseness",
     "compare",
     "draw",
@@ -84,7 +84,7 @@ SWEEP_KINDS: dict[str, Callable[..., None]] = {
 MOST_RESULTS = 6
 """Largest number of results side by side; more would be too narrow to read."""
 
-WITH_QUANTITY = (None, "map", "bifurcation", "branches")
+WITH_QUANTITY = ("map", "bifurcation", "branches")
 """Kinds of figure, of a sweep or of branches, for which a quantity can be chosen."""
 
 KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequency": "velocities"}
@@ -93,10 +93,12 @@ KIND_OF_MODEL = {"creep": "creep", "creep_asymptotic": "columns", "high_frequenc
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 
-SENSITIVITY, BRANCHES = "sensitivity", "branches"
-"""The kinds of figure of the derivatives of a cycle, and of branches of cycles."""
-
-make_callable(__name__)
+KINDS_OF: dict[type, dict[str, Callable[..., None]]] = {
+    Result: KINDS,
+    Sensitivity: {"sensitivity": draw_sensitivity},
+    Branches: {"branches": draw_branches},
+}
+"""Kinds of figure of other objects than sweeps, the default one first."""
 
 Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 """A run, the derivatives of a cycle, branches of cycles, or a sweep."""
@@ -104,9 +106,6 @@ Drawable: TypeAlias = "Result | Sensitivity | Branches | xarray.Dataset"
 
 WINDOWED = ("history", "velocities", "spectrogram", "path", "columns")
 """Kinds of figure of a run that can show a part of its time; the others show the first creep, or the releases."""
-
-OF_COLUMNS = ("history", "columns")
-"""Kinds of figure of a run whose columns can be chosen."""
 
 IN_AXES = ("path", "damping")
 """Kinds of figure of a run that can be drawn into one pair of axes, besides single columns."""
@@ -133,15 +132,14 @@ def draw(
         `dynstiction.branch`; or a sweep, from `dynstiction.sweep` or `dynstiction.open`.
     kind : str, optional
         For a run, a name in `KINDS`; the default depends on its model, and is all columns if the result lacks the data for
-        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``. For derivatives
-        `SENSITIVITY`, the only one.
+        that kind. For a sweep, a name in `SWEEP_KINDS`, by default ``"map"``.
     quantity : str, optional
         Quantity of a map of a sweep, by default ``"swing"``, or of a bifurcation diagram, by default ``"peak_force"``,
         which is also that of branches.
     branches : Branches, optional
         Branches over the parameter of the sweep, which are drawn into its bifurcation diagram.
     columns : str or sequence of str, optional
-        Columns of a run to draw, one in each panel, in place of those of the kind ``"history"`` or ``"columns"``.
+        Columns of a run to draw, one in each panel, in place of those of the kind ``"history"``.
     start, end : float, optional
         Part of a run to draw [s]. Without both, a run with many cycles is drawn up to its first cycles, and the figure says so.
     figure : Figure or SubFigure, optional
@@ -161,24 +159,22 @@ def draw(
         result, or the start is not before the end; the text says what would be right.
     """
     kinds, usual = _kinds_of(result, kind)
-    if quantity is not None and not ({"map", BRANCHES} & set(kinds) and kind in WITH_QUANTITY):
+    if quantity is not None and (kind or usual) not in WITH_QUANTITY:
         raise UsageError(
             "a quantity can be chosen for branches, and for the map or the bifurcation diagram of a sweep only"
         )
     if figure is not None and ax is not None:
         raise UsageError("give figure= or ax=, not both")
     names = _names(columns)
-    chosen: dict[str, Any] = {} if quantity is None else {"quantity": quantity}
     if isinstance(result, Result):
         _refuse_undrawable(result)
         kind = _kind_of_part(result, kind, usual, names, (start, end))
-        chosen |= {"names": names} if names else {}
     elif names or start is not None or end is not None:
         raise UsageError("columns and a part in time can be chosen for a run only: a sweep has no samples")
-    if branches is not None:
-        if kind != "bifurcation":
-            raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
-        chosen["branches"] = branches
+    if branches is not None and kind != "bifurcation":
+        raise UsageError("branches= is for the bifurcation diagram of a sweep: give kind='bifurcation'")
+    options: dict[str, Any] = {"quantity": quantity, "branches": branches, "names": names}
+    chosen = {name: value for name, value in options.items() if value not in (None, ())}
 
     def seen() -> Any:
         return view_of(result, start, end) if isinstance(result, Result) else result
@@ -189,17 +185,18 @@ def draw(
     if ax is not None:
         axes = _axes(result, kind, ax)
         if kind in IN_AXES:
-            return drawn(partial(fill, str(kind)), axes[0])
-        return drawn(lambda _: draw_in_axes(seen(), axes, names or ("spring_force_x",)), axes[0])
+            return new_figure(partial(fill, str(kind)), axes[0])
+        shown = names or ("spring_force_x",)
+        return new_figure(lambda _: draw_in_axes(seen(), axes, shown), axes[0])
     try:
-        return drawn(partial(fill, kind or usual), figure)
+        return new_figure(partial(fill, kind or usual), figure)
     except UsageError:
         if kind is not None or not isinstance(result, Result):
             raise
     # The default kind cannot be drawn: all columns.
     if figure is not None:
         figure.clear()
-    return drawn(partial(fill, "columns"), figure)
+    return new_figure(partial(fill, "columns"), figure)
 
 
 def _names(columns: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -215,9 +212,9 @@ def _kind_of_part(
 ) -> str | None:
     """The kind of figure for some columns or a part of a run, refused if it cannot show them; None is the default kind."""
     if names:
-        kind = kind or "history"
-        if kind not in OF_COLUMNS:
-            raise UsageError(f"columns can be chosen for the kinds {', '.join(OF_COLUMNS)}, not for '{kind}'")
+        if kind not in (None, "history"):
+            raise UsageError(f"columns can be chosen for the kind 'history', not for '{kind}'")
+        kind = "history"
         # A missing column is refused here: otherwise the default kind would be replaced by another.
         refuse_lacking(result, *names)
     if part != (None, None):
@@ -231,10 +228,10 @@ def _kind_of_part(
 
 def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list[Axes]:
     """Axes of the user for columns of a run, or for a kind with one panel."""
-    axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+    axes = list(np.ravel(np.asarray(ax, dtype=object)))
     if not axes or not all(isinstance(each, Axes) for each in axes):
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
-    if not isinstance(result, Result) or kind not in (None, *OF_COLUMNS, *IN_AXES):
+    if not isinstance(result, Result) or kind not in (None, "history", *IN_AXES):
         offered = ", ".join(IN_AXES)
         raise UsageError(f"ax= is for columns of a run, and the kinds {offered}: give figure= for others")
     if kind in IN_AXES and len(axes) != 1:
@@ -244,13 +241,10 @@ def _axes(result: Drawable, kind: str | None, ax: Axes | Sequence[Axes]) -> list
 
 def _kinds_of(result: Drawable, kind: str | None) -> tuple[dict[str, Callable[..., None]], str]:
     """Kinds of figure for the given object, and the default one; a kind that is none of them is refused."""
-    kinds, usual = SWEEP_KINDS, "map"
-    if isinstance(result, Sensitivity):
-        kinds, usual = {SENSITIVITY: draw_sensitivity}, SENSITIVITY
-    elif isinstance(result, Branches):
-        kinds, usual = {BRANCHES: draw_branches}, BRANCHES
-    elif isinstance(result, Result):
-        kinds, usual = KINDS, KIND_OF_MODEL.get(str(result.attributes.get("model", "")), "history")
+    kinds = next((kinds for type_, kinds in KINDS_OF.items() if isinstance(result, type_)), SWEEP_KINDS)
+    usual = next(iter(kinds))
+    if isinstance(result, Result):
+        usual = KIND_OF_MODEL.get(str(result.attributes.get("model", "")), usual)
     if kind is not None and kind not in kinds:
         near = the_nearest(kind, kinds)
         raise UsageError(f"no kind of figure '{kind}': {near}the kinds are {', '.join(kinds)}")
@@ -343,7 +337,7 @@ def _of_several(
         raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     for result in results.values():
         _refuse_undrawable(result)
-    return drawn(partial(fill, results, names=_names(columns), **how))
+    return new_figure(partial(fill, results, names=_names(columns), **how))
 
 
 def save(
@@ -365,3 +359,45 @@ def save(
         If the file cannot be written.
     """
     write(draw(result, kind, quantity, **how), path, overwrite=overwrite)
+
+
+class PlotModule(ModuleType):
+    """A module that draws when it is called."""
+
+    def __call__(self, result: Any, kind: str | None = None, **options: Any) -> Figure:
+        """Draw a result.
+
+        If pyplot has been imported, it also manages a new figure, so that ``plt.show()`` shows it. In a notebook with inline
+        figures it does not, because the notebook shows the returned figure itself.
+
+        Parameters
+        ----------
+        result : Result, Sensitivity or xarray.Dataset, or mapping of Result
+            A run, derivatives, or a sweep; or several runs by name, which are drawn side by side.
+        kind : str, optional
+            Kind of figure, as for `dynstiction.plot.draw`.
+        **options
+            As for `dynstiction.plot.draw`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UsageError
+            As for `dynstiction.plot.draw`.
+        """
+        is_one = isinstance(result, Result) or not isinstance(result, Mapping) or hasattr(result, "coords")
+        figure = draw(result, kind, **options) if is_one else compare(result, **options)
+        pyplot = sys.modules.get("matplotlib.pyplot")
+        is_new = "ax" not in options and "figure" not in options
+        if is_new and pyplot is not None and "inline" not in pyplot.get_backend().lower():
+            pyplot.figure(FigureClass=lambda *_, **__: figure)
+        return figure
+
+
+sys.modules[__name__].__class__ = PlotModule
+
+if TYPE_CHECKING:
+    plot: PlotModule

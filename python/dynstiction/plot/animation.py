@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +29,7 @@ from .view import cycles_of, usual_end, window
 
 __all__ = ["animate", "view_from_above"]
 
-# 800 by 520 dots: MP4 wants even numbers.
+# 800 by 520 dots: films want even numbers.
 SIZE = (6.4, 4.16)
 DOTS_PER_INCH = 125
 PANEL_RATIO = 2.35
@@ -69,7 +64,7 @@ def animate(
     result : Result
         A run with the columns X, Y, u_x, u_y, spring_force_x, friction, theta and psi.
     output : Path
-        ``X.gif``, ``X.mp4`` (needs the program ffmpeg), or a folder for ``frame_0001.png``, …
+        ``X.gif``, or a folder for ``frame_0001.png``, …
     start, end : float
         The part of the run [s]; without both, the first creep and three cycles, or the whole run if it has no cycles.
     frames_per_second : int
@@ -84,24 +79,23 @@ def animate(
     Raises
     ------
     UsageError
-        If an argument is not valid, or a column or ffmpeg is missing.
+        If an argument is not valid, or a column is missing.
     FileError
         If the animation cannot be written, or the folder holds frames of another animation.
     """
     times = _frame_times(result, start, end, frames_per_second, seconds)
-    suffix = _kind_of(output)
-    outputs = [output] if suffix else _frame_names(output, times.size)
-    if suffix or output.is_dir():
+    is_film = output.suffix != "" and not output.is_dir()
+    if is_film and output.suffix.lower() != ".gif":
+        raise UsageError(f"{output}: an animation is X.gif, or a folder for PNG frames")
+    outputs = [output] if is_film else _frame_names(output, times.size)
+    if is_film or output.is_dir():
         check_outputs(outputs, overwrite=overwrite)
     with rc_context(STYLE):
         figure, show = view_from_above(result, times)
         pictures = _pictures(figure, show, times.size, progress)
-        try:
-            if suffix:
-                put(output, FILMS[suffix](pictures, frames_per_second), overwrite=overwrite)
-                return
-        except subprocess.CalledProcessError as error:
-            raise FileError(f"{output}: ffmpeg failed: write a GIF or a folder of frames instead") from error
+        if is_film:
+            put(output, _gif(pictures, frames_per_second), overwrite=overwrite)
+            return
         make_folder(output)
         for name, picture in zip(outputs, pictures, strict=True):
             image = io.BytesIO()
@@ -143,23 +137,6 @@ def _gif(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
     return film.getvalue()
 
 
-def _mp4(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
-    first = next(pictures)
-    with tempfile.TemporaryDirectory() as folder:
-        film = Path(folder, "film.mp4")
-        source = f"-f rawvideo -pix_fmt rgb24 -s {first.width}x{first.height} -r {frames_per_second} -i -"
-        command = ["ffmpeg", "-loglevel", "error", "-y", *source.split(), "-pix_fmt", "yuv420p", str(film)]
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as encoder:
-            assert encoder.stdin is not None
-            # If it ends early, the exit status shows that it failed.
-            with suppress(BrokenPipeError):
-                for picture in chain([first], pictures):
-                    encoder.stdin.write(picture.tobytes())
-        if encoder.returncode != 0:
-            raise subprocess.CalledProcessError(encoder.returncode, command)
-        return film.read_bytes()
-
-
 def _frame_names(folder: Path, count: int) -> list[Path]:
     """Names of the frames; refuses a folder with frames that would stay there among them."""
     digits = max(4, len(str(count)))
@@ -168,9 +145,6 @@ def _frame_names(folder: Path, count: int) -> list[Path]:
     if others:
         raise FileError(f"{folder}: holds frames of another animation: name another folder, or remove them")
     return names
-
-
-FILMS = {".gif": _gif, ".mp4": _mp4}
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
@@ -303,17 +277,3 @@ def _frame_times(
     if count < 2:
         raise UsageError(f"{length}: an animation has at least two frames")
     return np.linspace(begin, finish, count)
-
-
-def _kind_of(output: Path) -> str:
-    """Suffix of an animation, empty for a folder of frames; refuses a bad name before anything is computed."""
-    suffix = output.suffix.lower()
-    if suffix == "" or output.is_dir():
-        return ""
-    if suffix not in FILMS:
-        raise UsageError(f"{output}: an animation is X.gif, X.mp4, or a folder for PNG frames")
-    if suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise UsageError(
-            f"{output}: needs ffmpeg, which is not installed: install it, or write a GIF or a folder of frames"
-        )
-    return suffix

@@ -100,9 +100,7 @@ def _cycles(table: Table, quantity: str) -> Floats:
 
 def _in_cases(table: Table, side: Axis) -> Floats:
     """A parameter in every case, in the unit of the figure."""
-    codes = table.data["result_code"]
-    values = table.data[side.name].broadcast_like(codes).transpose(*codes.dims).values
-    return np.asarray(side.at(values), dtype=float).reshape(-1)
+    return side.at(table.parameter(side.name)).reshape(-1)
 
 
 def _dot(side: Axis) -> float:

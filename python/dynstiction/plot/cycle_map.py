@@ -12,11 +12,11 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
+from .._run import run
 from ..errors import Error, UsageError
 from ..record import SLIP_BEGINS
 from ..result import Result
 from ..scene import Scene
-from ..simulation import Simulation
 from .notation import Floats, prefixed
 from .style import VERMILION, sized
 from .theory import slider
@@ -96,72 +96,35 @@ def draw_cycle_map(view: View, figure: FigureBase) -> None:
 
 def releases_of(result: Result) -> Releases:
     """Releases of a run, which is repeated; a `UsageError` says why it has no map."""
-    parameters = _parameters(result)
-    limit = parameters["mu_0"] * parameters["normal_load"]
-    events = result.events
-    found = events["time"][events["kind"] == SLIP_BEGINS]
-    if found.size < LEAST_RELEASES:
-        raise UsageError(
-            f"the run has {found.size} releases from a stick, and a map needs {LEAST_RELEASES}: {INSTEAD}"
-        )
-    stop = float(found[MOST_RELEASES - 1] if found.size > MOST_RELEASES else result.time[-1])
-    try:
-        time, u_x = _repeat(result, stop)
-    except Error as error:
-        raise UsageError(f"the run cannot be repeated, for its states at the releases: {error}") from error
-    time, u = time[:MOST_RELEASES], parameters["stiffness_x"] * u_x[:MOST_RELEASES] / limit
-    if time.size < LEAST_RELEASES:
-        raise UsageError(
-            f"the run, repeated, has {time.size} releases, and a map needs {LEAST_RELEASES}: {INSTEAD}"
-        )
-    if np.ptp(u) < NARROWEST:
-        raise UsageError(
-            f"all releases are at k_x u_x/F_0 = {u[0]:.6g}: the cycle map is one point: {INSTEAD}"
-        )
-    usual = float(np.median(np.diff(u)))
-    excursion = np.diff(u) * np.sign(usual) < -FAR * abs(usual)
-    return Releases(time, u, excursion, max(int(found.size), time.size))
-
-
-def _parameters(result: Result) -> dict[str, float]:
     model = str(result.attributes.get("model", ""))
     if model != "full":
         raise UsageError(
             f"the cycle map is defined for the full model, where one number describes a release: "
             f"run with scene.model = 'full' (this is '{model}'), or {INSTEAD}"
         )
-    if result.parameters.get("contact", "exact") != "exact":
+    parameters, events = slider(result), result.events
+    found = events["time"][events["kind"] == SLIP_BEGINS]
+    if found.size < LEAST_RELEASES:
         raise UsageError(
-            "with a smoothed contact the object never rests, so that there is no release and no cycle map: "
-            f"run with friction.contact = 'exact', or {INSTEAD}"
+            f"the run has {found.size} releases from a stick, and a map needs {LEAST_RELEASES}: {INSTEAD}"
         )
-    parameters = slider(result)
-    if parameters["velocity"] * parameters["mu_0"] * parameters["normal_load"] == 0.0:
+    stop = float(found[MOST_RELEASES] if found.size > MOST_RELEASES else result.time[-1])
+    # One of its steps ends at each release.
+    output = {"interval": 0.0, "fields": ["u_x"], "wall_limit": 0.0}
+    try:
+        again = run(Scene(result.resolved_deck, scene={"t_end": stop}, output=output), progress=False)
+    except Error as error:
+        raise UsageError(f"the run cannot be repeated, for its states at the releases: {error}") from error
+    time = again.events["time"][again.events["kind"] == SLIP_BEGINS][:MOST_RELEASES]
+    u_x = again["u_x"][np.searchsorted(again.time, time)]
+    u = parameters["stiffness_x"] * u_x / (parameters["mu_0"] * parameters["normal_load"])
+    if np.ptp(u) < NARROWEST:
         raise UsageError(
-            "without drive or friction nothing sticks and is released, so that there is no cycle map: "
-            f"run with velocity, mu_0 and normal_load not 0, or {INSTEAD}"
+            f"all releases are at k_x u_x/F_0 = {u[0]:.6g}: the cycle map is one point: {INSTEAD}"
         )
-    if not result.resolved_deck:
-        raise UsageError(
-            "the result has no deck to repeat the run with: draw the file of a run, or what ds.run returned"
-        )
-    return parameters
-
-
-def _repeat(result: Result, stop: float) -> tuple[Floats, Floats]:
-    """Times [s] and u_x [m] of the releases of a run up to `stop`, from the states of the same run at these times."""
-    end = float(result.parameters["t_end"])
-    scene = Scene(result.resolved_deck, output={"interval": end, "fields": ["u_x"], "wall_limit": 0.0})
-    with Simulation(scene) as simulation:
-        simulation.step_to(min(stop, end))
-        events = simulation.events
-    time = events["time"][events["kind"] == SLIP_BEGINS]
-    u_x = np.empty(time.size)
-    with Simulation(scene) as simulation:
-        for place, instant in enumerate(time):
-            simulation.step_to(float(instant))
-            u_x[place] = simulation.state["u_x"]
-    return time, u_x
+    usual = float(np.median(np.diff(u)))
+    excursion = np.diff(u) * np.sign(usual) < -FAR * abs(usual)
+    return Releases(time, u, excursion, int(found.size))
 
 
 def _draw_fast_cycles(above: Axes, below: Axes, releases: Releases, colours: Normalize) -> None:

@@ -60,13 +60,8 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def new_figure(draw: Callable[[Figure], None]) -> Figure:
-    """Figure that `draw` has filled, in this style and not attached to any window."""
-    return drawn(draw)
-
-
-def drawn(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
-    """The figure in which `draw` has filled a canvas of the user, or a new one.
+def new_figure(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
+    """The figure in which `draw` has filled a canvas of the user, or a new one, which is not attached to any window.
 
     A figure of the user keeps its size; if it has no layout engine, it gets ours.
     """
@@ -145,11 +140,16 @@ def rendering() -> Iterator[None]:
 def write(figure: Figure, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
     """Write a figure; the suffix names the format, without one it is PNG. A `FileError` says why it cannot be written."""
     suffix = format_of(path)
+    target = path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}"
+    put(target, image_of(figure, suffix), overwrite=overwrite)
+
+
+def image_of(figure: Figure, suffix: str, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
+    """A figure as the content of a file of this format."""
     image = io.BytesIO()
     with rc_context(STYLE), rendering():
-        figure.savefig(image, format=suffix, dpi=DOTS_PER_INCH)
-    target = path if os.path.splitext(path)[1] else f"{os.fspath(path)}.{suffix}"
-    put(target, image.getvalue(), overwrite=overwrite)
+        figure.savefig(image, format=suffix, dpi=dots_per_inch)
+    return image.getvalue()
 
 
 def format_of(path: str | os.PathLike[str]) -> str:

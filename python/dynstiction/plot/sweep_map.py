@@ -91,7 +91,7 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
     text = QUANTITIES.get(quantity, str(about["long_name"]).replace("_", " "))
     if about["units"] == "rad":
         return np.degrees(values), with_unit(text, "deg")
-    factor, unit = scaled(str(about["units"]).replace("m s-1", "m/s"), values)
+    factor, unit = scaled(str(about["units"]), values)
     return factor * values, with_unit(text, unit)
 
 

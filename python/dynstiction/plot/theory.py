@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..creep import Creep, creep_exact
-from ..errors import Error, UsageError
+from ..errors import UsageError
 from ..result import Result
-from ..scene import Scene
 from ..spectrum import oscillation_frequency
 from ..stability import damping_ratio
+from ..stick_slip import drive_profile
 from .notation import Floats
 
 __all__ = ["creep", "damping_crossing", "driven_length", "is_exponential", "slider", "stiff_frequency"]
@@ -82,20 +82,6 @@ def steady_friction(result: Result) -> float | None:
     least = falling["mu_inf"] * load
     fall = np.exp(-((speed / falling["v_f"]) ** exponent))
     return float(least + (limit - least) * fall + viscous * speed * load)
-
-
-def drive_profile(result: Result) -> tuple[Floats, Floats] | None:
-    """Times [s] and velocities [m/s] of the corners of the drive; None if the drive is constant, or the run does not contain it."""
-    if "velocity" in result.parameters or not result.resolved_deck:
-        return None
-    try:
-        drive = Scene(result.resolved_deck).groups()["drive"]
-        time, velocity = (
-            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
-        )
-    except (Error, KeyError, ValueError):
-        return None
-    return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
 
 
 def driven_length(result: Result, time: Floats) -> Floats | None:

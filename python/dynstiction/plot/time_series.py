@@ -17,10 +17,10 @@ from matplotlib.transforms import Bbox
 from ..errors import ColumnError, UsageError
 from ..record import Described
 from ..result import Result
-from ..stick_slip import first_release
+from ..stick_slip import drive_profile, first_release
 from .notation import COLUMNS, PARAMETERS, Floats, columns, label_of, scaled, thin, with_unit
 from .style import BLACK, COLUMN_WIDTH, MM, PALETTE, degree_ticks, legend_above, note, panels, sized
-from .theory import drive_profile, driven_length, static_limit, steady_friction, stiff_frequency
+from .theory import driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
 __all__ = ["draw_comparison", "draw_history", "draw_overlay", "draw_series", "draw_velocities"]
@@ -55,12 +55,8 @@ WIDTH = 52
 VISIBLE = 0.01
 """Share of F_0 by which the steady force must differ from F_0 to get a separate line."""
 
-NEVER_SHOWN = frozenset(
-    {
-        "title", "file", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps",
-        "t_end",
-        "threads", "accuracy", "quantities", "stop_at_steady", "overwrite",
-    }
+NEVER_SHOWN = (
+    "title", "file", "checkpoint_interval", "wall_limit", "interval", "fields", "max_steps", "t_end", "accuracy", "quantities"
 )  # fmt: skip
 """Parameters that do not change the motion, or not in a way that matters to the reader."""
 
@@ -232,15 +228,14 @@ def draw_velocities(view: View, figure: FigureBase) -> None:
     figure.align_ylabels(axes[:, 0])
 
 
-def draw_series(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
-    """All columns, or some, one in each panel: for files with too few columns for another kind."""
-    held = [name for name in view.whole if name != "time"]
-    if not held:
+def draw_series(view: View, figure: FigureBase) -> None:
+    """All columns, one in each panel: for files with too few columns for another kind."""
+    names = [name for name in view.whole if name != "time"]
+    if not names:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
     # Known columns in the order of the figures, the others in the order of the file.
     order = {name: place for place, name in enumerate(COLUMNS)}
-    names = names or sorted(held, key=lambda name: order.get(name, len(order)))
-    columns(view.whole, *names)
+    names.sort(key=lambda name: order.get(name, len(order)))
     height = 26.0 if len(names) <= FEW else 18.0
     axes = panels(figure, len(names), height * len(names) + 12.0, letters="", sharex=True)
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):

@@ -10,9 +10,9 @@ import numpy as np
 from ..errors import Error, UsageError
 from ..record import Described
 from ..result import Result
-from ..stick_slip import StickSlip, stick_slip_statistics
+from ..stick_slip import StickSlip, drive_profile, stick_slip_statistics
 from .notation import Floats, prefixed
-from .theory import drive_profile, stiff_frequency
+from .theory import stiff_frequency
 
 __all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import os
 from html import escape
 from importlib.resources import files
@@ -17,9 +16,9 @@ from .._native import catalogue
 from .._output import put
 from ..errors import Error, UsageError
 from ..html import table
-from ..plot.style import rendering
+from ..plot.style import image_of
 from ..plot.view import view_of
-from ..record import Described
+from ..record import Described, headed, number_shown, rows_of, unit_shown
 from ..result import Result
 from ..scene import Scene
 from ..stick_slip import stick_slip_statistics
@@ -28,6 +27,9 @@ __all__ = ["report", "write_report"]
 
 DOTS_PER_INCH = 220
 """Resolution for screens with two dots for each pixel."""
+
+HEAD = ("", "value", "unit", "")
+"""Of a table of names, values, units and meanings."""
 
 MOST_CYCLES = 50
 """Largest number of rows in the table of cycles."""
@@ -110,18 +112,12 @@ def _given(result: Result) -> str:
     """Keys that the user has set, in the deck or by settings, in the order of the deck, with the values used."""
     # The keys of the deck; a list is not a parameter of a run, because parameters are numbers and texts.
     known = {(key["group"], key["name"]): (key["units"], key["meaning"]) for key in catalogue()["keys"]}
-    rows = [
-        (f"{group}.{key}", _shown(value), *known.get((group, key), ("1", "")))
-        for group, keys in _set_keys(result).items()
-        for key, value in keys.items()
-    ]
-    return _table(rows) or "<p>The file does not contain the deck.</p>"
-
-
-def _table(rows: list[tuple[str, str, str, str]]) -> str:
-    """Names, values, units and meanings; nothing without rows."""
-    head = ("", "value", "unit", "")
-    return table(head, [(*row[:2], "" if row[2] == "1" else row[2], row[3]) for row in rows]) if rows else ""
+    rows = []
+    for group, keys in _set_keys(result).items():
+        for key, value in keys.items():
+            units, meaning = known.get((group, key), ("1", ""))
+            rows.append((f"{group}.{key}", _shown(value), unit_shown(units), meaning))
+    return table(HEAD, rows) if rows else "<p>The file does not contain the deck.</p>"
 
 
 def _set_keys(result: Result) -> dict[str, dict[str, object]]:
@@ -150,15 +146,14 @@ def _set_keys(result: Result) -> dict[str, dict[str, object]]:
 def _shown(value: Any) -> str:
     """A value in six digits; a list with commas."""
     if isinstance(value, str) or not np.ndim(value):
-        return f"{value:.6g}" if isinstance(value, float) else str(value)
+        return number_shown(value)
     values = np.ravel(np.asarray(value)).tolist()
     more = f", … ({len(values)} values)" if len(values) > MOST_VALUES else ""
     return ", ".join(_shown(each) for each in values[:MOST_VALUES]) + more
 
 
 def _described(values: Described[float] | Described[float | str]) -> str:
-    rows = [(info.name, _shown(value), info.units, info.long_name) for info, value in values.info()]
-    return _table(rows) or "<p>None.</p>"
+    return table(HEAD, rows_of(values, 6)) if values else "<p>None.</p>"
 
 
 def _samples(result: Result) -> str:
@@ -177,15 +172,12 @@ def _figures(result: Result) -> tuple[str, str]:
     for kind in plot.KINDS:
         if kind == "columns" and drawn:
             continue
-        picture = io.BytesIO()
         try:
-            figure = plot.draw(result, kind)
-            with rendering():
-                figure.savefig(picture, format="png", dpi=DOTS_PER_INCH)
+            picture = image_of(plot.draw(result, kind), "png", DOTS_PER_INCH)
         except UsageError as error:
             missing.append(f"<li><b>{kind}</b>: {escape(str(error))}</li>")
             continue
-        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture.getvalue()).decode("ascii")
+        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture).decode("ascii")
         drawn.append(
             f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}">'
             f"<figcaption>{caption}</figcaption></figure>"
@@ -222,20 +214,15 @@ def _cycles(result: Result) -> str:
     if means:
         scatters = {name: found.get(f"{name}_scatter", scatter.get(name)) for name in means}
         rows = [
-            (
-                info.name,
-                _with_scatter(found.get(info.name, value), scatters[info.name]),
-                info.units,
-                info.long_name,
-            )
-            for info, value in means.info()
+            (name, _with_scatter(found.get(name, value), scatters[name]), unit_shown(units), meaning)
+            for (name, units, meaning), value in means.info()
         ]
         count = int(np.count_nonzero(cycles.settled))
         settled = f"<p>Mean ± standard deviation of {count} settled cycles, of {len(cycles)} slips:</p>"
-        settled += _table(rows)
+        settled += table(HEAD, rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
-    head = [f"{name} [{units}]" if units != "1" else name for name, units in cycles.columns.units.items()]
+    head = [headed(name, units) for name, units in cycles.columns.units.items()]
     values = np.stack([cycles[name] for name in cycles], axis=1)[:MOST_CYCLES]
     cells = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
     more = f"<p>The first {MOST_CYCLES} of {len(cycles)}.</p>" if len(cycles) > MOST_CYCLES else ""
