@@ -43,15 +43,15 @@ MOST_PER_STATEMENT = 2
 # Three rounds of tests, each slower than the one before: only what survives a round is tried in the next. With pytest's -k.
 ROUNDS = {
     "small": {
-        "collocation": "", "models": "", "stability": "", "creep": "", "creep_end": "", "slow_cycles": "", "giving_up": "", "radau": "",
+        "collocation": "", "models": "", "test_stability": "", "creep": "", "test_creep_end": "", "slow_cycles": "", "giving_up": "", "radau": "",
         "resume": "", "runge_kutta": "", "cycle_map": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
         "test_models": "not profiles", "test_model_choice": "not error_stays_below_accuracy",
     },
     "medium": {
-        "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
+        "trajectory": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
         "test_references": "not number_of_sticks", "test_simulation": "not bar", "test_unstable_sliding": "", "test_friction_peak": "",
         "test_error_codes": "", "test_cycle_map": "", "test_sensitivity": "",
-        "damping": "", "test_damping": "", "test_friction_laws": "",
+        "test_damping": "", "test_friction_laws": "",
     },
     "large": {
         "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",

@@ -70,7 +70,7 @@ with() {
   check "$name: configures" env FC="$compiler" meson setup "$folder" "$checkout" -Dpython=false "$@"
   [[ -e $folder/build.ninja ]] || return 0
   check "$name: compiles" compiles "$folder" "$compiler"
-  [[ $is_full == yes ]] || quick=(deck models numerics plain_numbers radau release_map result_file resume sha256 stability)
+  [[ $is_full == yes ]] || quick=(deck models numerics plain_numbers radau release_map resume sha256)
   check "$name: unit tests" meson test -C "$folder" --no-rebuild --print-errorlogs --no-suite fuzz --no-suite threads ${quick[@]+"${quick[@]}"}
   run_fig3 "$name" "$folder/src/dynstiction"
 }
