@@ -161,7 +161,7 @@ contains
       end do
     end do
     do k = 1, size(what)
-    call check_order(name//': '//what(k), worst(k, 1), worst(k, 2), 2.0_wp, real(2*stage_count - 1, wp), &
+      call check_order(name//': '//what(k), worst(k, 1), worst(k, 2), 2.0_wp, real(2*stage_count - 1, wp), &
         merge(0.6_wp, 1.0_wp, k == 1))
     end do
     call check_order(name//': dense output', inside(1), inside(2), 2.0_wp, real(stage_count + 1, wp), 0.5_wp)
