@@ -190,8 +190,8 @@ manual_tests() {
   local selection=(-m full)
   [[ $level == release || $level == standard ]] || selection=()
   run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
-  run_tests 'Pages that change the source, report in a browser' "$python_summary" \
-    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,report,documented}.py
+  run_tests 'Pages that change the source' "$python_summary" \
+    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,documented}.py
 }
 
 # The two of a bounded run are in modules that unit tests reach and that seldom change: which changes are drawn depends on the source,
@@ -207,7 +207,7 @@ tests_with_checks() {
   find "$debug" -name '*.gcda' -delete
   unit_tests 'Fortran unit tests with run-time checks' "$debug"
   # Files, streams and messages compute nothing that these do not; with --full all of them run.
-  local decks=("$checkout"/tests/{extremes,audit,invariance} "$checkout"/tests/python/test_{references,models,decks,damping,cycle_map,limit_cycles,lanes}.py)
+  local decks=("$checkout"/tests/{extremes,audit,invariance} "$checkout"/tests/python/test_{references,models,decks,damping,stability,cycle_map,limit_cycles,lanes}.py)
   # The steps of radau5 are those of the other two with other coefficients, and many more; the unit tests have them.
   local share=(-k 'not radau5')
   [[ $level != full ]] || decks=("${all_python[@]}") share=()
@@ -270,8 +270,7 @@ main() {
   prepare "${sets[@]}"
   ! is_wanted cluster || (add_requirements cluster) || say 'No dask or mpi4py: their tests are skipped'
   if is_wanted package; then
-    # Without a browser the report is not opened, and without other compilers the program is built only by gfortran.
-    have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
+    # Without other compilers the program is built only by gfortran.
     have flang-new-22 || (apt_install flang-22 libflang-22-dev) || (apt_install flang-19 libflang-19-dev) || say 'No flang: a compiler is left out'
     [[ $level != full ]] || (apt_install gfortran-11) || say 'No older gfortran: it is left out'
     [[ $level != full ]] || have qemu-aarch64 || (apt_install gfortran-aarch64-linux-gnu gcc-aarch64-linux-gnu qemu-user) || say 'No emulator: aarch64 is left out'

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import dynstiction as ds
@@ -14,8 +12,6 @@ import pytest
 from dynstiction.plot.animation import _frame_times, animate, view_from_above
 from dynstiction.plot.style import STYLE
 from matplotlib import image, rc_context
-from PIL import Image
-from programs import Program
 
 
 def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
@@ -82,12 +78,6 @@ def test_frames_without_ffmpeg(fig4_result: ds.Result, tmp_path: Path) -> None:
         animate(fig4_result, tmp_path / "frames", frames_per_second=2, seconds=1.0)
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on this machine")
-def test_mp4(fig4_result: ds.Result, tmp_path: Path) -> None:
-    animate(fig4_result, tmp_path / "run.mp4", frames_per_second=4, seconds=1.0)
-    assert (tmp_path / "run.mp4").read_bytes()[4:8] == b"ftyp"
-
-
 @pytest.mark.parametrize("fails", [False, True])
 def test_mp4_gets_every_frame(fig4_result: ds.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
     """A program of that name which counts what it gets, or reads nothing."""
@@ -130,33 +120,6 @@ def test_unfit_arguments_are_refused(fig4_result: ds.Result, tmp_path: Path, arg
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_result_without_a_position_is_refused(fig4_result: ds.Result, tmp_path: Path) -> None:
-    kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "X")]
-    with pytest.raises(ds.ColumnError, match=r"lacks Y, .*output\.fields"):
-        animate(replace(fig4_result, columns=ds.Described(kept)), tmp_path / "frames")
-
-
-def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
-    from dynstiction.plot.paper import deck  # noqa: PLC0415
-
-    still = ds.run(deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0})
-    figure, show = view_from_above(still, np.array([0.0, 0.005, 0.01]))
-    show(2)
-    for axis in figure.axes[1:]:
-        trace, dot = axis.lines[:2]
-        assert np.ptp(trace.get_ydata()) == 0.0 and dot.get_ydata()[0] == 0.0
-        # In the middle of what has been averaged since the last frame.
-        assert 0.005 <= dot.get_xdata()[0] <= 0.01
-
-
-def test_command(package: Program, fig4_result: ds.Result, tmp_path: Path) -> None:
-    fig4_result.save(tmp_path / "run.h5")
-    options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
-    done = package("animate", "run.h5", "-o", "frames", *options)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "frames\n", "")
-    assert len(list((tmp_path / "frames").iterdir())) == 2
-
-
 OWN = {
     "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
     "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
@@ -192,13 +155,3 @@ def test_frames_drawn_over_one_ground_are_those_drawn_anew(own: ds.Result, tmp_p
     assert written.shape == anew.shape
     # Where a moving thing lies under one that stands.
     assert np.mean(np.abs(written - anew).max(axis=2) > 0.1) < 5e-3
-
-
-def test_the_usual_film_takes_less_than_ten_seconds(own: ds.Result, tmp_path: Path) -> None:
-    begun = process_time()
-    animate(own, tmp_path / "run.gif")
-    assert process_time() - begun < 10.0
-    with Image.open(tmp_path / "run.gif") as film:
-        assert film.n_frames == 200
-        assert film.size == (800, 520)
-        assert film.info["duration"] == 50
