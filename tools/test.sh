@@ -13,7 +13,7 @@
 #
 #   --cluster    shares of sweeps through a real Slurm; executors over MPI and dask
 #   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
-#                with --full also recipes of distributors, hostile environments, and every compiler
+#                with --full also recipes of distributors, and every compiler
 #   --bench      the short forms of all benchmarks
 #   --mutation   2 small changes of the core that the tests must notice, with --full 25
 #
@@ -173,7 +173,7 @@ package_tests() {
   # The lower bounds are tried with the source archive.
   local script scripts=(meson_install wheel without_hdf5) bound=lowest matrix=()
   if [[ $level == full ]]; then
-    scripts+=(sdist recipes hostile)
+    scripts+=(sdist recipes)
     bound=''
     matrix=(--full)
   fi

@@ -23,7 +23,7 @@ import numpy as np
 import programs
 import pytest
 from damage import CHECKSUM_LENGTH, changed, flipped, sealed, without_checksum
-from programs import FILE_ERROR, INPUTS, STOPPED, assert_refused, limited, opened, small_disk
+from programs import FILE_ERROR, INPUTS, STOPPED, assert_refused, limited, opened
 from programs import wait_until as wait_for
 
 pytestmark = pytest.mark.deck
@@ -171,20 +171,6 @@ def test_resumed_again_and_again_it_ends_with_the_same_bits(program, references,
     assert list(tmp_path.iterdir()) == [file]
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT, signal.SIGUSR1])
-def test_a_signal_stops_with_a_whole_file(program, references, tmp_path, number):
-    file = tmp_path / "x.h5"
-    errors = ended(program.begin(SCENES["several seconds"], file), lambda process: process.send_signal(number))
-    assert f"stopped by {number.name} at t = " in errors
-    assert list(tmp_path.iterdir()) == [file]
-    with h5py.File(file) as data:
-        assert (data.attrs["result_code"], data.attrs["complete"]) == (STOPPED, 0)
-        assert number.name in data.attrs["result_text"]
-        assert "steps" in data["statistics"]
-    program.resume(file, status=0)
-    assert_same(file, references("several seconds"))
-
-
 def test_a_result_behind_a_link_is_resumed_by_each_of_its_names(program, references, tmp_path):
     (tmp_path / "folder").mkdir()
     file, link = tmp_path / "folder" / "x.h5", tmp_path / "link.h5"
@@ -261,15 +247,6 @@ def test_a_file_is_made_whole_from_time_to_time(program, references, tmp_path):
     program.resume(file, status=0)
     assert_same(file, references("several seconds"))
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_without_an_interval_only_a_stop_makes_a_file(program, tmp_path):
-    file = tmp_path / "x.h5"
-    process = program.begin(SCENES["radau5"], file, *ENDLESS, "output.checkpoint_interval=0")
-    time.sleep(0.3)
-    assert not file.exists()
-    ended(process)
-    assert assert_whole(file) > 0
 
 
 # Files of others. Kills at every moment, and several processes: test_faults.py.
@@ -378,18 +355,6 @@ def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
     program.resume(file, status=0)
     assert_same(file, references("several seconds"))
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_a_disk_that_was_full(program, references, tmp_path):
-    with small_disk(tmp_path / "disk", "8m") as grow:
-        file = tmp_path / "disk" / "x.h5"
-        done = program.run(SCENES["several seconds"], file, "output.checkpoint_interval=0.01")
-        assert_refused(done, "disk is full")
-        assert_whole(file)
-        assert not part_of(file).exists()
-        grow("80m")
-        program.resume(file, status=0)
-        assert_same(file, references("several seconds"))
 
 
 def test_a_folder_that_vanishes(program, tmp_path):
