@@ -296,18 +296,6 @@ def test_refused_by_name(change: fig3.Groups, key: str) -> None:
         given.check()
 
 
-def test_what_knows_no_dampers_says_so() -> None:
-    given = scene({"system": {"damping_x": 1.0, "stiffness_y": None}}, model="low_frequency")
-    with pytest.raises(ds.Error, match="damping_x"):
-        ds.cycles(given, model="low_frequency")
-
-
-def test_auto_is_full() -> None:
-    result = ds.run(scene({"system": {"damping_x": 0.1}}, model="auto", t_end=0.1))
-    assert result.attributes["model"] == "full"
-    assert "dampers" in result.attributes["model_choice"]
-
-
 def test_a_sweep_of_damping() -> None:
     """Cases with and without dampers in one sweep; the damped ones say what the dampers took."""
     table = ds.sweep(scene(method="radau9", rtol=1e-7, t_end=0.3), {"system.damping_y": [0.0, 100.0, 4000.0]})

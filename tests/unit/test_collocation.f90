@@ -31,7 +31,6 @@ program test_collocation
     call test_real_pole(radau_iia(stage_counts(k)))
     call test_interpolation(radau_iia(stage_counts(k)))
   end do
-  call test_known_zeros()
   call test_sign_changes()
   call test_tangents()
   call test_zeros_of_coefficients()
@@ -178,27 +177,6 @@ contains
     call method%grid%bernstein_coefficients(values, padded)
     coefficient = padded(:stages)
   end function with_zeros
-
-  subroutine test_known_zeros()
-    real(wp), parameter :: single(5) = [1.0e-6_wp, 0.01_wp, 0.3_wp, 0.5_wp, 0.999999_wp]
-    integer :: i, s
-
-    do s = 3, 7, 2
-      do i = 1, size(single)
-        call check_close('one zero', first_zero(with_zeros(s, single(i:i), -1.0_wp)), single(i), 1.0e-13_wp)
-        call check_close('one zero and one before the start', first_zero(with_zeros(s, [single(i), -0.2_wp], -1.0_wp)), &
-          single(i), 1.0e-13_wp)
-      end do
-      call check_close('no zero', first_zero(with_zeros(s, [1.2_wp], -1.0_wp)), none, 0.0_wp)
-      call check_close('no zero after the start', first_zero(with_zeros(s, [-0.1_wp], 1.0_wp)), none, 0.0_wp)
-      call check_close('the first of two', first_zero(with_zeros(s, [0.4_wp, 0.7_wp], 1.0_wp)), 0.4_wp, 1.0e-13_wp)
-      call check_close('the first of two close ones', first_zero(with_zeros(s, [0.4_wp, 0.4001_wp], 1.0_wp)), 0.4_wp, 1.0e-10_wp)
-      call check_close('the first of three', first_zero(with_zeros(s, [0.8_wp, 0.35_wp, 0.5_wp], -1.0_wp)), 0.35_wp, 1.0e-12_wp)
-      call check_close('from zero, up and down', first_zero(with_zeros(s, [0.0_wp, 0.6_wp], -1.0_wp)), 0.6_wp, 1.0e-13_wp)
-    end do
-    call check_close('all seven', first_zero(with_zeros(7, [0.2_wp, 0.3_wp, 0.4_wp, 0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp], -1.0_wp)), &
-      0.2_wp, 1.0e-9_wp)
-  end subroutine test_known_zeros
 
   !> A dip that just reaches below zero is found, and none is found that just does not.
   subroutine test_tangents()
