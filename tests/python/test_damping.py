@@ -1,6 +1,6 @@
 """Dampers beside the springs: `system.damping_x` and `damping_y`.
 
-Single functions and the release under ramps: tests/unit/test_damping.f90; random scenes against another program: tests/audit.
+Equations and the end of slip: tests/unit/test_models.f90; random scenes, with ramps and jumps, against another program: tests/audit.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import dynstiction as ds
+import moreau_jean
 import numpy as np
 import pytest
 from fig3 import CONSTANT, FRICTION, TEXT
@@ -356,6 +357,30 @@ def test_static_limit_in_closed_form(method: str, mu_static: float, drive: float
         scale = 0.01 * expected["peak_force"] if name == "valley_force" else abs(value)
         assert abs(abs(result.summary[name]) - abs(value)) <= 1e-8 * max(scale, abs(value)), name
     assert abs(result.summary["energy_residual"]) < 1e-10
+
+
+@pytest.mark.parametrize("mu_static", [0.2, 0.25, 0.3])
+def test_a_scheme_without_events_converges_to_the_motion(mu_static: float) -> None:
+    """Set-valued friction at the end of a step, in Python: the same rests, and the same path to first order."""
+    one: Deck = {"scene": {"t_end": 1.0}, "system": {"stiffness_y": 1e4, "misalignment_deg": 10.0}}
+    one = changed(one, {"drive": {"velocity": 0.01}}, friction(mu_static=mu_static), {"initial": {"velocity_ratio": 0.0}})
+    exact = run(one, {"integrator": {"method": "radau13", "rtol": 1e-11}, "output": {"interval": 1e-3}})
+    assert exact.summary["sticks"] >= 6
+    law, load = FRICTION, FRICTION["normal_load"]
+
+    def force(v: float) -> float:
+        return float(load * (law["mu_inf"] + (law["mu_0"] - law["mu_inf"]) * np.exp(-v / law["v_f"])))
+
+    steps, errors = np.array([1e-4, 5e-5, 2.5e-5]), []
+    for step in steps:
+        x, sticks = moreau_jean.positions(
+            MASS, (STIFFNESS, 1e4), np.radians(10.0), 0.01, force, mu_static * load, step, round(1.0 / step)
+        )
+        assert sticks == exact.summary["sticks"]
+        every = round(1e-3 / step)
+        errors.append(np.abs(x[every - 1 :: every] - exact["X"][1:]).max() / exact["X"].max())
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert 0.7 < order < 1.6 and errors[-1] < 1e-3, (order, errors)
 
 
 def test_static_limit_where_it_means_nothing_is_refused() -> None:
