@@ -132,42 +132,6 @@ def test_the_cheapest_is_found(quantities: str, accuracy: float, lengths: float,
     assert choice_of(FIG3 | change, lengths, accuracy, quantities).startswith(f"{model}: ")
 
 
-# What a unit of length, time and mass is in these scenes. Powers of two: not one bit of a ratio changes.
-UNITS = [(2.0**10, 1.0, 1.0), (1.0, 2.0**-6, 1.0), (1.0, 1.0, 2.0**12), (2.0**-20, 2.0**8, 2.0**3)]
-
-
-@pytest.mark.parametrize(("length", "time", "mass"), UNITS)
-@pytest.mark.parametrize(
-    ("quantities", "accuracy", "lengths", "change"),
-    [
-        ("creep", 1e-1, 0.6, {}),
-        ("creep", 6e-2, 0.95, {"misalignment_deg": 4.0}),
-        ("creep", 4e-2, 0.95, {"misalignment_deg": 4.0}),
-        ("creep", 1e-9, 0.5, {"mass": 2.0, "velocity": 4e-3}),
-        ("stick_slip", 3e-2, 5.0, {}),
-        ("stick_slip", 1e-6, 5.0, {"mu_inf": 0.17}),
-    ],
-    ids=str,
-)
-def test_the_choice_depends_on_ratios_only(
-    quantities: str, accuracy: float, lengths: float, change: dict[str, float], length: float, time: float, mass: float
-) -> None:
-    """Model and estimated error are the same in all units and for the mirrored scene."""
-    scene = FIG3 | {"normal_load": 10.0} | change
-    velocity, stiffness, force = length / time, mass / time**2, mass * length / time**2
-    units = {
-        "mass": mass,
-        "stiffness_x": stiffness,
-        "stiffness_y": stiffness,
-        "v_f": velocity,
-        "velocity": velocity,
-        "normal_load": force,
-    }
-    plain = choice_of(scene, lengths, accuracy, quantities)
-    for other in ({name: scene[name] * unit for name, unit in units.items()}, {"misalignment_deg": -scene["misalignment_deg"]}):
-        assert choice_of(scene | other, lengths, accuracy, quantities) == plain
-
-
 @pytest.mark.parametrize(
     ("groups", "reason"),
     [
