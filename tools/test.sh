@@ -12,7 +12,7 @@
 # In addition to any of these:
 #
 #   --cluster    shares of sweeps through a real Slurm; executors over MPI and dask
-#   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
+#   --package    wheel, source archive, library, lowest versions, other compilers, manual and notebooks;
 #                with --full also recipes of distributors, and every compiler
 #   --bench      the short forms of all benchmarks
 #   --mutation   2 small changes of the core that the tests must notice, with --full 25
@@ -181,7 +181,7 @@ package_tests() {
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
   run_tests 'Lower bounds of the requirements' "$python_summary|[0-9]+ passed" "$checkout/tests/package/bounds.sh" ${bound:+"$bound"}
-  run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
+  run_tests 'Other compilers' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
     ${matrix[@]+"${matrix[@]}"}
 }
 
@@ -273,7 +273,6 @@ main() {
     # Without other compilers the program is built only by gfortran.
     have flang-new-22 || (apt_install flang-22 libflang-22-dev) || (apt_install flang-19 libflang-19-dev) || say 'No flang: a compiler is left out'
     [[ $level != full ]] || (apt_install gfortran-11) || say 'No older gfortran: it is left out'
-    [[ $level != full ]] || have qemu-aarch64 || (apt_install gfortran-aarch64-linux-gnu gcc-aarch64-linux-gnu qemu-user) || say 'No emulator: aarch64 is left out'
   fi
   build_release
   # Scripts that are called from here find everything installed.
