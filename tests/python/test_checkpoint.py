@@ -41,7 +41,7 @@ SCENES: dict[str, tuple[str, ...]] = {
     "rk4": ("fig3", "integrator.method=rk4", "integrator.step=2e-6", "integrator.rtol=", *SMOOTHED, "scene.t_end=0.3"),
     "low_frequency": ("slide_hold_slide", "scene.model=low_frequency", "system.stiffness_y=", "output.interval=4e-5",
                       "output.fields=u_x,w_y,sticking", "scene.t_end=8.6"),
-    "creep": ("fig3_constant", "scene.model=creep", *ABSENT, "output.interval=1e-6", "output.fields=u_x,X_rate", "scene.t_end=1.0"),
+    "creep": ("fig3_constant", "scene.model=creep", *ABSENT, "output.interval=5e-6", "output.fields=u_x,X_rate", "scene.t_end=1.0"),
     "several seconds": ("fig3", "integrator.method=radau5", STEPS, "scene.t_end=12.0"),
     "auto": ("fig3", "scene.model=auto", "scene.t_end=4.0"),
     "every step": ("fig3", "output.interval=0.0", STEPS, "scene.t_end=2.2"),

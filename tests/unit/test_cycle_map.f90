@@ -13,8 +13,7 @@ program test_cycle_map
   use dst_stepper, only: work_count_t
   implicit none
 
-  integer, parameter :: max_points = 64
-  real(wp), parameter :: eps = epsilon(1.0_wp), rtol = 1.0e-9_wp
+  real(wp), parameter :: rtol = 1.0e-9_wp
 
   !> How a run ends, and its events.
   type :: result_t
