@@ -12,8 +12,8 @@
 # In addition to any of these:
 #
 #   --cluster    shares of sweeps through a real Slurm; executors over MPI and dask
-#   --package    wheel, source archive, library, lowest versions, other compilers and processors, manual and notebooks;
-#                with --full also recipes of distributors, hostile environments, and every compiler
+#   --package    wheel, source archive, library, lowest versions, other compilers, manual and notebooks;
+#                with --full also recipes of distributors, and every compiler
 #   --bench      the short forms of all benchmarks
 #   --mutation   2 small changes of the core that the tests must notice, with --full 25
 #
@@ -173,7 +173,7 @@ package_tests() {
   # The lower bounds are tried with the source archive.
   local script scripts=(meson_install wheel without_hdf5) bound=lowest matrix=()
   if [[ $level == full ]]; then
-    scripts+=(sdist recipes hostile)
+    scripts+=(sdist recipes)
     bound=''
     matrix=(--full)
   fi
@@ -181,7 +181,7 @@ package_tests() {
     run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
   done
   run_tests 'Lower bounds of the requirements' "$python_summary|[0-9]+ passed" "$checkout/tests/package/bounds.sh" ${bound:+"$bound"}
-  run_tests 'Other compilers and processors' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
+  run_tests 'Other compilers' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
     ${matrix[@]+"${matrix[@]}"}
 }
 
@@ -190,8 +190,8 @@ manual_tests() {
   local selection=(-m full)
   [[ $level == release || $level == standard ]] || selection=()
   run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
-  run_tests 'Pages that change the source, report in a browser' "$python_summary" \
-    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,report,documented}.py
+  run_tests 'Pages that change the source' "$python_summary" \
+    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,documented}.py
 }
 
 # The two of a bounded run are in modules that unit tests reach and that seldom change: which changes are drawn depends on the source,
@@ -207,7 +207,7 @@ tests_with_checks() {
   find "$debug" -name '*.gcda' -delete
   unit_tests 'Fortran unit tests with run-time checks' "$debug"
   # Files, streams and messages compute nothing that these do not; with --full all of them run.
-  local decks=("$checkout"/tests/{extremes,audit,invariance} "$checkout"/tests/python/test_{references,models,decks,damping,cycle_map,limit_cycles,lanes}.py)
+  local decks=("$checkout"/tests/{extremes,audit,invariance} "$checkout"/tests/python/test_{references,models,decks,damping,stability,cycle_map,limit_cycles,lanes}.py)
   # The steps of radau5 are those of the other two with other coefficients, and many more; the unit tests have them.
   local share=(-k 'not radau5')
   [[ $level != full ]] || decks=("${all_python[@]}") share=()
@@ -270,11 +270,9 @@ main() {
   prepare "${sets[@]}"
   ! is_wanted cluster || (add_requirements cluster) || say 'No dask or mpi4py: their tests are skipped'
   if is_wanted package; then
-    # Without a browser the report is not opened, and without other compilers the program is built only by gfortran.
-    have chromium || (apt_install chromium) || say 'No chromium: the report is not opened in a browser'
+    # Without other compilers the program is built only by gfortran.
     have flang-new-22 || (apt_install flang-22 libflang-22-dev) || (apt_install flang-19 libflang-19-dev) || say 'No flang: a compiler is left out'
     [[ $level != full ]] || (apt_install gfortran-11) || say 'No older gfortran: it is left out'
-    [[ $level != full ]] || have qemu-aarch64 || (apt_install gfortran-aarch64-linux-gnu gcc-aarch64-linux-gnu qemu-user) || say 'No emulator: aarch64 is left out'
   fi
   build_release
   # Scripts that are called from here find everything installed.

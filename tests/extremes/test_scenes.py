@@ -1,11 +1,12 @@
-"""The full model far away from Fig. 3: every run ends, and is sound (invariants.py)."""
+"""The full model where a scene has a property of its own: every run ends, and is sound (invariants.py). Ends of the parameters:
+test_matrix.py.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import dynstiction as ds
-import numpy as np
 import pytest
 from fig3 import CONSTANT, GROUPS, Groups, changed
 from invariants import faults_of
@@ -70,18 +71,11 @@ def family(
 
 
 CASES = [
-    *family("phi = {} deg", "system", "misalignment_deg", (1e-9, 90.0, -90.0, -1.0, 45.0, 8.655, 30.0, 76.3, 89.999)),
-    *family("phi = {} deg, cycles", "system", "misalignment_deg", (0.0, 180.0, 1e-9, 8.15), t_end=4.0),
-    *family("k_y = {:g} N/m", "system", "stiffness_y", (1e2, 1e3, 1e4, 1e5), t_end=3.0),
-    *family("k_y = {:g} N/m, short", "system", "stiffness_y", (1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12)),
-    *family("k_y = {:g} N/m, constant friction", "system", "stiffness_y", (1e2, 1e3, 1e6, 1e9, 1e12), friction=CONSTANT),
-    *family("m = {:g} kg", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 10.0, 100.0)),
-    *family("m = {:g} kg, phi = 0", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 100.0), t_end=4.0, **ALIGNED),
-    *family("V = {:g} m/s", "drive", "velocity", (1e-9, 1e-8, 1e-6, 1e-5, 1e-4, -1e-3, 1e-2, 0.1, 1.0)),
-    *family("V = {:g} m/s, cycles", "drive", "velocity", (1e-2, 0.02, 0.1, 1.0), t_end=0.5),
-    *family("v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-4, 1e-3, 0.1, 1.0, 1e3)),
-    *family("v_f = {:g} m/s, cycles", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=3.0),
-    *family("phi = 0, v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e-3, 1e3), t_end=4.0, **ALIGNED),
+    *family("phi = {} deg", "system", "misalignment_deg", (8.655, 30.0, 76.3, 89.999)),
+    *family("k_y = {:g} N/m, constant friction", "system", "stiffness_y", (1e2, 1e3, 1e12), friction=CONSTANT),
+    *family("m = {:g} kg, phi = 0", "system", "mass", (1e-12, 100.0), t_end=4.0, **ALIGNED),
+    *family("V = {:g} m/s, cycles", "drive", "velocity", (0.02, 1.0), t_end=0.5),
+    *family("phi = 0, v_f = {:g} m/s", "friction", "v_f", (1e-5, 1e3), t_end=4.0, **ALIGNED),
     Case("equal coefficients", {"friction": {"mu_inf": 0.20}}, 3.0),
     Case("constant friction", {"friction": CONSTANT}, 3.0),
     Case("strengthening", {"friction": {"mu_inf": 0.30}}, 4.0),
@@ -141,7 +135,6 @@ CASES = [
     driven("reversal, phi = 0", 8.0, (0, V), (2.5, V), (3, -V), **ALIGNED),
     driven("hold while it slips", 4.0, (0, V), (2.05, V), (2.05, 0), (3, 0), (3, V)),
     driven("reversal while it slips", 4.0, (0, V), (2.05, V), (2.05, -V)),
-    *family("m = {:g} kg, cycles", "system", "mass", (1e-12, 1e-9, 1e-6, 1e-4), t_end=4.0),
     # Nearly without mass, friction that grows with speed makes u creep with the time constant F'(v)/k.
     *(
         Case(
@@ -218,23 +211,3 @@ CASES = [
 def test_extreme(program: Program, case: Case, method: str) -> None:
     groups = case.groups(method)
     assert faults_of(run(program, groups), groups) == []
-
-
-@pytest.mark.parametrize(
-    ("drive", "t_end"),
-    [
-        (profile((0, V), (1, V), (1, 0), (2, 0), (2, V), (2.5, V), (2.7, 0), (3, 0), (3, V)), 3.5),
-        (profile((0, V), (1.5, V), (2, -V), (3.5, -V), (4, V)), 5.0),
-    ],
-    ids=["slide, hold, slide", "reversal"],
-)
-def test_orders_agree_on_profiles(program: Program, drive: dict[str, list[float]], t_end: float) -> None:
-    changes = {"scene": {"t_end": t_end}, "drive": drive, "output": {"interval": 0.05}}
-    nine, thirteen = (
-        run(program, changed(FIG3, changes, {"integrator": {"method": method, "rtol": 1e-9}})) for method in METHODS[1:]
-    )
-    for x, y, bound in (("u_x", "u_y", 1e-9), ("w_x", "w_y", 1e-6)):
-        error = np.hypot(nine[x] - thirteen[x], nine[y] - thirteen[y]).max()
-        assert error <= bound * np.hypot(nine[x], nine[y]).max()
-    np.testing.assert_array_equal(nine.events["kind"], thirteen.events["kind"])
-    np.testing.assert_allclose(nine.events["time"], thirteen.events["time"], rtol=0, atol=1e-7)

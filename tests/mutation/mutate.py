@@ -1,6 +1,6 @@
 """Do the tests notice small changes of the core? Builds it with many mutants in one program and runs the tests on each.
 
-    python tests/mutation/mutate.py [--count 300] [--seed 1] [--rounds small|medium|large] [--modules NAME ...]
+    python tests/mutation/mutate.py [--count 300] [--seed 1] [--modules NAME ...]
 
 A mutant is killed when a test fails, crashes or does not end; it survives when all pass. What survives must be listed in
 equivalent.csv, with the reason why no test can or need tell it from the original. Results are in build/mutation/results.csv;
@@ -40,24 +40,18 @@ WEIGHTS = {"runge_kutta_tableaux.f90": 0.1}
 # More mutants of one statement tell little more.
 MOST_PER_STATEMENT = 2
 
-# Three rounds of tests, each slower than the one before: only what survives a round is tried in the next. With pytest's -k.
+# Two rounds of tests: only what survives the fast ones is tried by the slow ones. With pytest's -k.
 ROUNDS = {
-    "small": {
-        "collocation": "", "models": "", "stability": "", "creep": "", "creep_end": "", "slow_cycles": "", "giving_up": "", "radau": "",
+    "fast": {
+        "collocation": "", "models": "", "test_stability": "", "creep": "", "test_creep_end": "", "slow_cycles": "", "giving_up": "", "radau": "",
         "resume": "", "runge_kutta": "", "cycle_map": "", "test_columns": "", "test_summary_values": "", "test_creep": "", "test_lanes": "",
         "test_models": "not profiles", "test_model_choice": "not error_stays_below_accuracy",
     },
-    "medium": {
-        "trajectory": "", "test_stability": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
+    "slow": {
+        "trajectory": "", "test_stick_slip": "", "test_python_api": "not leak and not threads",
         "test_references": "not number_of_sticks", "test_simulation": "not bar", "test_unstable_sliding": "", "test_friction_peak": "",
         "test_error_codes": "", "test_cycle_map": "", "test_sensitivity": "",
-        "damping": "", "test_damping": "", "test_friction_laws": "",
-    },
-    "large": {
-        "test_models": "", "test_references": "", "test_model_choice": "", "test_kinds": "", "test_scene": "",
-        "deck": "", "test_decks": "", "test_checkpoint": "", "test_sweep": "", "test_sweep_points": "", "test_sweep_python": "",
-        "test_trade": "", "test_maps": "", "test_creep_validation": "", "test_handover": "", "../extremes": "",
-        "../invariance": "",
+        "test_damping": "", "test_friction_laws": "",
     },
 }  # fmt: skip
 
@@ -265,7 +259,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--rounds", choices=list(ROUNDS), default="medium", help="the last round of tests")
     parser.add_argument("--modules", nargs="+", default=[])
     parser.add_argument("--mutants", type=int, nargs="+", help="only these numbers")
     parser.add_argument("--jobs", type=int, default=1, help="processes of the compiler")
@@ -282,8 +275,7 @@ def main() -> int:
         if mutant.key in equivalent:
             note(mutant, "listed", "", 0.0, results)
     alive = [mutant for mutant in tried if mutant.key not in equivalent]
-    rounds = list(ROUNDS)
-    for name in rounds[: rounds.index(options.rounds) + 1]:
+    for name in ROUNDS:
         if not alive:
             break
         print(f"{name} round, {len(alive)} mutants", flush=True)

@@ -1,17 +1,13 @@
 #!/usr/bin/env bash
-# tests/package/recipes.sh [--all]: do the recipes of packaging/ build, and does what they make run Fig. 3?
+# tests/package/recipes.sh: do the recipes of packaging/ build, and does what they make run Fig. 3?
 #
 # The Debian packages are built and unpacked into an empty folder; the script of the conda recipe installs into a prefix, and the recipe is
 # read by rattler-build's own parser; the options in Spack's recipe and the packages in the two definitions of images are compared with what there is.
 # Takes three minutes. What the machine has no tools for is skipped, with a line that says so.
-#
-# --all also carries out the commands of Dockerfile and Apptainer definition in a fresh Debian, which mmdebstrap makes (as root; twenty minutes).
 
 source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
 help_if_wanted "$@"
-whole=no
-[[ ${1:-} != --all ]] || whole=yes
 
 prepare package
 packaging=$checkout/packaging
@@ -126,42 +122,6 @@ if have apptainer; then
   check 'Apptainer: the image' apptainer build "$scratch/dynstiction.sif" "$packaging/dynstiction.def"
 else
   skip 'Apptainer: it is not installed'
-fi
-
-# The commands in a fresh Debian, where there is no Docker. Debian 12 or later, as the definitions have its next one.
-if [[ $whole == yes ]]; then
-  release_of_debian=$(sed -n 's/^VERSION_CODENAME=//p' /etc/os-release)
-  fresh() { mmdebstrap --variant=minbase "$release_of_debian" "$1"; }
-  # Names and certificates of this machine.
-  network() {
-    mkdir -p "$1/etc/ssl/certs" "$1/usr/local/share/ca-certificates"
-    cp /etc/resolv.conf "$1/etc/" 2> /dev/null || true
-    cp -rL /etc/ssl/certs/. "$1/etc/ssl/certs/"
-    cp -rL /usr/local/share/ca-certificates/. "$1/usr/local/share/ca-certificates/" 2> /dev/null || true
-  }
-  inside() { # inside ROOT COMMAND...
-    chroot "$1" /usr/bin/env -u TMPDIR -u DYNSTICTION_EXE HOME=/root PATH=/opt/dynstiction/bin:/usr/sbin:/usr/bin:/sbin:/bin "${@:2}"
-  }
-  if have mmdebstrap && ((EUID == 0)); then
-    check 'a fresh Debian' fresh "$scratch/fresh"
-    for file in Dockerfile dynstiction.def; do
-      image=$scratch/image_$file
-      cp -a "$scratch/fresh" "$image"
-      sources "$image/source"
-      commands_of "$packaging/$file" | grep -v '^ *rm ' | sed 's/ && rm -rf [^&]*$//' > "$image/commands.sh"
-      mount -t proc proc "$image/proc"
-      network "$image"
-      check "$file: its commands" inside "$image" sh -ex /commands.sh
-      check "$file: Fig. 3 has 5398 sticks" inside "$image" sh -ec "
-        /opt/dynstiction/bin/dynstiction run /source/inputs/fig3.nml --quiet -o /tmp/fig3.h5
-        /opt/dynstiction/bin/dynstiction plot /tmp/fig3.h5
-        /opt/dynstiction/bin/python -c 'import dynstiction as ds; assert ds.open(\"/tmp/fig3.h5\").sticks() == 5398'"
-      umount "$image/proc"
-    done
-    check 'dynstiction.def: its own test' inside "$scratch/image_dynstiction.def" sh -ec "$(awk '/^%/ { wanted = $1 == "%test"; next } wanted' "$packaging/dynstiction.def")"
-  else
-    skip 'the commands of the images: mmdebstrap is not installed, or this is not root'
-  fi
 fi
 
 summary 'Recipes'

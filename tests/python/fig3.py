@@ -19,12 +19,7 @@ GROUPS: Groups = {
 SYSTEM, FRICTION, DRIVE = GROUPS["system"], GROUPS["friction"], GROUPS["drive"]
 CONSTANT = {"law": "constant", "mu_inf": None, "v_f": None}
 """What makes friction constant."""
-SLIDER: dict[str, float] = {
-    key: value
-    for group in (SYSTEM, FRICTION, DRIVE)
-    for key, value in group.items()
-    if key != "law"
-}
+SLIDER: dict[str, float] = {key: value for group in (SYSTEM, FRICTION, DRIVE) for key, value in group.items() if key != "law"}
 
 
 def changed(groups: Groups, *changes: Groups) -> Groups:

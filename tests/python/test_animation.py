@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import dynstiction as ds
@@ -13,8 +11,6 @@ import pytest
 from dynstiction.plot.animation import _frame_times, animate, view_from_above
 from dynstiction.plot.style import STYLE
 from matplotlib import image, rc_context
-from PIL import Image
-from programs import Program
 
 
 def friction_vector(figure: object) -> tuple[np.ndarray, np.ndarray]:
@@ -99,33 +95,6 @@ def test_unfit_arguments_are_refused(fig4_result: ds.Result, tmp_path: Path, arg
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_result_without_a_position_is_refused(fig4_result: ds.Result, tmp_path: Path) -> None:
-    kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "X")]
-    with pytest.raises(ds.ColumnError, match=r"lacks Y, .*output\.fields"):
-        animate(replace(fig4_result, columns=ds.Described(kept)), tmp_path / "frames")
-
-
-def test_an_object_at_rest_is_shown(tmp_path: Path) -> None:
-    from dynstiction.plot.paper import deck  # noqa: PLC0415
-
-    still = ds.run(deck("fig3"), scene={"t_end": 0.01}, drive={"velocity": 0.0}, initial={"velocity_ratio": 0.0})
-    figure, show = view_from_above(still, np.array([0.0, 0.005, 0.01]))
-    show(2)
-    for axis in figure.axes[1:]:
-        trace, dot = axis.lines[:2]
-        assert np.ptp(trace.get_ydata()) == 0.0 and dot.get_ydata()[0] == 0.0
-        # In the middle of what has been averaged since the last frame.
-        assert 0.005 <= dot.get_xdata()[0] <= 0.01
-
-
-def test_command(package: Program, fig4_result: ds.Result, tmp_path: Path) -> None:
-    fig4_result.save(tmp_path / "run.h5")
-    options = ["--from", "1", "--to", "1.5", "--fps", "2", "--seconds", "1"]
-    done = package("animate", "run.h5", "-o", "frames", *options)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "frames\n", "")
-    assert len(list((tmp_path / "frames").iterdir())) == 2
-
-
 OWN = {
     "system": {"mass": 1.0, "stiffness_x": 5e3, "stiffness_y": 2e6, "misalignment_deg": 3.0},
     "friction": {"law": "weakening", "mu_0": 0.30, "mu_inf": 0.25, "v_f": 0.010, "normal_load": 20.0},
@@ -161,13 +130,3 @@ def test_frames_drawn_over_one_ground_are_those_drawn_anew(own: ds.Result, tmp_p
     assert written.shape == anew.shape
     # Where a moving thing lies under one that stands.
     assert np.mean(np.abs(written - anew).max(axis=2) > 0.1) < 5e-3
-
-
-def test_the_usual_film_takes_less_than_ten_seconds(own: ds.Result, tmp_path: Path) -> None:
-    begun = process_time()
-    animate(own, tmp_path / "run.gif")
-    assert process_time() - begun < 10.0
-    with Image.open(tmp_path / "run.gif") as film:
-        assert film.n_frames == 200
-        assert film.size == (800, 520)
-        assert film.info["duration"] == 50

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import dynstiction as ds
-import pytest
 from dynstiction import __main__ as commands_of_python
 from dynstiction import _native
-from programs import ROOT, Program
+from programs import Program
 
 
 def said(executable: Path, *arguments: str) -> str:
@@ -78,54 +75,3 @@ def test_results_have_the_columns_and_values_of_the_table(fig3_result: ds.Result
     found = described(fig3_result.summary)
     assert [value for value in catalogue["summary"] if value in found] == found
     assert len(found) > 15
-
-
-@pytest.fixture(scope="module")
-def modules(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the compiled modules that tables need."""
-    if shutil.which("gfortran") is None:
-        pytest.skip("gfortran is not installed")
-    folder = tmp_path_factory.mktemp("modules")
-    precision = (ROOT / "src" / "base" / "precision.f90.in").read_text(encoding="utf-8").replace("@kind@", "real64")
-    (folder / "precision.f90").write_text(precision, encoding="utf-8")
-    needed = ("base/kinds", "base/text", "base/errors", "base/writer", "deck/methods")
-    for source in (folder / "precision.f90", *(ROOT / "src" / f"{name}.f90" for name in needed)):
-        subprocess.run(["gfortran", "-fsyntax-only", "-J", folder, source], check=True)
-    return folder
-
-
-def compiled(source: Path, modules: Path) -> str:
-    """What the compiler complains of, with the warnings that meson.build asks for."""
-    warnings = re.findall(r"'(-W[\w=-]+)'", (ROOT / "meson.build").read_text(encoding="utf-8"))
-    command = ["gfortran", "-fsyntax-only", "-std=f2008", *warnings, "-J", modules, source]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode == 0) == (done.stderr == "")
-    return done.stderr
-
-
-QUANTITY = """module dst_more
-  use dst_writer, only: quantity_t
-  type(quantity_t), parameter :: more(*) = [quantity_t('name', 's', 'mean time')]
-end module dst_more
-"""
-
-
-@pytest.mark.parametrize(
-    ("table", "text"),
-    [
-        ("deck/schema.f90", "mass of the object"),
-        ("app/command_table.f90", "also run the cases again that failed before"),
-        ("app/command_table.f90", "some cases of a sweep failed"),
-        ("", "mean time"),
-    ],
-)
-def test_a_text_that_would_be_cut_is_refused(table: str, text: str, modules: Path, tmp_path: Path) -> None:
-    whole = (ROOT / "src" / table).read_text(encoding="utf-8") if table else QUANTITY
-    assert text in whole
-    file = tmp_path / "table.f90"
-    file.write_text(whole, encoding="utf-8")
-    assert compiled(file, modules) == ""
-    inside = text.strip("'")
-    longer = text.replace(inside, "&\n      &".join([inside, *[" and so on" * 8] * 4, ""]))
-    file.write_text(whole.replace(text, longer, 1), encoding="utf-8")
-    assert "truncated in constructor" in compiled(file, modules)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import re
-from pathlib import Path
 
-import dynstiction.plot
 import numpy as np
 import pytest
 from dynstiction.plot import notation, style, time_series
@@ -51,17 +48,3 @@ def test_colours_can_be_told_apart(seen: str) -> None:
     for name, colours in used.items():
         distance, *pair = closest(colours, seen)
         assert distance >= LEAST, (name, seen, pair, distance)
-
-
-def test_the_measure_finds_colours_that_cannot_be_told_apart() -> None:
-    assert closest(["#0072B2", "#AA4499"], "protanopia")[0] < 10.0
-    assert closest(["#0072B2", "#AA4499"], "normal")[0] > 40.0
-    # A grey of the same lightness as red for those who lack the red cones.
-    assert lab("#ffffff", "protanopia") == pytest.approx([100.0, 0.0, 0.0], abs=0.05)
-
-
-def test_no_figure_has_colours_of_its_own() -> None:
-    """A colour by number, outside the palette, would escape these tests."""
-    for file in Path(dynstiction.plot.__file__).parent.glob("*.py"):
-        if file.name != "style.py":
-            assert not re.findall(r"[\"\']#[0-9A-Fa-f]{6}", file.read_text(encoding="utf-8")), file.name

@@ -8,7 +8,6 @@ import re
 import select
 import shutil
 import signal
-import sys
 import time
 from pathlib import Path
 
@@ -23,19 +22,6 @@ def offered(executable: Path, line: str) -> list[str]:
     said = Program((executable, "complete"))(*line.split(" ")[1:], status=0)
     assert said.stderr == ""
     return said.stdout.splitlines()
-
-
-def test_commands_are_those_of_both_tables(executable, catalogue, of_python):
-    commands = [word for word in offered(executable, "dynstiction ") if not word.startswith("-")]
-    assert commands == [*(command["name"] for command in catalogue["commands"]), *of_python]
-    assert offered(executable, "dynstiction mer") == ["merge"]
-    assert offered(executable, "dynstiction nonsense") == []
-
-
-def test_options_of_python_s_commands_are_offered(executable, of_python):
-    for name, command in of_python.items():
-        options = [option.split()[0] for option, _ in command["options"]]
-        assert offered(executable, f"dynstiction {name} -") == [*options, "--help"]
 
 
 def test_every_option_of_the_table_is_offered_and_taken(executable, catalogue):
@@ -98,15 +84,6 @@ def test_kinds_and_quantities_are_those_of_the_package(executable, catalogue, of
     assert set(kinds) <= set(re.findall(r"\w+", dict(of_python["plot"]["options"])["--kind KIND"]))
     quantities = offered(executable, "dynstiction plot map.h5 --quantity ")
     assert quantities == [value["name"] for value in catalogue["summary"]]
-
-
-def test_every_argument_of_python_s_commands_is_offered(executable, of_python):
-    # Words in capitals are kinds of arguments. Those that are not completed are numbers, and names that only a file can give.
-    for name, command in of_python.items():
-        for entry, _ in command["options"]:
-            option, _, takes = entry.partition(" ")
-            if takes and takes not in {"C", "COLUMN", "N", "S", "T", "A"}:
-                assert offered(executable, f"dynstiction {name} {option} "), (name, option)
 
 
 LINES = {
@@ -200,35 +177,3 @@ def test_fish(executable, folder, line, completed):
     said = fish(f"source '{SCRIPTS}/dynstiction.fish'; complete -C '{line}'", status=0)
     offers = [offer.split("\t")[0] for offer in said.stdout.splitlines()]
     assert offers == [completed.split(" ")[-1] or completed.split(" ")[-2]]
-
-
-def environment_of_the_tests() -> Path:
-    """The environment that tools/run.sh has made, if the tests run in it."""
-    folder = Path(sys.prefix)
-    if not (folder / "share" / "bash-completion" / "completions" / "dynstiction").is_file():
-        pytest.skip("the tests do not run in the environment that tools/test.sh makes")
-    return folder
-
-
-@pytest.mark.parametrize("name", INTERACTIVE)
-def test_completion_comes_with_activate(executable, folder, name):
-    activate = environment_of_the_tests() / "bin" / "activate"
-    variables = {**environment(executable, folder), "PATH": os.environ["PATH"], "VIRTUAL_ENV_DISABLE_PROMPT": "1"}
-    options, prepared, _ = INTERACTIVE[name]
-    merge = "dynstiction merge "
-    assert merge in typed([shell(name), *options], f"{prepared}; . '{activate}'", "dynstiction mer", merge, folder, variables)
-
-
-def test_completion_comes_with_activate_in_fish(executable, folder):
-    activate = environment_of_the_tests() / "bin" / "activate.fish"
-    fish = Program((shell("fish"), "--no-config", "-c"), folder, environment(executable, folder))
-    assert fish(f"source '{activate}'; complete -C 'dynstiction mer'", status=0).stdout.split() == ["merge"]
-
-
-def test_activate_is_read_by_every_shell_once_and_twice(executable, folder):
-    """Also by a shell without arrays, and without bash's completion."""
-    activate = environment_of_the_tests() / "bin" / "activate"
-    for name in ("dash", "sh", "bash"):
-        said = Program((shell(name), "-eu", "-c"), folder)(f". '{activate}'; . '{activate}'; command -v dynstiction", status=0)
-        assert said.stdout.strip() == str(activate.with_name("dynstiction"))
-        assert said.stderr == ""

@@ -132,7 +132,9 @@ def test_wrong_use(arguments: dict[str, Any], told: str) -> None:
 
 @pytest.mark.filterwarnings("ignore::dynstiction.FitWarning")
 def test_a_fit_of_the_force_uses_the_displacement() -> None:
-    run = ds.run(INPUTS / "fig3.nml", scene={"t_end": 12.0}, output={"interval": 2e-3, "fields": ["spring_force_x", "spring_force_y", "X"]})
+    run = ds.run(
+        INPUTS / "fig3.nml", scene={"t_end": 12.0}, output={"interval": 2e-3, "fields": ["spring_force_x", "spring_force_y", "X"]}
+    )
     both = ds.Trace.of(run).part(start=3.0).with_noise(0.005, rng=1)
     assert both.displacement is not None
     name = "system.misalignment_deg"

@@ -231,15 +231,6 @@ def test_cases_of_a_sweep_settle(method: str) -> None:
     assert "settled_at" not in long or np.isnan(long["settled_at"]).all()
 
 
-def test_series_of_settled_cases_are_refused(program, tmp_path) -> None:
-    grid = "\n&sweep parameter = 'system.misalignment_deg' first = 1.0 last = 6.0 count = 3 keep = 'series' /\n"
-    (tmp_path / "map.nml").write_text((INPUTS / "low_frequency.nml").read_text() + grid)
-    done = program("run", "map.nml", "-o", "x.h5", "--quiet", settings=("scene.settle=1e-4",))
-    assert done.returncode == 2
-    assert "scene.settle" in done.stderr and "series" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
 CONDITIONED = {
     "Fig. 3": {"scene": {"t_end": 20.0}},
     "few sticks": {"system": {"stiffness_y": 1e6, "misalignment_deg": 6.0}, "drive": {"velocity": 1e-2}},

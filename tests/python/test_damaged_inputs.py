@@ -143,17 +143,3 @@ def test_sound_inputs_are_accepted(program: Program, folder: Path) -> None:
     for kind, (_, command) in KINDS.items():
         done = call(program, *command)
         assert done.returncode == (75 if "stopped" in command[1] else 0), (kind, done)
-
-
-@pytest.mark.parametrize("existing", ["text", "folder", "pipe"])
-def test_what_is_no_result_is_not_overwritten(program: Program, folder: Path, existing: str) -> None:
-    for command in (("run", "deck.nml"), ("merge", "map.nml")):
-        target = folder / f"{command[0]}.h5"
-        {"text": lambda path: path.write_text("notes\n"), "folder": Path.mkdir, "pipe": os.mkfifo}[existing](target)
-        before = target.stat()
-        for share in folder.glob("map.*-of-2.h5"):
-            shutil.copy(share, folder / share.name.replace("map", "merge"))
-        assert target.name in call(program, *command, "-o", target.name, "--overwrite", status=3).stderr
-        assert (target.stat().st_ino, target.stat().st_mode) == (before.st_ino, before.st_mode)
-        if existing == "text":
-            assert target.read_text() == "notes\n"

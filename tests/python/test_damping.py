@@ -1,6 +1,6 @@
 """Dampers beside the springs: `system.damping_x` and `damping_y`.
 
-Single functions and the release under ramps: tests/unit/test_damping.f90; random scenes against another program: tests/audit.
+Equations and the end of slip: tests/unit/test_models.f90; random scenes, with ramps and jumps, against another program: tests/audit.
 """
 
 from __future__ import annotations
@@ -294,18 +294,6 @@ def test_refused_by_name(change: fig3.Groups, key: str) -> None:
     given = scene(change)
     with pytest.raises(ds.DeckError, match=key):
         given.check()
-
-
-def test_what_knows_no_dampers_says_so() -> None:
-    given = scene({"system": {"damping_x": 1.0, "stiffness_y": None}}, model="low_frequency")
-    with pytest.raises(ds.Error, match="damping_x"):
-        ds.cycles(given, model="low_frequency")
-
-
-def test_auto_is_full() -> None:
-    result = ds.run(scene({"system": {"damping_x": 0.1}}, model="auto", t_end=0.1))
-    assert result.attributes["model"] == "full"
-    assert "dampers" in result.attributes["model_choice"]
 
 
 def test_a_sweep_of_damping() -> None:

@@ -139,26 +139,6 @@ def test_faults_of_several_decks(program, tmp_path):
     assert not list(tmp_path.glob("*.h5"))
 
 
-GOOD_BUT_ODD = {
-    "CRLF": GOOD.replace("\n", "\r\n"),
-    "groups in any order": "".join(reversed(re.findall(r"&.*?\n/\n", GOOD, re.DOTALL))),
-    "repeat counts": GOOD.replace("velocity = 1.0e-3", "time = 0.0 velocity = 1*1.0e-3").replace("0.25", "1*0.25"),
-    "bare points": GOOD.replace("0.25", ".25").replace("10.0", "10."),
-    "one line": GOOD.replace("\n", " "),
-    "commas everywhere": re.sub(r"(= [^\n]*?),?\n", r"\1,\n", GOOD),
-    "double quotes": GOOD.replace("'", '"'),
-    "blank lines": GOOD.replace("\n", "\n\n   \n"),
-}
-
-
-@pytest.mark.parametrize("name", GOOD_BUT_ODD)
-def test_odd_deck_reads_as_the_plain_one(name, program, tmp_path):
-    plain = program("check", write(tmp_path, GOOD, "plain.nml"))
-    odd = program("check", write(tmp_path, GOOD_BUT_ODD[name]))
-    assert (odd.returncode, odd.stderr) == (0, "")
-    assert values(odd.stdout) == values(plain.stdout)
-
-
 def resolved(program: Program, content: str, *settings: str) -> str:
     return program("check", write(program.folder, content), settings=settings, status=0).stdout
 

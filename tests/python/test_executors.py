@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from subprocess import PIPE
@@ -81,41 +81,6 @@ def test_what_is_refused_is_refused_here(executor: Executor) -> None:
         ds.sweep(SHORT, ANGLES, threads=2, executor=executor)
     with pytest.raises(ds.UsageError, match=r"give a concurrent\.futures\.Executor, like ProcessPoolExecutor\(\)"):
         ds.sweep(SHORT, ANGLES, executor="threads")
-
-
-class Counting(ThreadPoolExecutor):
-    """Notes the sizes of the tasks, and how many wait at once."""
-
-    def __init__(self, workers: int) -> None:
-        super().__init__(workers)
-        self.sizes: list[int] = []
-        self.waiting = self.most = 0
-
-    def submit(self, function: Callable[..., object], task: _sweep_work._Task, /) -> Future[object]:  # type: ignore[override]
-        self.sizes.append(len(task.points[0][1]))
-        self.waiting += 1
-        self.most = max(self.most, self.waiting)
-        future = super().submit(function, task)
-        future.add_done_callback(lambda _: setattr(self, "waiting", self.waiting - 1))
-        return future
-
-
-def test_progress_and_the_sizes_of_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tasks grow with the speed of the cases, wait in small number, and get smaller towards the end; progress is in cases."""
-    shown: list[float] = []
-
-    @contextmanager
-    def bar(wanted: bool | None, total: float, form: str) -> Iterator[Callable[[float], None]]:
-        assert total == 400
-        yield shown.append
-
-    monkeypatch.setattr("dynstiction._sweep.progress_bar", bar)
-    with Counting(2) as executor:
-        ds.sweep(SHORT, {"misalignment_deg": np.linspace(1.0, 9.0, 400)}, executor=executor)
-    assert sum(executor.sizes) == 400 == shown[-1]
-    assert shown == sorted(shown) and len(set(shown)) > 3
-    assert executor.sizes[0] < max(executor.sizes) > executor.sizes[-1]
-    assert executor.most <= 2 * _sweep_work.TASKS_PER_WORKER
 
 
 def test_an_engine_that_fails_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

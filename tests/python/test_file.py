@@ -1,6 +1,5 @@
 """The result file: what it holds, who can read it, and what happens when it cannot be written."""
 
-import os
 import re
 import subprocess
 import time
@@ -108,22 +107,3 @@ def test_overwrite_replaces_the_file(run, tmp_path):
     with h5py.File(file) as data:
         assert data["time_series/time"][-1] == 0.02
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_what_is_no_place_for_a_result(run, tmp_path):
-    (tmp_path / "file").write_text("not a folder")
-    assert_refused(run(tmp_path / "no" / "x.h5"), str(tmp_path / "no"), "does not exist")
-    assert_refused(run(tmp_path / "file" / "x.h5"), "folder")
-    for device in ("/dev/null", "/dev/full"):
-        assert_refused(run(Path(device), "--overwrite"), device, "not a regular file")
-
-
-def test_a_folder_without_permission(run, tmp_path):
-    # Permission bits do not stop root; /proc stops everyone.
-    folder = Path("/proc") if os.geteuid() == 0 else tmp_path / "closed"
-    if folder == Path("/proc"):
-        if not folder.is_dir():
-            pytest.skip("root may write everywhere, and there is no /proc")
-    else:
-        folder.mkdir(mode=0o500)
-    assert_refused(run(folder / "x.h5"), "cannot create")

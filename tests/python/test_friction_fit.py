@@ -68,7 +68,9 @@ def test_noise_that_would_decide_is_told() -> None:
     assert found.turns > 3 and "rise and fall by their noise" in str(found)
     smooth = ds.fit_friction_law(SPEEDS, friction(LAWS["weakening"], SPEEDS))
     assert smooth.turns == 0 and "noise" not in str(smooth)
-    mild = ds.fit_friction_law(SPEEDS, friction(LAWS["weakening"], SPEEDS) + 1e-3 * np.random.default_rng(4).standard_normal(SPEEDS.size))
+    mild = ds.fit_friction_law(
+        SPEEDS, friction(LAWS["weakening"], SPEEDS) + 1e-3 * np.random.default_rng(4).standard_normal(SPEEDS.size)
+    )
     assert mild.law == "weakening" and str(mild).count("its sign is not known") == 1
 
 

@@ -79,12 +79,6 @@ WAYS |= {
 }
 
 
-@pytest.mark.parametrize(("model", "way"), [*(("full", way) for way in WAYS), *(("low_frequency", way) for way in EXACT)])
-def test_stribeck_without_its_coefficients_is_weakening(model: str, way: str) -> None:
-    one = changed(scene(model), WAYS[way])
-    same_numbers(run(one), run(one, friction(law="stribeck", exponent=1.0, viscous=0.0)))
-
-
 @pytest.mark.parametrize("way", EXACT)
 @pytest.mark.parametrize("law", ["weakening", "stribeck"])
 def test_static_limit_of_the_law_changes_no_bit(way: str, law: str) -> None:

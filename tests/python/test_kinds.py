@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import dynstiction as ds
@@ -12,7 +11,6 @@ from dynstiction import plot
 from dynstiction.plot.creep import mean_velocity
 from dynstiction.plot.damping import draw_damping_of
 from dynstiction.plot.paper import deck
-from dynstiction.plot.spectra import predicted_ridge
 from dynstiction.plot.style import new_figure
 from dynstiction.plot.theory import damping_crossing, slider
 from fig3 import CONSTANT
@@ -63,15 +61,6 @@ def test_spectrogram_shows_the_ridge_and_the_prediction(fig4_result: ds.Result) 
             assert (drawn.min(), drawn.max()) == (factor * fig4_result[name].min(), factor * fig4_result[name].max())
 
 
-def test_velocities_show_five_periods(fig4_result: ds.Result) -> None:
-    detail = plot.draw(fig4_result, "velocities").axes[3].lines[0]
-    time, w_y = detail.get_data()
-    assert time[-1] == pytest.approx(5e3 / 1006.58, abs=0.06)
-    falls = np.diff((w_y > w_y.mean()).astype(int)) == -1
-    # 869 Hz at 1 s.
-    assert np.count_nonzero(falls) in (4, 5)
-
-
 def test_fig5_is_a_map_over_lambda_and_theta(fig4_result: ds.Result, phi10_result: ds.Result) -> None:
     """Lines at Lambda = 3623.9 (1 deg) and 364.2 (10 deg) from 90 deg to theta = phi; zeta is 0.0193 and 1.907 there.
 
@@ -100,15 +89,6 @@ def test_fig5_is_a_map_over_lambda_and_theta(fig4_result: ds.Result, phi10_resul
         expected = np.arcsin((level / 3623.87) ** (1 / 3))
         assert damping_crossing(constant, level) == pytest.approx(expected, rel=1e-5)
     assert np.isnan(damping_crossing(constant, 4000.0))
-
-
-def test_damping_marks_where_the_run_has_been(fig4_result: ds.Result) -> None:
-    """The deck of Fig. 4 ends at 2 s, before the slip: friction has come down to about 9 deg, and no further."""
-    lines = plot.draw(fig4_result, "damping").axes[0].lines
-    (visited,) = [line for line in lines if line.get_linewidth() > 2.0 and len(line.get_xdata())]
-    lowest = np.degrees(np.arcsin(np.abs(np.sin(fig4_result["theta"][1:])).min()))
-    assert min(visited.get_ydata()) == pytest.approx(lowest, rel=1e-6)
-    assert lowest > 5.0
 
 
 def test_creep_figure_has_the_closed_form_and_those_of_equation_8(constant_result: ds.Result) -> None:
@@ -176,34 +156,3 @@ def test_any_file_is_drawn_or_refused_with_a_remedy(name: str) -> None:
             figure = plot.draw(result, kind)
             if name in LAID_OUT and kind in ("damping", "creep"):
                 figure.draw_without_rendering()
-
-
-def test_a_result_without_parameters_is_refused_where_they_are_needed(fig4_result: ds.Result) -> None:
-    bare = replace(fig4_result, parameters=ds.Described([]))
-    for kind in ("damping", "creep"):
-        with pytest.raises(ds.UsageError, match="lacks a value of"):
-            plot.draw(bare, kind)
-    for kind in ("history", "velocities", "spectrogram", "path"):
-        plot.draw(bare, kind)
-
-
-def test_a_model_without_oscillation_has_an_empty_spectrogram(fig4_result: ds.Result) -> None:
-    still = [
-        (info, np.full_like(values, 1e-5) if info.name in ("u_x_rate", "u_y_rate") else values)
-        for info, values in fig4_result.columns.info()
-    ]
-    figure = plot.draw(replace(fig4_result, columns=ds.Described(still)), "spectrogram")
-    figure.draw_without_rendering()
-    images = [image for axis in figure.axes for image in axis.images]
-    assert len(images) == 2
-    # All of it is below the darkest colour.
-    assert all(np.max(image.get_array()) < image.get_clim()[0] for image in images)
-
-
-def test_mirrored_runs_have_the_same_prediction() -> None:
-    plain, mirrored, back = (run_short(changes) for changes in ({}, ANY_FILE["negative"][0], ANY_FILE["backwards"][0]))
-    expected = predicted_ridge(plain)[1]
-    np.testing.assert_allclose(predicted_ridge(mirrored)[1], expected, rtol=1e-3)
-    np.testing.assert_allclose(predicted_ridge(back)[1], expected, rtol=1e-3)
-    for other in (mirrored, back):
-        np.testing.assert_allclose(mean_velocity(other)[1], mean_velocity(plain)[1], rtol=1e-6, atol=1e-9)

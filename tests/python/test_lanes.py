@@ -149,15 +149,3 @@ def test_what_it_cannot_do_is_a_row(values, code, words):
         found = sweep({"integrator.max_steps": [1.0, 2.0, 7.0, needed - 1.0, float(needed)]})
         assert list(found["steps"]) == [1, 2, 7, needed - 1, needed]
         assert list(found["result_code"]) == [42, 42, 42, 42, 0]
-
-
-def test_refused_decks():
-    lanes = {"integrator": {"method": "rodas4p"}}
-    series = {"parameter": "drive.velocity", "first": 1, "last": 2, "count": 2, "keep": "series"}
-    for words, call in (
-        ("low_frequency", lambda: ds.sweep(INPUTS / "fig3.nml", {"drive.velocity": [1e-3]}, **lanes)),
-        ("no series", lambda: ds.sweep(SLOW, sweep=series, **lanes)),
-        ("use radau9", lambda: ds.run(SLOW, **lanes)),
-    ):
-        with pytest.raises(ds.DeckError, match=words):
-            call()

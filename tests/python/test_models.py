@@ -14,15 +14,6 @@ from results import assert_same
 
 METHODS = ["radau5", "radau9", "radau13", "dopri5", "dop853"]
 
-# What a model does not use, but for the full one in the deck of its name.
-UNUSED: dict[str, dict[str, dict[str, Any]]] = {
-    "full": {"scene": {"accuracy": 1e-2, "quantities": "creep"}},
-    "low_frequency": {"system": {"stiffness_y": 1e7}, "initial": {"elongation_y": 1e-9}, "friction": {"contact": "smoothed"}},
-    "high_frequency": {"friction": {"contact": "smoothed"}},
-    "creep": {"system": {"mass": 1.0}, "integrator": {"rtol": 1e-6}, "friction": {"mu_inf": 0.1}, "scene": {"form": "printed"}},
-    "creep_asymptotic": {"system": {"stiffness_y": 1e7}},
-}
-
 
 def run(deck: str, **changes: Any) -> ds.Result:
     return ds.run(INPUTS / f"{deck}.nml", **changes)
@@ -292,14 +283,6 @@ def test_forms_of_the_asymptotics(form: str) -> None:
 )
 def test_refusals(deck: str, groups: dict[str, dict[str, Any]], remedy: str) -> None:
     assert remedy in refusal(deck, **groups)
-
-
-@pytest.mark.parametrize("model", UNUSED)
-def test_what_a_model_does_not_use_is_refused(model: str) -> None:
-    told = refusal("fig3" if model == "full" else model, **UNUSED[model])
-    for keys in UNUSED[model].values():
-        for key in keys:
-            assert f"'{key}' is not used with model {model}" in told
 
 
 def test_creep_is_rest_without_misalignment_and_before_it_begins() -> None:

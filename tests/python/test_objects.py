@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import dynstiction as ds
 import fig3 as fig3_deck
@@ -29,6 +30,9 @@ from dynstiction import _native, _sweep, errors
 from dynstiction.errors import error_for
 from programs import SCRIPT, Program, small_disk
 from results import assert_same
+
+hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
+st = hypothesis.strategies
 
 SHORT = {"t_end": 0.05}
 
@@ -222,41 +226,6 @@ def test_a_forked_process_has_its_own_copy(fig3_text: str) -> None:
 # Numbers at the edges
 
 
-EDGES = """
-import numpy as np
-rng = np.random.default_rng(5)
-def extreme(key):
-    if key == "misalignment_deg":
-        return rng.uniform(-92, 92)
-    return 10.0 ** rng.uniform(-323, 308) if rng.random() < 0.5 else SLIDER[key]
-edges = [{key: value} for key in SLIDER for value in (5e-324, 1e-307, 1e-150, 1e150, 1e307, 1.7e308)]
-edges += [{"v_smooth": value} for value in (5e-324, 1e-150, 1e150, 1e308)]
-edges += [{key: extreme(key) for key in SLIDER} for _ in range(3000)]
-done = 0
-for change in edges:
-    case = {**SLIDER, **change}
-    try:
-        values = ds.steady_sliding_eigenvalues(**case)
-        assert np.all(np.isfinite(values)), case
-        done += 1
-        found = ds.critical_misalignment(**case)
-        for pair in (found.angle, found.frequency, found.window):
-            assert np.all(np.isnan(pair)) or np.all(np.isfinite(pair)), (case, found)
-        case.pop("v_smooth", None)
-        end = np.array(ds.creep_end(**case))
-        assert np.all(np.isnan(end)) or np.all(np.isfinite(end) & (end >= 0)), (case, end)
-        assert np.isfinite(ds.damping_ratio(0.3, **case))
-    except ds.UsageError:
-        pass
-print(done)
-"""
-
-
-def test_linear_theory_at_the_edges_of_the_numbers(fig3_text: str) -> None:
-    """Values, or an error; never the end of the interpreter. NaN only where there is no critical angle, or creep does not end."""
-    assert int(process(f"SLIDER = {SLIDER!r}\n{EDGES}", fig3_text)) > 1000
-
-
 @pytest.mark.parametrize(
     ("powers", "time"),
     [
@@ -326,6 +295,37 @@ def test_every_argument_that_cannot_be_meant_is_refused(name: str) -> None:
             other = next(key for key in good if key != argument)
             with pytest.raises(ds.UsageError, match="broadcast"):
                 function(**{**good, argument: np.full(2, good[argument]), other: np.full(3, good[other])})
+
+
+class Hostile:
+    """An object that refuses whatever is asked of it."""
+
+    def __array__(self, *_: object, **__: object) -> np.ndarray:
+        raise RuntimeError("no array")
+
+    def __float__(self) -> float:
+        raise RuntimeError("no float")
+
+
+NUMBERS = st.floats() | st.sampled_from([5e-324, 1e-307, 1e-150, 1e150, 1.7e308, 2**64, 10**400, np.pi / 2])
+ARGUMENTS = NUMBERS | st.lists(NUMBERS, max_size=4) | st.lists(st.lists(NUMBERS, min_size=4, max_size=4), max_size=2)
+ODD = st.sampled_from([None, "", "nan", "\0", [], [[]], set(), ..., Hostile(), [None], np.empty((0, 4)), np.ones((2,) * 9),
+                       np.broadcast_to(1.0, 2**40), iter((1, 2)), memoryview(b"12")])  # fmt: skip
+
+
+@hypothesis.settings(max_examples=1000, deadline=None)
+@hypothesis.given(st.sampled_from([*NUMERICAL]), st.data())
+def test_any_arguments_give_numbers_or_an_error(name: str, data: Any) -> None:
+    """Never the end of the interpreter. NaN only where there is no critical angle, no ridge, or creep does not end."""
+    function, good = NUMERICAL[name]
+    changes = data.draw(st.dictionaries(st.sampled_from([*good]), ARGUMENTS | ODD, max_size=4))
+    try:
+        returned = function(**{**good, **changes})
+    except (ds.Error, MemoryError):
+        return
+    for array in returned if isinstance(returned, tuple) else (returned,):
+        assert array.dtype.kind in "fc" and not np.any(np.isinf(array))
+        assert name in ("ridge", "critical_misalignment", "creep_end") or not np.any(np.isnan(array))
 
 
 def test_no_rate_where_there_is_no_direction_and_no_creep_beyond_the_numbers() -> None:

@@ -12,7 +12,6 @@ from dynstiction import plot
 from dynstiction.plot.paper import deck
 from dynstiction.plot.theory import driven_length
 from matplotlib.figure import Figure
-from programs import Program
 
 OWN = ds.Scene(deck("fig3")).replace(
     mass=1.0, stiffness_x=5e3, stiffness_y=2e6, misalignment_deg=3.0,
@@ -183,28 +182,6 @@ def test_the_spectrogram_needs_samples_for_the_top_of_its_axis(result: ds.Result
     assert "fold" not in notes_of(plot.draw(own(4e-4, 1.0), "spectrogram"))
 
 
-def test_the_window_of_the_spectrogram_follows_from_the_scene(fig4_result: ds.Result, result: ds.Result) -> None:
-    def window(figure: Figure) -> float:
-        (said,) = [line for line in notes_of(figure).split("; ") if "window" in line]
-        return float(said.removeprefix("Hamming window of ").removesuffix(" ms"))
-
-    assert window(plot.draw(fig4_result, "spectrogram")) == pytest.approx(1e3 * 20.0 / 1006.58, rel=5e-3)
-    # A quarter of the cycle, which 20 periods of 4.4 ms would hide.
-    period = ds.stick_slip_statistics(result).means()["period"]
-    assert window(plot.draw(result, "spectrogram")) == pytest.approx(max(250.0 * period, 8e3 / 225.08), rel=5e-3)
-
-
-def test_rest_sets_no_scale_of_the_creep(result: ds.Result) -> None:
-    """The object rests until the spring has reached F_0, at tau = 0.05: its mean velocity is then 1e-29."""
-    light = own(5e-5, 0.4, mass=0.01)
-    for each in (result, light):
-        above = plot.draw(each, "creep").axes[0]
-        assert above.get_ylim()[0] > 1e-4
-        run = np.asarray(above.lines[0].get_ydata(), dtype=float)
-        assert np.nanmin(run) > 1e-3
-    assert np.isnan(run[0])
-
-
 # Columns, figures and axes of the user
 
 
@@ -281,25 +258,6 @@ def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     assert plot.compare({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
 
 
-def test_commands_name_what_they_wrote_and_what_is_wrong(
-    package: Program, result: ds.Result, coarse: ds.Result, tmp_path: Path
-) -> None:
-    result.save(tmp_path / "own.h5")
-    coarse.save(tmp_path / "coarse.h5")
-    done = package("plot", "own.h5", "coarse.h5", "--overlay", "--columns", "theta, X", "--from", "1", "--to", "2", status=0)
-    assert done.stdout == "comparison.png\n"
-    said = "samples 5 ms apart do not show the oscillation of 225 Hz: run with a smaller output.interval"
-    assert done.stderr == f"dynstiction: coarse: {said}\n"
-    for arguments, message in (
-        (("own.h5", "--from", "2", "--to", "1"), "from 2 to 1 s: the run has samples from 0 to 10 s"),
-        (("own.h5", "--overlay"), "--overlay is for several files"),
-        (("own.h5", "coarse.h5", "--distance"), "--distance is for --overlay"),
-        (("own.h5", "--columns", " , "), "name at least one"),
-    ):
-        done = package("plot", *arguments, "--overwrite", status=1)
-        assert done.stdout == "" and message in done.stderr and done.stderr.count("\n") == 1, done
-
-
 def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
     """Type 3 fonts are refused by journals; words in an SVG are text."""
     plot.save(result, tmp_path / "run.pdf", "history")
@@ -316,17 +274,6 @@ def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
 def angles():
     """Stick-slip below 13.1 degrees, steady sliding beyond."""
     return ds.sweep(OWN, {"system.misalignment_deg": np.linspace(0.5, 20.0, 40)}, t_end=6.0, threads=1)
-
-
-def test_a_line_over_the_misalignment_has_the_critical_angle(angles) -> None:
-    degrees = ds.critical_misalignment(OWN).angle[0]
-    for quantity in ("swing", "period"):
-        axis = plot.draw(angles, quantity=quantity).axes[0]
-        upright = [line.get_xdata()[0] for line in axis.lines if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2]
-        assert any(place == pytest.approx(degrees, rel=1e-6) for place in upright)
-        assert any(f"steady sliding stable above {degrees:.3g} deg" == text.get_text() for text in axis.texts)
-        low, high = axis.get_xlim()
-        assert low < 0.5 and high > 20.0
 
 
 def test_no_period_where_no_cycle_persists(angles) -> None:
@@ -367,13 +314,3 @@ def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     assert values.count() == 1
     line = plot.draw(data.isel(misalignment_deg=0), quantity="period")
     assert {"no stick-slip", "rings down"} <= {text.get_text() for text in line.axes[0].texts}
-
-
-def test_many_angles_have_a_bar_of_colours(angles) -> None:
-    figure = plot.draw(angles, "lambda")
-    assert not any("varphi$ =" in text for text in legend_of(figure))
-    assert figure.axes[-1].get_xlabel() == r"$\varphi$ [deg]"
-    figure.draw_without_rendering()
-    for axis in figure.axes[:4]:
-        ticks = [text.get_text() for text in axis.get_yticklabels()]
-        assert len(ticks) > 1 and not any("times" in tick for tick in ticks)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dynstiction as ds
 import pytest
 from programs import SCRIPT
 
@@ -50,11 +49,3 @@ def test_inline_figures_are_shown_once(fig3_text: str) -> None:
     pytest.importorskip("matplotlib_inline")
     lines = python(PYPLOT.replace("plt.close", "print"), fig3_text, "module://matplotlib_inline.backend_inline").splitlines()
     assert lines[0] == "[] 0"
-
-
-def test_kinds_and_faults_are_those_of_draw(fig3: ds.Scene) -> None:
-    result = ds.run(fig3, t_end=0.05)
-    assert len(result.plot("path").axes) == len(ds.plot.draw(result, "path").axes)
-    for error, call in ((ds.UsageError, lambda: result.plot("pth")), (AttributeError, lambda: ds.plott)):
-        with pytest.raises(error, match=r"'pth'|'plott'"):
-            call()

@@ -201,7 +201,6 @@ def test_command_draws_a_file(package: Program, tmp_path: Path, fig4_result: ds.
     assert package("plot", "run.h5", "b/run.h5", status=0).stdout == "comparison.png\n"
     refused = package("plot", "run.h5", "b/run.h5", "--kind", "path", "--overwrite", status=1)
     assert "--kind and --quantity are for one file" in refused.stderr
-    assert "of different names" in package("plot", "run.h5", "run.h5", "-o", "x.pdf", status=1).stderr
 
 
 PHI, VELOCITY = np.array([1.0, 3.0, 9.0]), np.geomspace(1e-3, 8e-3, 4)
@@ -324,39 +323,6 @@ def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> Non
     assert_readable_in_one_column(figure, units=False)
 
 
-def test_a_bifurcation_diagram_over_the_velocity_is_logarithmic(cycles) -> None:
-    velocity, five = np.geomspace(1e-4, 0.1, 13), {"system": {"misalignment_deg": 5.0}, "sweep": KEEP, "threads": 1}
-    data = ds.sweep(LOW, {"drive.velocity": velocity}, scene={"t_end": 30.0}, **five)
-    figure = plot.draw(data, "bifurcation", "period")
-    axis = figure.axes[0]
-    assert (axis.get_xscale(), axis.get_xlabel(), axis.get_ylabel()) == ("log", "$V$ [mm/s]", "period [s]")
-    expected = data["cycle_period"].values
-    np.testing.assert_array_equal(dots(figure)[:, 1], expected[np.isfinite(expected)])
-    # tan^2(phi) = -V F'(V)/F(V), at a slow and at a fast drive.
-    slow, fast = (line[0, 0] for line in lines_of(figure)[-2:])
-    for speed in (slow, fast):
-        fall = 0.5 * np.exp(-speed / 10.0)
-        assert np.degrees(np.arctan(np.sqrt(speed / 10.0 * fall / (1.5 + fall)))) == pytest.approx(5.0, rel=1e-6)
-    assert slow < 0.4 and fast > 50.0
-    assert "stable below 0.313 mm/s" in words(figure) and "stable above 54.7 mm/s" in words(figure)
-    # A period has no steady sliding: a mark below for each such case.
-    assert "steady sliding" in words(figure).split("; ")
-    # The same from a list in which the end of the run follows.
-    listed = ds.sweep(LOW, {"drive.velocity": velocity, "scene.t_end": np.full(13, 30.0)}, points=True, **five)
-    np.testing.assert_array_equal(dots(plot.draw(listed, "bifurcation", "period")), dots(figure))
-
-
-def test_a_bifurcation_diagram_says_what_has_no_cycle(cycles) -> None:
-    velocity = {"drive.velocity": np.geomspace(1e-4, 1e-2, 9)}
-    short = ds.sweep(LOW, velocity, scene={"t_end": 6.0}, sweep=KEEP, threads=1)
-    assert "no settled cycle yet" in words(plot.draw(short, "bifurcation"))
-    with pytest.warns(ds.IncompleteWarning):
-        failing = ds.sweep(LOW, velocity, integrator={"max_steps": 100}, sweep=KEEP, threads=1)
-    assert (failing["result_code"] > 0).any()
-    assert "failed" in words(plot.draw(failing, "bifurcation"))
-    assert "failed" not in words(plot.draw(cycles, "bifurcation"))
-
-
 def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
     data = ds.sweep(LOW, {"system.misalignment_deg": PHI, "drive.velocity": VELOCITY}, scene={"t_end": 5.0}, sweep=KEEP, threads=1)
     figure = plot.draw(data, "bifurcation")
@@ -387,14 +353,6 @@ def test_what_a_sweep_cannot_show_is_refused(grid, cycles, fig4_result: ds.Resul
     ):
         with pytest.raises(ds.UsageError, match=words):
             plot.draw(data, kind, quantity)
-
-
-def test_command_draws_a_sweep(program: Program, package: Program, tmp_path: Path) -> None:
-    (tmp_path / "few.csv").write_text("drive.velocity\n1e-3\n2e-3\n4e-3\n")
-    program("run", LOW, "-o", "few.h5", "--quiet", "--set", f"sweep.points={tmp_path / 'few.csv'}", status=0)
-    done = package("plot", "few.h5", "--quantity", "period", status=0)
-    assert (done.stdout, done.stderr) == ("few.png\n", "")
-    assert (tmp_path / "few.png").exists()
 
 
 # The cycle map
@@ -461,14 +419,3 @@ def test_a_map_seen_with_leaps_is_the_same(slipped: ds.Result, fig3: ds.Scene) -
     assert leapt.statistics["cycles_leapt"] > 1000
     points = [np.asarray(plot.draw(result, "cycle_map").axes[1].collections[0].get_offsets()) for result in (slipped, leapt)]
     np.testing.assert_allclose(points[1], points[0], rtol=1e-6)
-
-
-def test_a_run_without_a_cycle_map_says_why(fig3: ds.Scene, slipped: ds.Result) -> None:
-    refused = {
-        "full model": ds.run(deck("creep")),
-        "cannot be repeated": replace(slipped, resolved_deck="&scene\n nonsense = 1\n/\n"),
-        "is one point": ds.run(fig3, scene={"t_end": 8.0}, system={"misalignment_deg": 0.0}),
-    }
-    for reason, result in refused.items():
-        with pytest.raises(ds.UsageError, match=reason):
-            plot.draw(result, "cycle_map")

@@ -109,14 +109,3 @@ def test_the_value_is_in_the_file_and_in_the_printed_deck(program: Program, tmp_
         assert file["parameters/interval"][()] == 8e-5
         assert "interval = 'auto'" in file["deck/resolved"].asstr()[()]
         assert file["time_series/time"].size == 1251
-
-
-def test_the_samples_of_a_sweep_with_series_are_those_of_its_deck(program: Program, tmp_path: Path) -> None:
-    deck = tmp_path / "map.nml"
-    grid = "\n&sweep\n parameter = 'system.misalignment_deg', first = 1.0, last = 2.0, count = 2, keep = 'series'\n/\n"
-    deck.write_text((INPUTS / "low_frequency.nml").read_text().replace("interval = 1.0e-3", "interval = 'auto' ") + grid)
-    program("run", deck, "-o", tmp_path / "x.h5", "--set", "scene.t_end=0.1", status=0)
-    with h5py.File(tmp_path / "x.h5") as file:
-        times = file["sweep/series/time"][()]
-        assert file["parameters/interval"][()] == 1e-4
-    np.testing.assert_allclose(times, 1e-4 * np.arange(1001), atol=1e-15)

@@ -312,13 +312,3 @@ def test_every_value_survives_deck_python_deck_and_f90nml(deck: dict[str, dict[s
 
 
 # Shown
-
-
-def test_a_scene_shows_its_keys_and_its_faults(fig3: ds.Scene) -> None:
-    assert "mass = 0.5 kg" in repr(fig3.replace(system={"mass": 0.5}))
-    page = fig3._repr_html_()
-    assert "stiffness along the soft principal axis" in page and "Nakano &amp; Popov" in page
-    wrong = fig3.replace(scene={"title": "<b>"}, system={"mass": -1.0})
-    assert "refused: system.mass" in repr(wrong) and "out of range" in wrong._repr_html_()
-    assert "<b>'" not in ds.Scene(scene={"title": "<b>"})._repr_html_()
-    assert "500 values" in repr(fig3.replace(drive={"time": range(500), "velocity": [0.0] * 500}))

@@ -137,7 +137,7 @@ def irregular(seed: int, t_end: float = 30.0) -> ds.Result:
     return ds.run(scene_of(3.0, t_end, drive), output={"interval": 1e-4, "fields": ("spring_force_x", "X")})
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_irregular_stick_slip_lasts_and_its_scatter_is_that_of_the_series(seed: int) -> None:
     result = irregular(seed)
     force, time = result["spring_force_x"], result.time
@@ -165,7 +165,7 @@ def test_irregular_stick_slip_lasts_and_its_scatter_is_that_of_the_series(seed: 
     assert result.summary["period_scatter"] > 0.01 * result.summary["period"]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("t_end", [4.0, 6.0, 9.0])
 def test_python_has_the_same_means(seed: int, t_end: float) -> None:
     result = irregular(seed, t_end)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import resource
 import shutil
-import signal
-import time
 
 import h5py
 import numpy as np
 import pytest
 from damage import flipped
 from programs import end_group, limited, wait_until
-from sweeps import GRID, SCENE, Sweep, cases_in, same, values
+from sweeps import GRID, SCENE, Sweep, same, values
 
 # 12 cases of a moment; each of a second; 60 of some milliseconds.
 SMALL = SCENE.replace("t_end = 10.0", "t_end = 1.0") + GRID.replace("count = 12, 5", "count = 4, 3")
 ENDLESS = ("--set", "scene.t_end=2000000")
-LONGER = ("--set", "scene.t_end=300")
 
 
 @pytest.fixture
@@ -186,27 +183,6 @@ def test_two_at_once(sweep, tmp_path):
     sweep.run("a.h5", "--share", "1/2", status=0)
 
 
-def test_a_stop_and_a_full_disk_keep_the_last_whole_file(tmp_path):
-    sweep = Sweep(tmp_path)
-    sweep.run("a.h5", "--set", "scene.t_end=1", preexec_fn=limited(resource.RLIMIT_FSIZE, 10000), status=3)
-    assert names(tmp_path) == []
-    process = sweep.start("a.h5", *LONGER)
-    time.sleep(0.4)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(60) == 75
-    end_group(process)
-    assert 0 < len(cases_in(tmp_path / "a.h5")) < 60
-    with h5py.File(tmp_path / "a.h5") as file:
-        assert file.attrs["complete"] == 0 and file.attrs["result_code"] == 75
-    before = (tmp_path / "a.h5").read_bytes()
-    done = sweep.run("a.h5", *LONGER, preexec_fn=limited(resource.RLIMIT_FSIZE, 60000), status=3)
-    assert "the file-size limit is reached" in done.stderr
-    assert (tmp_path / "a.h5").read_bytes() == before and names(tmp_path) == ["a.h5"]
-    sweep.run("a.h5", *LONGER, status=0)
-    sweep.run("b.h5", *LONGER, status=0)
-    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
-
-
 # --- merge
 
 
@@ -229,15 +205,6 @@ def test_a_merge_of_some_shares(sweep, tmp_path):
     assert len(list(tmp_path.glob("a.*-of-3.h5"))) == 3
     assert "the file is complete" in sweep.run("a.h5", command="merge", status=3).stderr
     sweep.run("a.h5", "--overwrite", command="merge", status=0)
-
-
-def test_shares_of_the_command_sweep(sweep, tmp_path):
-    vary = ("--vary", "system.misalignment_deg=1:8:7")
-    sweep.deck.write_text(SCENE.replace("t_end = 10.0", "t_end = 1.0"))
-    sweep.run("b.h5", *vary, command="sweep", status=0)
-    run_shares(sweep, 2, *vary, command="sweep", status=0)
-    sweep.run("a.h5", *vary, command="merge", status=0)
-    assert same(values(tmp_path / "a.h5"), values(tmp_path / "b.h5"))
 
 
 def test_foreign_and_damaged_shares_are_refused_and_left(sweep, tmp_path):
@@ -294,11 +261,6 @@ def test_auto(sweep, tmp_path, environment, share):
     """The share that the environment names, or a refusal where it names none."""
     done = sweep.run("a.h5", "--share", "auto", env=environment, status=0 if share else 1)
     assert names(tmp_path) == ([f"a.{share}.h5"] if share else []) and ("--share auto: " in done.stderr) == (not share)
-
-
-@pytest.mark.parametrize("value", ["0/3", "4/3", "1", "1/", "/3", "-1/3", "a/b", "1/0", "1/3/5", "1.5/3", "1/9999999", ""])
-def test_bad_shares(sweep, value):
-    assert "write --share I/N" in sweep.run("a.h5", f"--share={value}", status=1).stderr
 
 
 def test_several_processes_without_shares_are_refused(sweep):

@@ -63,23 +63,6 @@ def test_a_short_last_interval_is_left_out() -> None:
     np.testing.assert_array_equal(longer.density, expected)
 
 
-@pytest.mark.parametrize(
-    ("time", "values", "window", "remedy"),
-    [
-        (TIME**2, TIME, (), r"output\.interval > 0"),
-        (TIME[:900], TIME[:900], (), "longer run"),
-        (TIME[::200], TIME[::200], (), r"output\.interval = 0\.001"),
-        (TIME[:1], TIME[:1], (), "more than one"),
-        (TIME, TIME[1:], (), r"\(n,\)"),
-        (TIME, np.where(TIME > 1.0, np.nan, TIME), (), "not finite"),
-        *((TIME, TIME, (window,), "window") for window in (0.0, -1.0, np.nan, np.inf)),
-    ],
-)
-def test_what_has_no_spectrogram_is_refused(time: np.ndarray, values: np.ndarray, window: tuple[float, ...], remedy: str) -> None:
-    with pytest.raises(ds.UsageError, match=remedy):
-        ds.spectrogram(time, values, *window)
-
-
 def test_frequency_of_the_axes() -> None:
     system = {name: SLIDER[name] for name in ("mass", "stiffness_x", "stiffness_y")}
     found = ds.oscillation_frequency([0.0, np.pi / 2], **system)

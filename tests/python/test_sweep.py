@@ -74,16 +74,3 @@ def test_a_partial_file_opens_with_a_warning(sweep, tmp_path):
     with pytest.warns(ds.IncompleteWarning, match="30 of 60 cases have not been run"):
         data = ds.open(tmp_path / "h.h5")
     assert np.count_nonzero(data["result_code"] == -1) == np.count_nonzero(np.isnan(data["final_u_x"])) == 30
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("sweep.parameter='system.stiffness_y','drive.velocity'", "not used with model low_frequency"),
-        ("sweep.count=12", "1 value(s) of 'count' but 2"),
-        ("sweep.first=1.0,-1e-3", "same sign"),
-        ("scene.model=auto", "name the model"),
-    ],
-)
-def test_refused(sweep, setting, words):
-    assert words in sweep.run("r.h5", "--set", setting, status=2).stderr

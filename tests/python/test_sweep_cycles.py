@@ -85,16 +85,6 @@ def test_a_settled_case_keeps_its_last_cycle(method):
         np.testing.assert_allclose(kept[:, 0], long[f"cycle_{name}"].values[:, -1], rtol=1e-3, err_msg=name)
 
 
-def test_a_merge_of_some_shares(sweep, tmp_path, found):
-    for i in (1, 3):
-        sweep.run("parts.h5", "--share", f"{i}/3", status=0)
-    sweep.run("parts.h5", command="merge", status=75)
-    part = values(tmp_path / "parts.h5")
-    missing = part["result_code"] == -1
-    assert missing.sum() == 20 and (part["cycles/count"][missing] == 0).all() and np.isnan(part["cycles/period"][missing]).all()
-    assert part["cycles/period"][~missing].tobytes() == found["cycles/period"][~missing].tobytes()
-
-
 def test_another_number_of_cycles_is_another_sweep(whole):
     for other in ("sweep.cycles=19", "sweep.keep=summary"):
         assert "the file exists" in whole.run("a.h5", "--set", other, status=3).stderr
@@ -137,31 +127,3 @@ def test_a_case_that_fails_keeps_what_it_has(sweep, tmp_path):
     failed = some["result_code"] != 0
     assert 0 < failed.sum() < 60
     assert np.isfinite(some["cycles/peak_force"]).sum() == some["cycles/count"].sum()
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (("sweep.keep=summary", "sweep.cycles=3"), "'cycles' is not used with keep summary"),
-        (("sweep.cycles=101",), "it must be >= 1 and <= 100"),
-        (("sweep.keep=cycle",), "the nearest is 'cycles'"),
-    ],
-)
-def test_refused(sweep, settings, words):
-    done = sweep.program("check", sweep.deck, settings=settings, status=2)
-    assert words in done.stderr and done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("model", ["creep", "creep_asymptotic", "high_frequency"])
-def test_a_model_without_cycles_is_refused(model):
-    pytest.importorskip("xarray")
-    with pytest.raises(ds.DeckError, match="has no stick-slip cycles"):
-        ds.sweep(INPUTS / f"{model}.nml", {"system.misalignment_deg": [1.0]}, sweep={"keep": "cycles"})
-
-
-def test_what_is_varied_may_come_from_elsewhere_only_in_a_sweep(tmp_path):
-    pytest.importorskip("xarray")
-    deck = SCENE + "&sweep keep = 'cycles' /\n"
-    with pytest.raises(ds.DeckError, match="varies nothing"):
-        ds.sweep(deck)
-    assert ds.sweep(deck, {"drive.velocity": [1e-3]})["cycle_peak_force"].shape == (1, 50)

@@ -1,23 +1,15 @@
-"""What the file of a sweep holds of the series of its cases, and what the terminal shows while it is written."""
+"""What the file of a sweep holds of the series of its cases. Its progress: test_progress.py."""
 
 from __future__ import annotations
-
-import re
-import signal
-import time
-from functools import partial
 
 import dynstiction as ds
 import h5py
 import numpy as np
 import pytest
-from programs import end_group, on_terminal
 from sweeps import GRID, SCENE, Sweep, values
 
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
 SMALL = GRID.replace("count = 12, 5", "count = 4, 3")
-# 60 cases of a second each.
-ENDLESS = ("--set", "scene.t_end=2000000")
 
 
 @pytest.fixture
@@ -104,32 +96,3 @@ def test_another_list_is_another_sweep(sweep, tmp_path):
         points.write_text("\n".join(changed))
         assert "the file exists" in sweep.run("a.h5", "--share", "1/2", status=3).stderr
         assert "is no share of this sweep" in sweep.run("a.h5", command="merge", status=3).stderr
-
-
-LINE = re.compile(r"map\.nml: (\d+) of 12 cases, 0 failed(, [\d.e]+ cases/s, ([\w. ]+) left)?")
-
-
-def test_progress_on_a_terminal(sweep):
-    text = on_terminal(partial(sweep.start, "a.h5", "--set", "scene.t_end=3000", quiet=False))
-    lines = [found for piece in text.split("\r") if (found := LINE.search(piece))]
-    counts = [int(line[1]) for line in lines]
-    assert counts == sorted(counts) and len(counts) > 1
-    assert any(line[2] for line in lines)
-    # One line, wiped at the end.
-    assert "\n" not in text and text.endswith("\r\x1b[K")
-    assert on_terminal(partial(sweep.start, "b.h5")) == "", "quiet"
-    assert (sweep.folder / "a.h5").exists() and (sweep.folder / "b.h5").exists()
-
-
-def test_progress_in_a_pipe_is_a_plain_line_every_ten_seconds(sweep):
-    begun = time.monotonic()
-    process = sweep.start("a.h5", *ENDLESS, quiet=False)
-    try:
-        line = process.stderr.readline()
-        assert time.monotonic() - begun > 9.0
-        assert LINE.search(line) and "\x1b" not in line and "\r" not in line
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 75
-        assert process.stderr.read().count("\n") == 1
-    finally:
-        end_group(process)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
 from subprocess import PIPE
 
 import dynstiction as ds
@@ -65,17 +64,6 @@ def test_failed_cases_are_reported():
 def test_refused(arguments, error, words):
     with pytest.raises(error, match=words):
         ds.sweep(SHORT, **arguments)
-
-
-def test_other_threads_go_on():
-    """The interpreter's lock is free while the core works."""
-    meanwhile = 0
-    with ThreadPoolExecutor(1) as pool:
-        working = pool.submit(ds.sweep, SCENE, {"scene.t_end": [10000.0]}, threads=1)
-        while not working.done():
-            time.sleep(0.001)
-            meanwhile += working.running()
-    assert working.result()["result_code"].item() == 0 and meanwhile > 20
 
 
 INTERRUPTED = """

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import tomllib
-import venv
 from pathlib import Path
 
 import pytest
@@ -128,22 +127,6 @@ def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout
     assert calls(checkout) == ["pip", "compileall"]
 
 
-def test_a_removal_that_was_interrupted_is_noticed(checkout: Path) -> None:
-    in_setup(checkout, "create_environment", status=0)
-    build = checkout / "build" / "debug"
-    build.mkdir(parents=True)
-    (build / "configured").touch()
-    with (checkout / "tools" / "requirements.txt").open("a", encoding="utf-8") as file:
-        file.write("another\n")
-    # Killed while it removes folders.
-    killed = 'rm() { [[ $1 != -rf ]] || kill -KILL $$; command rm "$@"; }\ncreate_environment'
-    in_setup(checkout, killed, status=-signal.SIGKILL)
-    assert not (build / "configured").exists()
-    calls(checkout)
-    in_setup(checkout, "create_environment", status=0)
-    assert calls(checkout) == ["venv", "pip"] and not build.exists()
-
-
 def test_an_environment_of_somebody_else_is_kept(checkout: Path) -> None:
     own = checkout / ".venv" / "own"
     own.parent.mkdir()
@@ -167,16 +150,6 @@ def test_a_build_that_was_not_configured_to_the_end_is_configured_again(checkout
     (half / "kept").touch()
     assert in_setup(checkout, meson + "configure build/debug", status=0).stderr == ""
     assert (half / "kept").exists()
-
-
-def test_an_active_environment_is_not_what_the_next_one_is_made_of(checkout: Path) -> None:
-    """Its Python goes with it."""
-    venv.create(checkout / ".venv", symlinks=True)
-    found = Path(
-        in_setup(checkout, 'PATH=$PWD/.venv/bin:$PATH; unset PYTHON; find_python; echo "$python"', status=0).stdout.strip()
-    )
-    assert found.is_file() and checkout not in found.parents
-    assert found.resolve() == Path(sys.executable).resolve()
 
 
 def test_ctrl_c_says_what_to_do(checkout: Path) -> None:

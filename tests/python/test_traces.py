@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import gzip
 import pickle
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -307,13 +306,6 @@ def test_wrong_columns_and_units_are_refused(what: str, tmp_path: Path) -> None:
         ds.read_trace(file, **how)
 
 
-def test_files_that_are_not_there(tmp_path: Path) -> None:
-    with pytest.raises(ds.FileError, match=r"none\.csv: cannot be read: No such file"):
-        ds.read_trace(tmp_path / "none.csv")
-    with pytest.raises(ds.FileError, match="is not a regular file"):
-        ds.read_trace(tmp_path)
-
-
 def test_arrays_are_checked_like_files() -> None:
     time = np.arange(50.0)
     with pytest.raises(ds.FileError, match="trace: sample 4: force is nan, and 1 more: take the samples out"):
@@ -413,17 +405,6 @@ def test_the_bias_by_noise_is_below_the_standard_error(noise: float, names: tupl
         assert abs(np.mean(found)) < 1.0, (name, np.mean(found))
         # And the standard errors are what they say. Slips that are regular but for noise have a better mean period.
         assert (0.2 if name == "period" else 0.5) < np.std(found) < 2.0, (name, np.std(found))
-
-
-def test_extreme_samples_would_be_biased() -> None:
-    """What the peaks are compared with: their extreme samples, of which noise makes more."""
-    trace = sawtooth(noise=0.05)
-    cycles = ds.find_cycles(trace)
-    edges = np.searchsorted(trace.time, cycles.slips)
-    extreme = np.array([trace.force[a:b].max() for a, b in pairwise(edges)])
-    peaks = cycles["peak_force"]
-    assert np.mean(extreme) - HIGH > 0.03 * (HIGH - LOW)
-    assert abs(np.mean(peaks) - HIGH) < 0.02 * (HIGH - LOW)
 
 
 def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
@@ -679,22 +660,6 @@ def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
         ds.compare(SCENE, 1)  # type: ignore[arg-type]
 
 
-def test_the_figure_shows_both(measured: ds.Trace, tmp_path: Path) -> None:
-    comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.0})
-    figure = comparison.plot()
-    cycle, slip, _, table = figure.axes
-    for axis, waves in (
-        (cycle, (comparison.measured_waveform, comparison.simulated_waveform)),
-        (slip, (comparison.measured_slip, comparison.simulated_slip)),
-    ):
-        for line, wave in zip(axis.lines, waves, strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), wave.force)
-        assert len(axis.collections) == 2
-    texts = [text.get_text() for text in table.texts]
-    assert "creep share" in texts and f"{comparison['period'].deviation:+.1f}" in texts
-    figure.savefig(tmp_path / "figure.png")
-
-
 # The command --------------------------------------------------------------------------------------------------------------
 
 
@@ -724,18 +689,6 @@ def test_the_command_compares(executable: Path, measured: ds.Trace, tmp_path: Pa
     both = call("rig.nml", "both.csv", "--displacement", "stage", "--unit", "displacement=um", status=0).stdout
     assert "slip_length [m]" in both
     assert "nothing differs by more than 3 standard errors" in both
-
-
-def test_the_command_refuses_with_file_and_line(executable: Path, tmp_path: Path) -> None:
-    write(tmp_path, SCENE, "rig.nml")
-    write(tmp_path, changed(7, "0.05,nan"), "bad.csv")
-    call = Program((executable, "compare"), tmp_path)
-    assert call("rig.nml", "bad.csv", status=3).stderr.startswith("dynstiction: bad.csv:7: force is nan")
-    assert "bad.csv: force is to be column 9" in call("rig.nml", "bad.csv", "--force", "9", status=1).stderr
-    assert "write --unit QUANTITY=UNIT" in call("rig.nml", "bad.csv", "--unit", "mN", status=1).stderr
-    assert "none.csv: cannot be read" in call("rig.nml", "none.csv", status=3).stderr
-    write(tmp_path, table(ROWS, "time,force\n"), "good.csv")
-    assert "none.nml: " in call("none.nml", "good.csv", status=3).stderr
 
 
 def test_a_compressed_table_says_its_units(tmp_path: Path) -> None:

@@ -102,20 +102,6 @@ def test_a_quantity_of_the_summary(fig3: ds.Scene) -> None:
         ds.trade(fig3, BUDGET, ["perod"], **CREEP)
 
 
-def test_an_irregular_motion_has_means_only(fig3: ds.Scene) -> None:
-    trade = ds.trade(fig3, 8.0, stiffness_y=1e6, t_end=30.0)
-    assert "irregular" in trade.notes
-    # What two runs of it differ by is not taken for an error of the method.
-    assert 1e-3 < 100.0 * trade.reference_error["period"] < 0.1
-    assert "elongation" not in trade.reference_error
-    assert "<" in trade.report()
-
-
-def test_the_conditioning_of_a_regular_motion_is_named(fig3: ds.Scene) -> None:
-    trade = ds.trade(fig3, 4.0, stiffness_y=1e6, t_end=8.0)
-    assert trade.notes.startswith("Conditioning: errors of a slow cycle are")
-
-
 def test_the_table_has_the_best_settings_and_the_figure_all(creep: ds.Trade) -> None:
     report = creep.report()
     best = creep.done[creep.done["worst"] < creep.done["worst"].cummin().shift(fill_value=np.inf)]
@@ -133,20 +119,6 @@ def test_command(command, tmp_path: Path) -> None:
     assert command("trade", "deck.nml", "--budget", "1").returncode == 3
     unattainable = command("trade", "deck.nml", "--budget", "1", "--overwrite", "--accuracy", "1e-15")
     assert unattainable.returncode == 75 and "no measured settings reach 1e-15" in unattainable.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "remedy"),
-    [
-        (["--accuracy", "-1"], 1, "accuracy must be finite and in (0"),
-        (["--budget", "fine"], 1, "invalid float value"),
-        (["--set", "system.mass=heavy"], 2, "not a real number"),
-        (["--set", "scene.model=creep"], 2, "choose 'full'"),
-        (["-o", "no/where.png"], 3, "create it first"),
-    ],
-)
-def test_wrong_use(arguments, status, remedy, command) -> None:
-    assert remedy in command("trade", "deck.nml", "--budget", "1", *arguments, status=status).stderr
 
 
 # Scenes that were not used to build trade: changes of Fig. 3, and the accuracy asked for.

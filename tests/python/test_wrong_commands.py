@@ -56,19 +56,6 @@ PYTHON_COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
 ]
 
 # What is changed in the template; what the answer must hold.
-DECKS: list[tuple[str, str, tuple[str, ...]]] = [
-    (r"v_f = 0\.010 ", "v_f = 10 mm/s", ("'10 mm/s' has a unit", "in m/s: 0.01")),
-    (r"stiffness_x = 1\.0e3", "stiffness_x = 1 N/mm", ("'1 N/mm' has a unit", "in N/m: 1000")),
-    (r"misalignment_deg = 1\.0", "misalignment_deg = 0.1 rad", ("has a unit", "in deg: 5.7295")),
-    (r"t_end = 10\.0", "t_end = 10 kg", ("'10 kg' has a unit", "the number alone, in s")),
-    (r"&system\n", "&sytem\n  mas = 1.0\n", ("unknown group '&sytem'", "unknown key 'mas'", "the nearest is 'mass'")),
-    (r"model = 'full'", "model = full", ("'full' is not text", "takes text in quotes")),
-    (r"interval = 'auto'", "interval = '1e-3'", ("'1e-3' is text", "a real number without quotes, or 'auto'")),
-    (r"  t_end = [^\n]*\n", "", ("'t_end' is missing in &scene", "add t_end = VALUE in s")),
-    (r"  normal_load = ", "  mass = ", ("'mass' does not belong to &friction", "put it in &system")),
-    (r"law = 'weakening'", "law = 'constant'", ("'mu_inf' is not used with law constant", "remove it")),
-    (r"title = '[^\n]*'", "title = 'x", ("unclosed quote 'x", "close it with '")),
-]
 
 
 # What `check` accepts with a note: what is changed, and what the note says.
@@ -126,18 +113,6 @@ def test_a_command_of_the_executable_where_there_is_none(
     assert "'run' is a command of the executable, which is not installed here" in said and "ds.run" in said
 
 
-@pytest.mark.parametrize(("pattern", "instead", "words"), DECKS)
-def test_wrong_deck(pattern: str, instead: str, words: tuple[str, ...], program: Program, tmp_path: Path) -> None:
-    text, count = re.subn(pattern, instead, program("template", status=DONE).stdout, count=1)
-    assert count == 1
-    (tmp_path / "own.nml").write_text(text)
-    done = program("check", "own.nml")
-    answered(done, DECK, words)
-    # One mistake is one fault, but for what it leaves undone.
-    assert len(done.stderr.splitlines()) <= 2, done
-    assert all(re.match(r"dynstiction: own\.nml:\d+: ", line) for line in done.stderr.splitlines())
-
-
 @pytest.mark.parametrize(("setting", "words"), NOTES)
 def test_what_is_seldom_meant_has_a_note(setting: str, words: tuple[str, ...], program: Program, folder: Path) -> None:
     done = program("check", folder / "own.nml", "--set", setting, status=DONE)
@@ -171,18 +146,6 @@ def test_no_note_on_the_template_and_the_decks_of_the_paper(program: Program, fo
     assert program("check", *decks, status=DONE).stderr == ""
 
 
-def test_help_in_every_way(program: Program) -> None:
-    page = program("--help", status=DONE).stdout
-    assert "dynstiction run DECK" in page
-    assert program("help", status=DONE).stdout == page == program("-h", status=DONE).stdout
-    assert program("help", "run", status=DONE).stdout == program("run", "--help", status=DONE).stdout
-    assert program("help", "plot", status=DONE).stdout.startswith("Usage: dynstiction plot")
-    errors = program("help", "errors", status=DONE).stdout
-    assert "THE SOLVER GAVE UP" in errors and "result code 44" in errors and "`" not in errors and "](" not in errors
-    assert max(map(len, errors.splitlines())) <= 100
-    assert program("-v", status=DONE).stdout == program("--version", status=DONE).stdout
-
-
 def test_a_run_says_what_it_has_found(program: Program, folder: Path) -> None:
     own = folder / "own.nml"
     said = program("run", own, "--output=x.h5", "--set", "scene.t_end=4", status=DONE)
@@ -190,13 +153,3 @@ def test_a_run_says_what_it_has_found(program: Program, folder: Path) -> None:
     assert program("run", own, "--output", "y.h5", "--quiet", status=DONE).stdout == ""
     stopped = program("run", own, "-o", "s.h5", settings=("scene.t_end=30", "output.wall_limit=1e-9"), status=75)
     assert "continue with dynstiction resume s.h5" in stopped.stderr
-
-
-def test_show_prints_the_summary(program: Program, folder: Path) -> None:
-    run = program("show", folder / "run.h5", status=DONE).stdout
-    assert "samples" in run and re.search(r"max_X_rate +[\d.e-]+ m/s +largest", run)
-    assert not re.search(r"E[+-]\d", run)
-    sweep = program("show", folder / "sweep.h5", status=DONE).stdout
-    assert re.search(r"system\.misalignment_deg +1 to 2", sweep) and re.search(r"cases +2", sweep)
-    deck = program("show", folder / "own.nml", status=DONE).stdout
-    assert "deck of model full" in deck and "1007 Hz" in deck and re.search(r"samples +1251, every 8e-5 s", deck)

@@ -1,14 +1,12 @@
-!> Radau IIA, compared with closed forms and its defining conditions; interpolation and zeros of polynomials.
+!> Radau IIA, compared with its defining conditions; interpolation and zeros of polynomials.
 !>
-!> Source of the closed forms and of the conditions B, C, D: Hairer & Wanner, Solving Ordinary Differential Equations II,
-!> Sec. IV.5 (Table 5.6) and IV.8 (real eigenvalue of the inverse of A for three stages).
+!> Source of the conditions B, C, D: Hairer & Wanner, Solving Ordinary Differential Equations II, Sec. IV.5.
 program test_collocation
   use checks, only: check, check_close, finish
   use random_numbers, only: start_random, uniform
   use dst_kinds, only: wp
   use dst_bernstein, only: first_zero, sign_changes, bernstein_value
   use dst_collocation, only: collocation_t, radau_iia
-  use dst_interpolation, only: grid_t, new_grid
   implicit none
 
   interface
@@ -28,13 +26,11 @@ program test_collocation
   integer :: k
 
   call start_random(1)
-  call test_three_stages()
   do k = 1, size(stage_counts)
     call test_conditions(radau_iia(stage_counts(k)))
     call test_real_pole(radau_iia(stage_counts(k)))
     call test_interpolation(radau_iia(stage_counts(k)))
   end do
-  call test_known_zeros()
   call test_sign_changes()
   call test_tangents()
   call test_zeros_of_coefficients()
@@ -42,24 +38,6 @@ program test_collocation
   call finish()
 
 contains
-
-  subroutine test_three_stages()
-    type(collocation_t) :: method
-    real(wp), parameter :: r = sqrt(6.0_wp)
-    real(wp), parameter :: node(0:3) = [0.0_wp, (4.0_wp - r)/10.0_wp, (4.0_wp + r)/10.0_wp, 1.0_wp]
-    real(wp), parameter :: a(3, 3) = transpose(reshape([ &
-      (88.0_wp - 7.0_wp*r)/360.0_wp, (296.0_wp - 169.0_wp*r)/1800.0_wp, (-2.0_wp + 3.0_wp*r)/225.0_wp, &
-      (296.0_wp + 169.0_wp*r)/1800.0_wp, (88.0_wp + 7.0_wp*r)/360.0_wp, (-2.0_wp - 3.0_wp*r)/225.0_wp, &
-      (16.0_wp - r)/36.0_wp, (16.0_wp + r)/36.0_wp, 1.0_wp/9.0_wp], [3, 3]))
-
-    method = radau_iia(3)
-    call check('three stages: order 5', method%order == 5)
-    call check_close('three stages: nodes', maxval(abs(method%grid%node(0:3) - node)), 0.0_wp, 2.0_wp*eps)
-    call check_close('three stages: weights', maxval(abs(method%weight(1:3) - a(3, :))), 0.0_wp, 2.0_wp*eps)
-    call check_close('three stages: A', maxval(abs(method%integral(1:3, 1:3) - a)), 0.0_wp, 4.0_wp*eps)
-    call check_close('three stages: real eigenvalue', method%gamma, &
-      (6.0_wp + 81.0_wp**(1.0_wp/3.0_wp) - 9.0_wp**(1.0_wp/3.0_wp))/30.0_wp, 4.0_wp*eps)
-  end subroutine test_three_stages
 
   !> B(2s-1), C(s), D(s-1), stiff accuracy, and that the method is not of order 2s.
   subroutine test_conditions(method)
@@ -199,27 +177,6 @@ contains
     call method%grid%bernstein_coefficients(values, padded)
     coefficient = padded(:stages)
   end function with_zeros
-
-  subroutine test_known_zeros()
-    real(wp), parameter :: single(5) = [1.0e-6_wp, 0.01_wp, 0.3_wp, 0.5_wp, 0.999999_wp]
-    integer :: i, s
-
-    do s = 3, 7, 2
-      do i = 1, size(single)
-        call check_close('one zero', first_zero(with_zeros(s, single(i:i), -1.0_wp)), single(i), 1.0e-13_wp)
-        call check_close('one zero and one before the start', first_zero(with_zeros(s, [single(i), -0.2_wp], -1.0_wp)), &
-          single(i), 1.0e-13_wp)
-      end do
-      call check_close('no zero', first_zero(with_zeros(s, [1.2_wp], -1.0_wp)), none, 0.0_wp)
-      call check_close('no zero after the start', first_zero(with_zeros(s, [-0.1_wp], 1.0_wp)), none, 0.0_wp)
-      call check_close('the first of two', first_zero(with_zeros(s, [0.4_wp, 0.7_wp], 1.0_wp)), 0.4_wp, 1.0e-13_wp)
-      call check_close('the first of two close ones', first_zero(with_zeros(s, [0.4_wp, 0.4001_wp], 1.0_wp)), 0.4_wp, 1.0e-10_wp)
-      call check_close('the first of three', first_zero(with_zeros(s, [0.8_wp, 0.35_wp, 0.5_wp], -1.0_wp)), 0.35_wp, 1.0e-12_wp)
-      call check_close('from zero, up and down', first_zero(with_zeros(s, [0.0_wp, 0.6_wp], -1.0_wp)), 0.6_wp, 1.0e-13_wp)
-    end do
-    call check_close('all seven', first_zero(with_zeros(7, [0.2_wp, 0.3_wp, 0.4_wp, 0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp], -1.0_wp)), &
-      0.2_wp, 1.0e-9_wp)
-  end subroutine test_known_zeros
 
   !> A dip that just reaches below zero is found, and none is found that just does not.
   subroutine test_tangents()

@@ -1,10 +1,9 @@
 !> Fast cycles that are leapt equal those computed by steps: as many sticks, at the same times, to the same state; where there is
-!> nothing to leap the map changes no bit. Before that, the polynomials of its tables. That mirrors and samples do not matter:
+!> nothing to leap the map changes no bit. That mirrors and samples do not matter:
 !> tests/invariance; nor stopping inside a leap: test_resume.f90.
 program test_cycle_map
   use checks, only: check, check_close, finish
   use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete, energy, velocity, relative, identical
-  use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, cardinal_functions
   use dst_kinds, only: wp, int64
   use dst_memory_writer, only: memory_writer_t
   use dst_piece, only: stick_begins
@@ -14,8 +13,7 @@ program test_cycle_map
   use dst_stepper, only: work_count_t
   implicit none
 
-  integer, parameter :: max_points = 64
-  real(wp), parameter :: eps = epsilon(1.0_wp), rtol = 1.0e-9_wp
+  real(wp), parameter :: rtol = 1.0e-9_wp
 
   !> How a run ends, and its events.
   type :: result_t
@@ -31,10 +29,6 @@ program test_cycle_map
 
   type(scene_t) :: scene
 
-  call test_points()
-  call test_coefficients()
-  call test_cardinal_functions()
-  call test_convergence()
 
   call compare('Fig. 3', fig3(4.2_wp, 'radau9', rtol))
   call compare('radau5', fig3(2.2_wp, 'radau5', 1.0e-8_wp))
@@ -78,103 +72,6 @@ program test_cycle_map
   call finish()
 
 contains
-
-  subroutine test_points()
-    integer :: n
-
-    do n = 1, max_points
-      associate (x => chebyshev_points(n))
-        call check('points: symmetric to the last bit', all(identical(x, -x(n:1:-1))))
-        call check('points: they fall', all(x(2:) < x(:n - 1)) .and. all(abs(x) < 1.0_wp))
-        call check('points: zeros of T_n', maxval(abs(cos(real(n, wp)*acos(x)))) < 4.0_wp*real(n, wp)**2*eps)
-      end associate
-    end do
-  end subroutine test_points
-
-  !> x^3 = (3 T_1 + T_3)/4; and T_k itself.
-  subroutine test_coefficients()
-    real(wp) :: values(max_points, 2), expected(max_points), polynomial(max_points)
-    integer :: j, k, n
-
-    do n = 4, max_points, 5
-      associate (x => chebyshev_points(n))
-        k = 2*n/3
-        do j = 1, n
-          call chebyshev_polynomials(n, x(j), polynomial(:n))
-          values(j, :) = [x(j)**3, polynomial(k + 1)]
-        end do
-        associate (found => chebyshev_coefficients(values(:n, :)))
-          expected = 0.0_wp
-          expected([2, 4]) = [0.75_wp, 0.25_wp]
-          call check_close('coefficients of a cube', maxval(abs(found(:, 1) - expected(:n))), 0.0_wp, 8.0_wp*eps)
-          expected = 0.0_wp
-          expected(k + 1) = 1.0_wp
-          call check_close('coefficients of T_k', maxval(abs(found(:, 2) - expected(:n))), 0.0_wp, 256.0_wp*eps)
-        end associate
-      end associate
-    end do
-  end subroutine test_coefficients
-
-  !> Their sum is one, they reproduce powers below n, they are 1 and 0 at the points, and the series with the coefficients is the
-  !> same.
-  subroutine test_cardinal_functions()
-    real(wp) :: cardinal(max_points), polynomial(max_points), x
-    integer :: n, j
-
-    do n = 2, 40
-      associate (points => chebyshev_points(n))
-        do j = -10, 10
-          x = 0.1_wp*real(j, wp)
-          call cardinal_functions(n, points, x, cardinal(:n))
-          call check_close('cardinal functions: sum', sum(cardinal(:n)), 1.0_wp, 16.0_wp*eps)
-          call check_close('cardinal functions: the highest power', dot_product(cardinal(:n), points**(n - 1)), &
-            x**(n - 1), 64.0_wp*eps)
-          call chebyshev_polynomials(n, x, polynomial(:n))
-          associate (coefficient => chebyshev_coefficients(reshape(exp(points), [n, 1])))
-            call check_close('cardinal functions: the series', dot_product(cardinal(:n), exp(points)), &
-              dot_product(polynomial(:n), coefficient(:, 1)), 128.0_wp*eps)
-          end associate
-        end do
-        do j = 1, n
-          call cardinal_functions(n, points, points(j), cardinal(:n))
-          call check('cardinal functions: 1 there', identical(cardinal(j), 1.0_wp) .and. count(abs(cardinal(:n)) > 0.0_wp) == 1)
-        end do
-        ! Next to a point.
-        call cardinal_functions(n, points, points(1)*(1.0_wp - 2.0_wp*eps), cardinal(:n))
-        call check_close('cardinal functions: beside a point', dot_product(cardinal(:n), points), points(1), 8.0_wp*eps)
-      end associate
-    end do
-  end subroutine test_cardinal_functions
-
-  !> The error at 1/(1 + a x^2), with poles at +- i/sqrt(a), falls like rho^-n, rho = (1 + sqrt(1 + a))/sqrt(a).
-  subroutine test_convergence()
-    real(wp), parameter :: a(3) = [1.0_wp, 4.0_wp, 25.0_wp]
-    real(wp) :: rho, coarse, fine
-    integer :: k
-
-    do k = 1, size(a)
-      rho = (1.0_wp + sqrt(1.0_wp + a(k)))/sqrt(a(k))
-      coarse = worst_error(a(k), 10)
-      fine = worst_error(a(k), 30)
-      call check_close('convergence: rho', (coarse/fine)**(1.0_wp/20.0_wp), rho, 0.03_wp*rho)
-    end do
-  end subroutine test_convergence
-
-  real(wp) function worst_error(a, n)
-    real(wp), intent(in) :: a
-    integer, intent(in) :: n
-    real(wp) :: cardinal(n), x
-    integer :: j
-
-    worst_error = 0.0_wp
-    associate (points => chebyshev_points(n))
-      do j = 0, 1000
-        x = -1.0_wp + 0.002_wp*real(j, wp)
-        call cardinal_functions(n, points, x, cardinal)
-        worst_error = max(worst_error, abs(dot_product(cardinal, 1.0_wp/(1.0_wp + a*points**2)) - 1.0_wp/(1.0_wp + a*x**2)))
-      end do
-    end associate
-  end function worst_error
 
   function smoothed() result(scene)
     type(scene_t) :: scene

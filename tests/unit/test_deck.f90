@@ -1,15 +1,13 @@
-!> Text, schema, scanner, deck and command line.
+!> Text, schema, scanner and deck.
 program test_deck
   use checks, only: check, finish
   use dst_kinds, only: wp, int64
-  use dst_errors, only: error_t, deck_error, usage_error
+  use dst_errors, only: error_t, deck_error
   use dst_text, only: real_text, integer_text, quoted_text, read_real, read_integer, nearest_word, excerpt, word, word_count, &
                       has_word, lower_case
   use dst_schema, only: schema, key_count, group_names, sweep_group, keys_of, find_key, find_name, in_range, is_word_of, &
-                        automatic, condition_count, condition_text, real_kind, reals_kind, integer_kind, &
-                        choice_kind
-  use dst_deck, only: deck_t, parse_deck, read_deck, resolved, template
-  use dst_command_line, only: argument_t, command_t, parse_arguments, setting_list, help_text
+                        automatic, condition_count, condition_text, real_kind, choice_kind
+  use dst_deck, only: deck_t, parse_deck, template
   implicit none
 
   character, parameter :: n = achar(10)
@@ -29,9 +27,7 @@ program test_deck
   call test_conditions()
   call test_drive()
   call test_settings()
-  call test_resolved()
   call test_template()
-  call test_arguments()
 
   call finish()
 
@@ -253,16 +249,15 @@ contains
     call check_text('title', deck%text_of('scene', 'title'), expected)
   end subroutine check_title
 
-  !> A deck with one fault, or more if `several`, with `expected` in the text of the error.
-  subroutine refuse(text, expected, several)
+  !> A deck with one fault, with `expected` in the text of the error. One of each kind: tests/python/test_decks.py.
+  subroutine refuse(text, expected)
     character(*), intent(in) :: text, expected
-    logical, intent(in), optional :: several
     type(deck_t) :: deck
     type(error_t), allocatable :: error
 
     call parse_deck(text, 'bad.nml', none, deck, error)
     call check_refusal(error, deck_error, expected)
-    if (allocated(error) .and. .not. present(several)) call check('one fault: '//error%text, index(error%text, n) == 0)
+    if (allocated(error)) call check('one fault: '//error%text, index(error%text, n) == 0)
   end subroutine refuse
 
   subroutine check_refusal(error, code, expected)
@@ -277,96 +272,33 @@ contains
   subroutine test_bad_decks()
     character(*), parameter :: s = '&scene t_end = 1'//n
 
-    call refuse('', 'bad.nml:1: no group', several=.true.)
-    call refuse('! nothing', 'bad.nml:1: no group', several=.true.)
-    call refuse(rest, 'group &scene is missing: add it with t_end')
-    call refuse(whole//'&sytem'//n//' a = 1'//n//'/', "bad.nml:5: unknown group '&sytem': the nearest is &system")
-    call refuse('&scen t_end = 1 /'//n//rest, "bad.nml:1: unknown group '&scen': the nearest is &scene")
-    call refuse(whole//'&sweep count = 3 /', 'bad.nml:5: &sweep varies nothing')
-    call refuse(whole//scene_group(:6)//'/', 'bad.nml:5: group &scene given again: it began in line 1')
-    call refuse(s//" titel='x' /"//n//rest, "bad.nml:2: unknown key 'titel' in &scene: the nearest is 'title'")
-    call refuse(s//' zz=1 /'//n//rest, "unknown key 'zz' in &scene: its keys are title model form quantities accuracy t_end")
     call refuse(s//' velocty=1 /'//n//rest, "the nearest is 'velocity' in &drive")
-    call refuse(s//' rtol=1e-6 /'//n//rest, "bad.nml:2: 'rtol' does not belong to &scene: put it in &integrator")
-    call refuse(s//' t_end=2 /'//n//rest, "bad.nml:2: 't_end' given again: it stands in line 1 already")
-    call refuse('&scene'//n//'t_end ='//n//'/'//n//rest, "bad.nml:2: 't_end' has an empty value")
     call refuse("&scene t_end = title='x' /"//n//rest, "bad.nml:1: 't_end' has an empty value")
-    call refuse('&scene t_end = , /'//n//rest, "nothing before a ',' in 't_end'")
     call refuse('&scene t_end = 1,, /'//n//rest, "nothing before a ',' in 't_end'")
-    call test_bad_values()
-    call test_bad_syntax()
-    call test_bad_choices()
-    call test_all_in_one_go()
-    call test_bad_files()
-  end subroutine test_bad_decks
-
-  subroutine test_bad_values()
-    character(*), parameter :: s = '&scene t_end = 1'//n
-
-    call refuse('&scene t_end = ten /'//n//rest, "'ten' is not a real number: 't_end' takes a finite real")
     call refuse("&scene t_end = '1' /"//n//rest, "'1' is text: 't_end' takes a real number without quotes")
     call refuse(s//' title = 3 /'//n//rest, "'3' is not text: 'title' takes text in quotes")
     call refuse(s//' model = full /'//n//rest, "'full' is not text: 'model' takes text in quotes")
-    call refuse('&scene t_end = NaN /'//n//rest, "'NaN' is not a real number")
-    call refuse('&scene t_end = 1e400 /'//n//rest, "'1e400' is beyond the range")
-    call refuse('&scene t_end = 0x1F /'//n//rest, "'0x1F' is not a real number")
     call refuse('&scene t_end = (1,2) /'//n//rest, "unexpected '(1,2) /'")
-    call refuse('&scene t_end = -1 /'//n//rest, "t_end = '-1' is out of range: it must be > 0.0 (in s)")
     call refuse(whole//'&integrator max_steps = 1e3 /', "'1e3' is not an integer")
-    call refuse('&scene t_end = 1 2 /'//n//rest, "too many values for 't_end', from '2' on: 2 given, at most 1 allowed")
     call refuse('&scene t_end = 2*1 /'//n//rest, "too many values for 't_end', from '1' on: 2 given")
-    call refuse('&scene t_end = 0*1 /'//n//rest, "repeat count '0*' is not positive")
     call refuse('&scene t_end = 2* /'//n//rest, "'2*' repeats an empty value")
     call refuse(s//"title='"//repeat('x', 257)//"' /"//n//rest, '257 bytes given, at most 256 allowed')
-  end subroutine test_bad_values
-
-  subroutine test_bad_syntax()
-    character(*), parameter :: s = '&scene t_end = 1'//n
-
-    call refuse(s//n//'! x'//n//rest, "bad.nml:4: missing '/': end the group &scene")
-    call refuse(whole//'&output interval = 1', "bad.nml:5: missing '/': end the group &output")
-    call refuse(s//"title='x"//n//'/'//n//rest, "bad.nml:2: unclosed quote 'x: close it with '")
-    call refuse('x'//n//whole, "bad.nml:1: 'x' outside a group")
-    call refuse(whole//'/', "bad.nml:5: '/' outside a group")
     call refuse('$scene t_end=1 $end'//n//whole, "bad.nml:1: '$scene")
     call refuse('&scene t_end(1)=1 /'//n//rest, "'t_end(1)=1 /' sets a part of a key")
-    call refuse('&scene t_end = 1 title(2) = "x" /'//n//rest, "'title(2) =")
     call refuse('&scene t_end%x=1 /'//n//rest, "'t_end%x=1 /' sets a part of a key")
     call refuse('&scene t_end 1 /'//n//rest, "'t_end' without '='")
     call refuse('&scene t_end = = 1 /'//n//rest, "unexpected '= 1 /'")
     call refuse(s//"title='x'y /"//n//rest, "'y /' directly after a closing quote")
-    call refuse(whole//achar(0), 'bad.nml:5: NUL bytes in the deck')
-    call refuse('!'//achar(27)//n//whole, 'bad.nml:1: control characters in the deck')
     call refuse('! '//char(228)//' '//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(224)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(237)//char(160)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse('! '//char(244)//char(144)//char(128)//char(128)//n//whole, 'bad.nml:1: a character is not UTF-8')
     call refuse(whole//'! '//char(226)//char(130), 'bad.nml:5: a character is not UTF-8')
-  end subroutine test_bad_syntax
-
-  subroutine test_bad_choices()
-    character(*), parameter :: s = '&scene t_end = 1'//n
-
-    call refuse(s//"model='ful' /"//n//rest, "unknown model 'ful': the nearest is 'full'")
-    call refuse(whole//"&output fields='ux' /", "unknown fields 'ux': the nearest is 'u_x'")
     call refuse(whole//"&output fields='u_x'"//n//' 3 /', "bad.nml:6: '3' is not text")
     call refuse(whole//"&output fields='u_x','u_x' /", "'u_x' more than once in 'fields'")
     call refuse(whole//"&output fields='u_x','default' /", "'default' among other 'fields'")
-    call refuse('&scene /'//n//rest, "bad.nml:1: 't_end' is missing in &scene: add t_end = VALUE in s")
-    call refuse(scene_group//friction_group//drive_group, 'bad.nml:3: group &system is missing: add it with mass')
-  end subroutine test_bad_choices
-
-  subroutine test_bad_files()
-    character(*), parameter :: names(4) = [character(17) :: '/no such/deck.nml', '/', '/dev/zero', '']
-    type(deck_t) :: deck
-    type(error_t), allocatable :: error
-    integer :: i
-
-    do i = 1, size(names)
-      call read_deck(trim(names(i)), none, deck, error)
-      call check_refusal(error, deck_error, trim(names(i))//': ')
-    end do
-  end subroutine test_bad_files
+    call test_all_in_one_go()
+  end subroutine test_bad_decks
 
   subroutine test_all_in_one_go()
     type(deck_t) :: deck
@@ -495,67 +427,7 @@ contains
     call set(['integrator.method=rk4'], "--set integrator.method=rk4: method 'rk4' cannot follow")
   end subroutine test_settings
 
-  ! --- resolved and template
-
-  subroutine test_resolved()
-    character(*), parameter :: odd = "&scene t_end = 1.2345678901234567, title='it''s ""φ"" & / ! =' /"// &
-      '&system mass=1e-300 stiffness_x=3.3333333333333335 stiffness_y=123456789.12345679 misalignment_deg=-0.0 /'// &
-      friction_group//'&integrator max_steps = 9000000000 /'//"&output fields='X','zeta' /"
-    type(deck_t) :: deck, again
-    type(error_t), allocatable :: error
-    character(:), allocatable :: first, second, third
-    integer :: i
-
-    call refuse(odd//'&drive time = 0, 2000*0.1, velocity = 2001*0.1 /', 'time(4)')
-    call accept(odd//drive_with(2000), deck)
-    first = resolved(deck)
-    call parse_deck(first, 'resolved', none, again, error)
-    call check('the resolved deck is sound', .not. allocated(error))
-    if (allocated(error)) return
-    do i = 1, key_count
-      call check('same value of '//schema(i)%name, same_value(deck, again, i))
-    end do
-    second = resolved(again)
-    call parse_deck(second, 'resolved', none, deck, error)
-    third = resolved(deck)
-    call check_text('fixpoint', second, third)
-    call check('user and default', index(first, "model = 'full'                 ! default;") > 0 .and. &
-               index(first, '! user, s; ') > 0)
-    call accept(whole, deck)
-    call check('an unused key is left out', index(resolved(deck), 'v_smooth =') == 0)
-  end subroutine test_resolved
-
-  function drive_with(corners) result(text)
-    integer, intent(in) :: corners
-    character(:), allocatable :: text
-    integer :: i
-
-    text = '&drive velocity = '
-    do i = 1, corners
-      text = text//real_text(1.0e-3_wp*sin(real(i, wp)))//' '
-    end do
-    text = text//' time = '
-    do i = 1, corners
-      text = text//real_text(sqrt(real(i - 1, wp)))//' '
-    end do
-    text = text//'/'
-  end function drive_with
-
-  logical function same_value(a, b, i)
-    type(deck_t), intent(in) :: a, b
-    integer, intent(in) :: i
-    integer :: j
-
-    select case (schema(i)%kind)
-    case (real_kind, reals_kind, integer_kind)
-      same_value = size(a%value(i)%reals) == size(b%value(i)%reals)
-      if (.not. same_value) return
-      same_value = all([(same_bits(a%value(i)%reals(j), b%value(i)%reals(j)), j=1, size(a%value(i)%reals))])
-    case default
-      same_value = size(a%value(i)%texts) == size(b%value(i)%texts)
-      if (same_value) same_value = all(a%value(i)%texts == b%value(i)%texts)
-    end select
-  end function same_value
+  ! --- template
 
   subroutine test_template()
     type(deck_t) :: deck
@@ -586,56 +458,4 @@ contains
       call check('in some template: '//schema(i)%name, found(i))
     end do
   end subroutine test_template
-
-  ! --- command line
-
-  subroutine parse(line, command, error)
-    character(*), intent(in) :: line        !! words separated by single blanks
-    type(command_t), intent(out) :: command
-    type(error_t), allocatable, intent(out) :: error
-    type(argument_t), allocatable :: arguments(:)
-    integer :: i
-
-    allocate (arguments(word_count(line)))
-    do i = 1, size(arguments)
-      arguments(i)%text = word(line, i)
-    end do
-    call parse_arguments(arguments, command, error)
-  end subroutine parse
-
-  subroutine misused(line, expected)
-    character(*), intent(in) :: line, expected
-    type(command_t) :: command
-    type(error_t), allocatable :: error
-
-    call parse(line, command, error)
-    call check_refusal(error, usage_error, expected)
-  end subroutine misused
-
-  subroutine test_arguments()
-    type(command_t) :: command
-    type(error_t), allocatable :: error
-
-    call parse('run --quiet a.nml -o b.h5 --set x.y=1 --set=z.w=2 --overwrite', command, error)
-    call check('run', .not. allocated(error) .and. command%name == 'run')
-    call check('options', command%given == '--quiet -o --set --set --overwrite' .and. command%has('--quiet'))
-    call check('operand', size(command%operands) == 1 .and. command%output == 'b.h5')
-    call check('settings', all(setting_list(command) == ['x.y=1', 'z.w=2']))
-    call parse('check -- -a.nml', command, error)
-    call check('after --', .not. allocated(error) .and. command%operands(1)%text == '-a.nml')
-    call parse('--version', command, error)
-    call check('version', command%name == 'version' .and. .not. allocated(error))
-    call parse('--help', command, error)
-    call check('help', command%has('--help') .and. .not. allocated(error))
-    call parse('run --help', command, error)
-    call check('help on run', command%has('--help') .and. command%name == 'run' .and. .not. allocated(error))
-    call check('help texts differ', help_text('run') /= help_text('check') .and. help_text('check') /= help_text('template') &
-               .and. index(help_text(''), 'Exit status') > 0)
-    call misused('run a.nml --set', '--set without a setting')
-    call misused('check a.nml --quiet', "'check' takes no --quiet")
-    call misused('run a.nml -o b -o c', '-o given twice')
-    call misused('check a.nml -o c', "'check' takes no -o")
-    call misused('template full full', "'template' takes one model")
-    call misused('template --set a.b=1', "'template' takes no --set")
-  end subroutine test_arguments
 end program test_deck

@@ -1,4 +1,4 @@
-!> Names, reasons and times as the user of a result file sees them. What is done with files: test_result_file.f90, tests/faults.
+!> Names, reasons and times as the user of a result file sees them. What is done with files: tests/faults.
 program test_disk
   use checks, only: check, finish
   use dst_disk, only: folder_of, place_of, true_path, with_remedy

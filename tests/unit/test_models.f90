@@ -7,13 +7,12 @@ program test_models
   use scenes, only: fig3_slider, random_slider
   use dst_kinds, only: wp, pi, degree
   use dst_braking, only: braking_t, braking
-  use dst_drive, only: drive_t, drive_segment_t, new_drive
+  use dst_drive, only: drive_segment_t
   use dst_friction, only: friction_law_t, new_friction_law
   use dst_full_model, only: full_polar_t, full_smoothed_t, new_full_polar, new_full_smoothed
   use dst_monotone_cubic, only: monotone_cubic_t, new_monotone_cubic
   use dst_low_frequency, only: low_frequency_t, new_low_frequency
-  use dst_rest, only: spring_force_size, is_held, comes_to_rest, delay_by_turning, release_delay, slip_start_t, start_of_slip, &
-    start_at_release
+  use dst_rest, only: spring_force_size, is_held, release_delay, slip_start_t, start_of_slip
   use dst_slider, only: slider_t, cos_sin_degrees
   use dst_slip_system, only: slip_system_t, stage_terms_t, new_terms
   use dst_state, only: state_t
@@ -26,10 +25,7 @@ program test_models
   call test_friction_laws()
   call test_stribeck()
   call test_table()
-  call test_static_limit()
-  call test_turn()
   call test_directions()
-  call test_drive()
   call test_jacobians()
   call test_equations()
   call test_reduced_equations()
@@ -191,78 +187,6 @@ contains
     call check_close('table: slope at rest', slopes(2), 10.0_wp*(-0.4_wp - (0.4_wp - 0.05_wp)/3.0_wp), 1.0e-13_wp)
   end subroutine test_table
 
-  !> A static limit above F(0): rest lasts up to it, and slip begins with the excess over F(0).
-  subroutine test_static_limit()
-    type(slider_t) :: slider
-    type(slip_start_t) :: begin
-    real(wp) :: u(2), force(1), slope(1)
-
-    slider = fig3_slider(1.0_wp)
-    slider%law%static_limit = 2.5_wp
-    call slider%law%evaluate(1, [0.0_wp], force, slope)
-    call check_close('static limit: F(0) stays', force(1), 2.0_wp, 4.0_wp*eps)
-    u = slider%elongation_at_limit(0.5_wp, 1.0e-3_wp)
-    call check_close('static limit: of the spring force', spring_force_size(slider, u), 2.5_wp, 4.0_wp*eps)
-    call check('static limit: rest holds below, not above', is_held(slider, 0.99_wp*u, 1.0e-3_wp) .and. &
-      .not. is_held(slider, 1.01_wp*u, 1.0e-3_wp))
-    begin = start_at_release(slider, u, 1.0e-3_wp)
-    call check_close('static limit: acceleration at the release', begin%rate(1), 0.5_wp/0.25_wp, 4.0_wp*eps)
-    begin = start_of_slip(slider, 1.2_wp*u, 1.0e-3_wp)
-    call check_close('static limit: acceleration beyond it', begin%rate(1), 1.0_wp/0.25_wp, 32.0_wp*eps)
-    slider%law%static_limit = slider%law%kinetic_limit
-    begin = start_at_release(slider, slider%elongation_at_limit(0.5_wp, 1.0e-3_wp), 1.0e-3_wp)
-    call check_close('static limit: none at F(0)', begin%rate(1), 0.0_wp, 0.0_wp)
-  end subroutine test_static_limit
-
-  !> Between F_0 and F_s an object at rest is held, but slip against the force turns, unless it is on a line; and how much later
-  !> slip ends, or begins again, because it turns.
-  subroutine test_turn()
-    type(slider_t) :: slider
-    real(wp) :: u(2), v, delta, step, time, force
-    integer :: i, k
-    integer, parameter :: n = 200000
-    real(wp), parameter :: first = 3.0_wp, still = 0.0_wp
-
-    slider = fig3_slider(1.0_wp)
-    slider%law%static_limit = 1.3_wp*slider%law%kinetic_limit
-    u = 1.15_wp*slider%law%kinetic_limit*[cos(0.5_wp), sin(0.5_wp)]/slider%stiffness
-    call check('turn: held at rest', is_held(slider, u, still))
-    call check('turn: no stop', .not. (comes_to_rest(slider, 0.5_wp + pi, u, still, still) &
-      .or. comes_to_rest(slider, 0.5_wp, u, still, still)))
-    call check('turn: a stop below F_0', comes_to_rest(slider, 0.5_wp + pi, 0.8_wp*u, still, still))
-    ! On the soft axis, with a little roundoff, and on any line if the springs are equal.
-    slider%along = [1.0_wp, 0.0_wp]
-    u = [1.15_wp*slider%law%kinetic_limit/slider%stiffness(1), 1.0e-19_wp]
-    call check('turn: a stop on a line', comes_to_rest(slider, pi, u, 1.0e-3_wp, still))
-    call check('turn: slip with the force does not stop', .not. comes_to_rest(slider, still, u, 1.0e-3_wp, still))
-    slider%along = cos_sin_degrees(1.0e-4_wp)
-    call check('turn: none where the drive leaves the line', .not. comes_to_rest(slider, pi, u, 1.0e-3_wp, still))
-    slider%stiffness(2) = slider%stiffness(1)
-    u = u(1)*slider%along
-    call check('turn: a stop on the line of equal springs', &
-      comes_to_rest(slider, atan2(-u(2), -u(1)), u, 1.0e-3_wp, still))
-    ! m v' = f cos(delta) - F_0 and m v delta' = -f sin(delta), that is dt = m v/(f sin(delta)) ddelta, by the midpoint rule.
-    do i = 1, 2
-      u = [0.6_wp, 0.95_wp]*slider%law%kinetic_limit/slider%stiffness(1)
-      if (i == 1) u(2) = 0.0_wp
-      delta = first
-      v = 1.0e-3_wp
-      force = slider%stiffness(1)*hypot(u(1), u(2))
-      ! With f < F_0 until the end of slip; with f > F_0 until v grows as (f - F_0)/m times the time since the turn.
-      time = slider%mass*v/(slider%law%kinetic_limit - force*cos(delta)) &
-        *(1.0_wp + sign(delay_by_turning(slider, atan2(u(2), u(1)) + delta, u, still), slider%law%kinetic_limit - force))
-      step = first/real(n, wp)
-      do k = 1, n
-        delta = first - (real(k, wp) - 0.5_wp)*step
-        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
-        time = time - step*slider%mass*v/(force*sin(delta))
-        v = v*exp(-0.5_wp*step*(slider%law%kinetic_limit - force*cos(delta))/(force*sin(delta)))
-        if (k == n - n/1000) exit
-      end do
-      call check_close('turn: its delay', time, slider%mass*v/(slider%law%kinetic_limit - force), 1.0e-4_wp*slider%mass*1.0e-3_wp)
-    end do
-  end subroutine test_turn
-
   subroutine test_directions()
     real(wp) :: angle, direction(2), mirrored(2), worst, worst_unit
     real(wp), parameter :: axis(2, 0:3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, -1.0_wp], [2, 4])
@@ -293,46 +217,6 @@ contains
     direction = cos_sin_degrees(90.0_wp + 2.0_wp**(-40))
     call check_close('a tiny angle to the y-axis too', direction(1), -2.0_wp**(-40)*degree, 4.0_wp*eps*2.0_wp**(-40)*degree)
   end subroutine test_directions
-
-  subroutine test_drive()
-    type(drive_t) :: drive
-    real(wp) :: first, last, time, duration, by_simpson
-    integer :: i, j
-
-    ! Slide, jump to a stop, jump to a ramp, turn back, and keep the last velocity.
-    drive = new_drive([0.0_wp, 1.0_wp, 1.0_wp, 2.0_wp, 2.0_wp, 4.0_wp], [1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 3.0_wp, -2.0_wp])
-    call check('segments', size(drive%segment) == 4)
-    call check('segments follow each other', all(abs(drive%segment(2:)%start - drive%segment(:3)%end) <= 0.0_wp))
-    call check('the last segment has no end', drive%segment(4)%end >= huge(1.0_wp))
-    call check_close('velocity before the jump', drive%segment(1)%velocity_at(1.0_wp), 1.0_wp, 0.0_wp)
-    call check_close('velocity after the jump', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
-    call check_close('velocity on the ramp', drive%segment(3)%velocity_at(3.0_wp), 0.5_wp, eps)
-    call check_close('velocity at the end of the ramp', drive%segment(3)%velocity_at(4.0_wp), -2.0_wp, 4.0_wp*eps)
-    call check_close('velocity after the last knot', drive%segment(4)%velocity_at(100.0_wp), -2.0_wp, 0.0_wp)
-    call check_close('largest speed', drive%largest_speed(), 3.0_wp, 0.0_wp)
-    call check_close('displacement over the whole ramp', drive%segment(3)%displacement(2.0_wp, 2.0_wp), 1.0_wp, 4.0_wp*eps)
-    do i = 1, size(drive%segment)
-      do j = 1, 20
-        first = drive%segment(i)%start
-        last = min(drive%segment(i)%end, 10.0_wp)
-        time = sum(uniform(1, first, last))
-        duration = sum(uniform(1, 0.0_wp, last - time))
-        associate (segment => drive%segment(i))
-          ! Simpson's rule is exact for a linear velocity.
-          by_simpson = duration/6.0_wp*(segment%velocity_at(time) + 4.0_wp*segment%velocity_at(time + 0.5_wp*duration) &
-            + segment%velocity_at(time + duration))
-          call check_close('displacement', segment%displacement(time, duration), by_simpson, 32.0_wp*eps)
-        end associate
-      end do
-    end do
-    drive = new_drive([0.0_wp], [-1.0e-3_wp])
-    call check('a constant drive is one segment', size(drive%segment) == 1)
-    call check_close('a constant drive backwards', drive%segment(1)%displacement(5.0_wp, 2.0_wp), -2.0e-3_wp, eps)
-    call check_close('its largest speed', drive%largest_speed(), 1.0e-3_wp, 0.0_wp)
-    drive = new_drive([0.0_wp, 1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp, 0.0_wp])
-    call check('a jump at the end', size(drive%segment) == 2)
-    call check_close('the velocity it jumps to', drive%segment(2)%velocity_at(1.0_wp), 0.0_wp, 0.0_wp)
-  end subroutine test_drive
 
   !> Exact derivatives compared with central differences, for all stages of one call, with dampers in every other trial.
   subroutine test_jacobians()

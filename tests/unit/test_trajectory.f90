@@ -1,5 +1,5 @@
-!> The full model with exact contact as a whole: reference states, accuracy compared with the tolerance, axes, balances. What must
-!> not matter, units, mirrors, samples, turned axes and times: tests/invariance.
+!> The full model with exact contact as a whole: accuracy compared with the tolerance, axes, balances. Reference states:
+!> tests/python/test_references.py; what must not matter, units, mirrors, samples, turned axes and times: tests/invariance.
 program test_trajectory
   use checks, only: check, check_close, finish
   use scenes, only: fig3, along_a_line, without_map, begin, complete, energy, velocity, relative, identical, reference, &
@@ -28,7 +28,6 @@ program test_trajectory
     integer :: events = 0, sticks = 0
   end type result_t
 
-  call test_reference()
   call test_error_falls_with_tolerance()
   do i = 1, 3
     call test_right_angles(trim(methods(i)))
@@ -58,29 +57,6 @@ contains
     found%events = writer%events
     if (writer%events > 0) found%sticks = count(writer%log(:writer%events)%kind == stick_begins)
   end function run
-
-  subroutine test_reference()
-    type(scene_t) :: scene
-    type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
-    integer :: k, row
-    logical :: sound
-
-    scene = fig3(2.5_wp, 'radau9', 1.0e-10_wp)
-    scene%interval = 0.01_wp
-    call complete(scene, simulation, writer, sound)
-    call check('reference: complete', sound)
-    do k = 1, size(reference_sticks)
-      associate (t => reference(1, k))
-        row = nint(t/scene%interval) + 1
-        call check_close('reference: time', writer%samples(1, row), t, eps)
-        call check_close('reference: u', relative(writer%samples(2:3, row), reference(2:3, k)), 0.0_wp, 1.0e-10_wp)
-        call check_close('reference: w', relative(writer%samples(4:5, row), reference(4:5, k)), 0.0_wp, 1.0e-8_wp)
-        call check('reference: sticks', reference_sticks(k) == count(writer%log(:writer%events)%kind == stick_begins &
-          .and. writer%log(:writer%events)%time <= t))
-      end associate
-    end do
-  end subroutine test_reference
 
   !> Error of the final state at 2.5 s: over two decades of the tolerance it falls at least tenfold, unless it is below the
   !> tolerance (ten times that in w) or below the roundoff of 2500 oscillations.
