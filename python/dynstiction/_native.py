@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast
+from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import shown
-from ._closing import Closing, OneAtATime
 from ._core import dst_python_api as _core
 from ._names import Info, nearest
-from ._stack import check_stack
 from .errors import Error, UsageError, error_for
 
 __all__ = [
     "CHUNK_SECONDS",
     "Advance",
+    "Closing",
     "Cycles",
     "DeckSource",
     "DeckValues",
@@ -84,7 +82,6 @@ class DeckSource(NamedTuple):
 
     def arguments(self) -> tuple[_Characters, _Characters, _Characters]:
         """Text, name and settings in the form that the core reads."""
-        check_stack()
         return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
 
     def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
@@ -136,68 +133,76 @@ class Advance(NamedTuple):
     """(rows, 4)"""
 
 
-class _Memory:
-    """Memory of the core under a handle. A running call keeps it alive, so it can be released at any time."""
+class Closing:
+    """A context manager that closes itself, and that is neither copied nor pickled."""
 
-    __slots__ = ("_free", "handle")
+    def __enter__(self) -> Self:
+        return self
 
-    def __init__(self, handle: int, free: Callable[[int], None]) -> None:
-        self.handle = handle
-        self._free = free
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
-    def __del__(self) -> None:
-        self._free(self.handle)
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        raise TypeError(
+            f"a {type(self).__name__} cannot be copied or pickled: it holds memory of this process; "
+            "copy or send the scene that it was made of, or its result"
+        )
+
+    def close(self) -> None:
+        """Free the memory of the core."""
+        raise NotImplementedError
+
+
+class _Handle(int):
+    """The number of an object of the core, whose memory is freed with it: a running call, which has it, keeps both."""
+
+    def __del__(self, release: Callable[[int], None] = _core.release) -> None:
+        release(self)
 
 
 class Session(Closing):
-    """An object in the core under a handle; a context manager, so that it is always closed.
+    """An object in the core. In a forked process the copy of the memory belongs to that process.
 
-    In a forked process the copy of the memory belongs to that process.
+    Parameters
+    ----------
+    deck : DeckSource
+        The deck.
+    make : callable
+        Routine of the core that makes the object.
+    *arguments : object
+        What the routine needs beside the deck.
     """
 
-    name: ClassVar[str]
-    """Name of the object for the user."""
+    def __init__(self, deck: DeckSource, make: Callable[..., tuple[Any, ...]], *arguments: object) -> None:
+        handle, *self._made, status = make(*deck.arguments(), *arguments)
+        self._deck = deck
+        self._handle: _Handle | None = _Handle(handle)
+        self._check(status)
 
-    def __init__(self, handle: int) -> None:
-        self._memory: _Memory | None = _Memory(handle, self._free)
-        self._alone = OneAtATime(self.name)
+    @property
+    def handle(self) -> _Handle:
+        """The handle; to be taken once for a call, since another thread may close the object."""
+        handle = self._handle
+        if handle is None:
+            raise UsageError("the simulation is closed: make a new one")
+        return handle
 
     @property
     def closed(self) -> bool:
         """Whether the memory has been released."""
-        return self._memory is None
+        return self._handle is None
 
     def close(self) -> None:
-        """Release the memory: it is freed at once, or when a running call returns."""
-        self._memory = None
+        """Free the memory of the core, at once or when a running call returns."""
+        self._handle = None
 
-    def _opened(self) -> _Memory:
-        """The memory, for a call that several threads may make at once."""
-        memory = self._memory
-        if memory is None:
-            raise UsageError(f"the {self.name} is closed: make a new one")
-        check_stack()
-        return memory
-
-    @contextmanager
-    def _use(self) -> Iterator[int]:
-        """The handle, for one thread at a time."""
-        with self._alone:
-            memory = self._opened()
-            yield memory.handle
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.release(handle)
-
-    def _raise(self, deck: DeckSource, status: int) -> None:
+    def _check(self, status: int) -> None:
         """Raise an exception if the core has refused the deck."""
         if status != 0:
-            with self._use() as handle:
-                texts, places = _table(handle, "faults")
-                message = _named_text(handle, "message")
+            texts, places = _table(self.handle, "faults")
             lines, settings = places.astype(int).tolist()
-            raise deck.error(status, message, zip(lines, settings, (text for (text,) in texts), strict=True))
+            faults = zip(lines, settings, (text for (text,) in texts), strict=True)
+            raise self._deck.error(status, _named_text(self.handle, "message"), faults)
 
 
 class DeckValues(Session):
@@ -211,18 +216,13 @@ class DeckValues(Session):
         Whether each value is checked only against the range of its own key, so that a part of a deck is enough.
     """
 
-    name = "deck"
-
     def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        handle, status = _core.deck_open(*deck.arguments(), int(alone))
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, _core.deck_open, int(alone))
 
     def given(self) -> dict[str, dict[str, Value]]:
         """Values of the given keys by group and key, in the order of the schema."""
         groups: dict[str, dict[str, Value]] = {}
-        with self._use() as handle:
-            cells, numbers = _table(handle, "values")
+        cells, numbers = _table(self.handle, "values")
         items: dict[tuple[str, str], list[Any]] = {}
         for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
             kind = key_info(group, name).kind
@@ -239,12 +239,9 @@ class DeckValues(Session):
 class Run(Session):
     """A run in the core, from deck to outcome."""
 
-    name = "simulation"
-
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.run_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, _core.run_open)
+        handle = self.handle
         self.columns = _infos(handle, "columns")
         self.resolved_deck = _named_text(handle, "resolved")
         self.model = _named_text(handle, "model")
@@ -256,48 +253,41 @@ class Run(Session):
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        outcome, events = None, np.empty((0, 4))
-        with self._use() as handle:
-            finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
-            if n_events > 0:
-                events = _core.run_events(handle, n_events)
-            if finished:
-                outcome = status, _named_text(handle, "message") if status != 0 else "done"
+        outcome, events, handle = None, np.empty((0, 4)), self.handle
+        finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
+        if n_events > 0:
+            events = _core.run_events(handle, n_events)
+        if finished:
+            outcome = status, _named_text(handle, "message") if status != 0 else "done"
         return Advance(outcome, bool(reached), n_rows, events)
 
     def samples_into(self, columns: NDArray[np.float64], first: int) -> None:
         """Store the samples of the last advance in an array (columns, rows), from the row `first` on."""
-        with self._use() as handle:
-            _core.run_samples(handle, first + 1, columns.T)
+        _core.run_samples(self.handle, first + 1, columns.T)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""
-        with self._use() as handle:
-            values = _core.run_state(handle, time, len(self.columns))
+        values = _core.run_state(self.handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
     def sample_at(self, instants: NDArray[np.float64]) -> None:
         """Set the times of the samples [s], from 0 to the end, of a run that is at its first sample."""
-        with self._use() as handle:
-            _core.run_instants(handle, instants)
+        _core.run_instants(self.handle, instants)
 
     def time(self) -> float:
         """Simulated time reached [s]."""
-        with self._use() as handle:
-            return _core.run_time(handle)
+        return _core.run_time(self.handle)
 
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Summary values and counters of the work of a finished run."""
-        with self._use() as handle:
-            summary = with_integers(_described(handle, "summary"))
-            cells, (values, counts) = _table(handle, "statistics", described=True)
+        summary = with_integers(_described(self.handle, "summary"))
+        cells, (values, counts) = _table(self.handle, "statistics", described=True)
         work = zip(cells, values.tolist(), counts.tolist(), strict=True)
         return summary, [(info, int(value) if is_count else value) for (info,), value, is_count in work]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
-        with self._use() as handle:
-            cells, (values, is_text) = _table(handle, "parameters", described=True)
+        cells, (values, is_text) = _table(self.handle, "parameters", described=True)
         return with_integers(
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
@@ -315,12 +305,9 @@ class Cycles(Session):
         Model of the cycles, '' for that of the deck.
     """
 
-    name = "list of cycles"
-
     def __init__(self, deck: DeckSource, model: str) -> None:
-        handle, status = _core.cycles_open(*deck.arguments(), _characters(model))
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, _core.cycles_open, _characters(model))
+        handle = self.handle
         self.model = _named_text(handle, "model")
         self.quantities = _infos(handle, "cycle_quantities")
         *values, stable = _table(handle, "cycles")[1]
@@ -362,13 +349,9 @@ class Return(Session):
         Slow cycles until then.
     """
 
-    name = "return of a motion"
-
     def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
-        handle, status = _core.return_open(*deck.arguments(), _characters(model), place, slow_cycles)
-        super().__init__(handle)
-        self._raise(deck, status)
-        self.to, self.slope, self.log_slope, *self.measures = _table(handle, "return")[1][:, 0].tolist()
+        super().__init__(deck, _core.return_open, _characters(model), place, slow_cycles)
+        self.to, self.slope, self.log_slope, *self.measures = _table(self.handle, "return")[1][:, 0].tolist()
 
 
 class Sensitivity(Session):
@@ -382,17 +365,13 @@ class Sensitivity(Session):
         Parameters GROUP.KEY.
     """
 
-    name = "list of derivatives"
-
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        handle, status = _core.sensitivity_open(*deck.arguments(), _characters(" ".join(keys)))
-        super().__init__(handle)
-        self._raise(deck, status)
-        cells, numbers = _table(handle, "sensitivity", described=True)
+        super().__init__(deck, _core.sensitivity_open, _characters(" ".join(keys)))
+        cells, numbers = _table(self.handle, "sensitivity", described=True)
         self.quantities = [info for (info,) in cells]
         self.values, self.derivatives = numbers[0], numbers[1:].T
         """Values (quantity) and derivatives (quantity, key)."""
-        self.keys, self.parameters = _parameters(handle)
+        self.keys, self.parameters = _parameters(self.handle)
 
 
 class Derivatives(Session):
@@ -408,15 +387,12 @@ class Derivatives(Session):
         Times of samples [s]; those of the run if there are none.
     """
 
-    name = "list of derivatives"
-
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
-        handle, status = _core.derivatives_open(*deck.arguments(), _characters(" ".join(keys)), times)
-        super().__init__(handle)
-        finished = False
+        super().__init__(deck, _core.derivatives_open, _characters(" ".join(keys)), times)
+        handle, finished = self.handle, False
         while not finished:
-            self._raise(deck, status)
             finished, status = _core.derivatives_advance(handle, CHUNK_SECONDS)
+            self._check(status)
         self.keys, self.parameters = _parameters(handle)
         self.columns = _infos(handle, "columns")
         rows = _table(handle, "samples")[1].reshape(1 + len(self.keys), len(self.columns), -1)
@@ -436,21 +412,15 @@ class Settling(Session):
         The deck; it is run with model 'full', and with a method and for a time of the core's own choice.
     """
 
-    name = "motion from rest"
-
     def __init__(self, deck: DeckSource) -> None:
-        self.deck = deck
-        handle, status = _core.settling_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, _core.settling_open)
         self.limit = self.swing = self.least = 0.0
         """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
 
     def advance(self, seconds: float) -> bool:
         """Continue for at most `seconds` [s]; whether the motion has settled."""
-        with self._use() as handle:
-            finished, self.limit, self.swing, self.least, status = _core.settling_advance(handle, seconds)
-        self._raise(self.deck, status)
+        finished, self.limit, self.swing, self.least, status = _core.settling_advance(self.handle, seconds)
+        self._check(status)
         return bool(finished)
 
 
@@ -463,13 +433,9 @@ class Steady(Session):
         The deck.
     """
 
-    name = "theory of steady sliding"
-
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.steady_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
-        values = _table(handle, "steady")[1][:, 0]
+        super().__init__(deck, _core.steady_open)
+        values = _table(self.handle, "steady")[1][:, 0]
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
@@ -494,22 +460,21 @@ class Cases(NamedTuple):
 class Sweep(Session):
     """The cases of a sweep in the core."""
 
-    name = "sweep"
-
     def __init__(
         self, deck: DeckSource, axes: Sequence[tuple[str, NDArray[np.float64]]], is_list: bool
     ) -> None:
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
-        handle, self.cases, self.at_once, found_list, status = _core.sweep_open(
-            *deck.arguments(),
+        super().__init__(
+            deck,
+            _core.sweep_open,
             _characters("\n".join(key for key, _ in axes)),
             np.array([axis.size for axis in values], dtype=np.int32),
             np.concatenate([np.empty(0), *values]),
             int(is_list),
         )
-        super().__init__(handle)
-        self._raise(deck, status)
+        self.cases, self.at_once, found_list = self._made
         self.is_list = found_list == 1
+        handle = self.handle
         sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][0]
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
@@ -523,9 +488,8 @@ class Sweep(Session):
 
     def run(self, first: int, count: int) -> Cases:
         """Run cases `first` (from 0) and following. Several threads may do so at once."""
-        memory = self._opened()
         values, cycles, counts, codes, messages = _core.sweep_run(
-            memory.handle,
+            self.handle,
             first + 1,
             count,
             len(self.quantities),
@@ -538,17 +502,12 @@ class Sweep(Session):
 
     def stop(self) -> None:
         """Make all threads stop their work."""
-        memory = self._opened()
-        _core.sweep_stop(memory.handle)
-
-
-class _Library(Session):
-    name = "library"
+        _core.sweep_stop(self.handle)
 
 
 def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
-    with _Library(_core.library_open())._use() as handle:
-        return [get(handle, name) for name in names]
+    handle = _Handle(_core.library_open())
+    return [get(handle, name) for name in names]
 
 
 @cache

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Unpack
 
@@ -11,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import number, reals
-from ._closing import Closing, OneAtATime
 from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
@@ -53,7 +55,7 @@ class _Samples:
         return float(self._values[0, self._rows - 1]) if self._rows > 0 else 0.0
 
 
-class Simulation(Closing):
+class Simulation(_native.Closing):
     """A run that you advance step by step; at the end its result is the one of `dynstiction.run`, bit for bit.
 
     It is a context manager: at the end of the block the memory of the core is freed, and the computed results stay. One thread at
@@ -90,7 +92,7 @@ class Simulation(Closing):
     def __init__(self, deck: DeckLike, *, times: ArrayLike | None = None, **changes: Unpack[Changes]) -> None:
         self._scene = Scene(deck, **changes)
         self._times = None if times is None else _ascending(times)
-        self._alone = OneAtATime("simulation")
+        self._lock = threading.Lock()
         self._core = _native.Run(self._scene.source)
         self._parameters = Described(self._core.parameters(), "parameters")
         if self._times is not None and self._parameters["interval"] == 0.0:
@@ -112,7 +114,7 @@ class Simulation(Closing):
                 )
             # The sample at the beginning has been taken; the list ends with a sample at the end.
             between = self._times[(self._times > 0.0) & (self._times < self._t_end)]
-            self._sample_at(np.concatenate([[0.0], between, [self._t_end]]))
+            self._core.sample_at(np.concatenate([[0.0], between, [self._t_end]]))
 
     def close(self) -> None:
         """Free the memory of the core; a run that is not finished then cannot be continued."""
@@ -147,7 +149,7 @@ class Simulation(Closing):
         UsageError
             If the simulation is closed, or another thread is using it.
         """
-        with self._alone:
+        with self._alone():
             return Described(self._core.state(self._time), "columns")
 
     @property
@@ -159,7 +161,7 @@ class Simulation(Closing):
         UsageError
             If another thread is using the simulation.
         """
-        with self._alone:
+        with self._alone():
             log = self._log_so_far()
         return events_between(log, 0.0, self._t_end)
 
@@ -179,7 +181,7 @@ class Simulation(Closing):
         UsageError
             If another thread is using the simulation.
         """
-        with self._alone:
+        with self._alone():
             return self._result_so_far()
 
     def _result_so_far(self) -> Result:
@@ -225,7 +227,7 @@ class Simulation(Closing):
         IncompleteWarning
             If the run was stopped at ``output.wall_limit``.
         """
-        with self._alone:
+        with self._alone():
             aim = number("time", time, checked=False)
             if not self._time <= aim <= self._t_end:
                 raise UsageError(
@@ -265,7 +267,7 @@ class Simulation(Closing):
         return self._finish(progress, stacklevel=4)
 
     def _finish(self, progress: bool | None, stacklevel: int) -> Result:
-        with self._alone:
+        with self._alone():
             if not self.finished:
                 try:
                     with progress_bar(progress, self._t_end, BAR) as show:
@@ -283,9 +285,17 @@ class Simulation(Closing):
             self._tell(stacklevel)
             return self._result_so_far()
 
-    def _sample_at(self, instants: NDArray[np.float64]) -> None:
-        """Set the times of the samples [s], from 0 to the end, of a run that has not been advanced yet."""
-        self._core.sample_at(instants)
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """A block for one thread at a time: a second thread is refused and does not wait."""
+        if not self._lock.acquire(blocking=False):
+            raise UsageError(
+                "the simulation is busy: another thread is using it: wait for that, or make one for each thread"
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _advance(self, until: float) -> bool:
         """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
