@@ -454,7 +454,7 @@ class Cases(NamedTuple):
     codes: NDArray[np.int32]
     """-1 if stopped."""
     messages: dict[int, str]
-    """Messages of the cases that failed, by number from 0."""
+    """Messages of the cases that failed, by their place from 0."""
 
 
 class Sweep(Session):
@@ -497,7 +497,7 @@ class Sweep(Session):
             self.most_cycles,
         )
         values[:, codes < 0] = np.nan
-        failed = {first + int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
+        failed = {int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
         return Cases(values.T, cycles.T, counts, codes, failed)
 
     def stop(self) -> None:

@@ -16,7 +16,7 @@ from ._interrupt import held_back, interrupted
 from ._open import info_of, own_datasets, values_in
 from ._optional import needed
 from ._progress import progress_bar
-from ._sweep_work import MOST_THREADS, Work
+from ._sweep_work import Work
 from .errors import DeckError, IncompleteWarning, StiffnessWarning, UsageError
 from .groups import Changes
 from .record import Info
@@ -151,7 +151,7 @@ def sweep(
         work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
             if executor is None:
-                work.run(min(threads, core.cases, MOST_THREADS), show)
+                work.run(threads, show)
             else:
                 work.run_on(executor, scene.source, show)
         if work.stopped:

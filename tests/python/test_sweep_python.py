@@ -92,7 +92,7 @@ def interrupt(number, frame):
     global stopped
     works = False
     while frame is not None:
-        works = works or frame.f_code.co_qualname in ("Work.run", "Work.run_on", "Work._wait")
+        works = works or frame.f_code.co_qualname.startswith("Work.")
         frame = frame.f_back
     if works or not stopped:
         stopped = True
