@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import shown
 from ._core import dst_python_api as _core
@@ -80,10 +80,6 @@ class DeckSource(NamedTuple):
     fields: Mapping[int, str] = {}
     """Group or key of each line, if the text was made from groups: messages name the key, not the line."""
 
-    def arguments(self) -> tuple[_Characters, _Characters, _Characters]:
-        """Text, name and settings in the form that the core reads."""
-        return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
-
     def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
         """Exception for a status of the core; its text names keys if the user gave keys.
 
@@ -128,6 +124,8 @@ class Advance(NamedTuple):
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
     reached: bool
+    time: float
+    """Simulated time reached [s]."""
     samples: int
     events: NDArray[np.float64]
     """(rows, 4)"""
@@ -167,14 +165,15 @@ class Session(Closing):
     ----------
     deck : DeckSource
         The deck.
-    make : callable
-        Routine of the core that makes the object.
-    *arguments : object
-        What the routine needs beside the deck.
+    what : str
+        Kind of the object: a name of the routine ``make`` of the core.
+    words, numbers : str and array_like
+        What it needs beside the deck.
     """
 
-    def __init__(self, deck: DeckSource, make: Callable[..., tuple[Any, ...]], *arguments: object) -> None:
-        handle, *self._made, status = make(*deck.arguments(), *arguments)
+    def __init__(self, deck: DeckSource, what: str, words: str = "", numbers: ArrayLike = ()) -> None:
+        texts = (deck.text, deck.name, "\n".join(deck.settings), words)
+        handle, status = _core.make(what, *map(_characters, texts), np.asarray(numbers, dtype=np.float64))
         self._deck = deck
         self._handle: _Handle | None = _Handle(handle)
         self._check(status)
@@ -217,7 +216,7 @@ class DeckValues(Session):
     """
 
     def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        super().__init__(deck, _core.deck_open, int(alone))
+        super().__init__(deck, "deck", numbers=[alone])
 
     def given(self) -> dict[str, dict[str, Value]]:
         """Values of the given keys by group and key, in the order of the schema."""
@@ -240,26 +239,24 @@ class Run(Session):
     """A run in the core, from deck to outcome."""
 
     def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, _core.run_open)
-        handle = self.handle
-        self.columns = _infos(handle, "columns")
-        self.resolved_deck = _named_text(handle, "resolved")
-        self.model = _named_text(handle, "model")
-        self.method = _named_text(handle, "method")
-        self.model_choice = _named_text(handle, "model_choice")
-        """Why 'auto' chose the model; empty if the deck names another model."""
-        self.sampling_note, self.stiffness_note = _named_text(handle, "notes").split("\n")
+        super().__init__(deck, "run")
+        self.columns = _infos(self.handle, "columns")
+        self.model, self.method, self.model_choice, *notes, self.resolved_deck = _named_text(
+            self.handle, "about"
+        ).split("\n", 5)
+        """`model_choice` is why 'auto' chose the model; empty if the deck names another model."""
+        self.sampling_note, self.stiffness_note = notes
         """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
         outcome, events, handle = None, np.empty((0, 4)), self.handle
-        finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
+        finished, reached, n_rows, n_events, time, status = _core.run_advance(handle, seconds, until)
         if n_events > 0:
-            events = _core.run_events(handle, n_events)
+            events = _table(handle, "events")[1].T
         if finished:
             outcome = status, _named_text(handle, "message") if status != 0 else "done"
-        return Advance(outcome, bool(reached), n_rows, events)
+        return Advance(outcome, bool(reached), time, n_rows, events)
 
     def samples_into(self, columns: NDArray[np.float64], first: int) -> None:
         """Store the samples of the last advance in an array (columns, rows), from the row `first` on."""
@@ -273,10 +270,6 @@ class Run(Session):
     def sample_at(self, instants: NDArray[np.float64]) -> None:
         """Set the times of the samples [s], from 0 to the end, of a run that is at its first sample."""
         _core.run_instants(self.handle, instants)
-
-    def time(self) -> float:
-        """Simulated time reached [s]."""
-        return _core.run_time(self.handle)
 
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Summary values and counters of the work of a finished run."""
@@ -306,7 +299,7 @@ class Cycles(Session):
     """
 
     def __init__(self, deck: DeckSource, model: str) -> None:
-        super().__init__(deck, _core.cycles_open, _characters(model))
+        super().__init__(deck, "cycles", model)
         handle = self.handle
         self.model = _named_text(handle, "model")
         self.quantities = _infos(handle, "cycle_quantities")
@@ -319,12 +312,12 @@ class Cycles(Session):
             {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)}
             for row in (mean, scatter)
         )
-        self.verdict, self.exponent, self.error, *counts = _table(handle, "verdict")[1][:, 0].tolist()
-        self.slow_cycles, self.count, self.repeats, self.searched = map(int, counts)
-        sliding = _table(handle, "sliding")[1][:, 0].tolist()
-        self.sliding_load, stable, self.velocity, self.model_error = sliding
+        row = _table(handle, "verdict")[1][:, 0].tolist()
+        self.verdict, self.exponent, self.error = row[:3]
+        self.slow_cycles, self.count, self.repeats, self.searched = map(int, row[3:7])
+        self.sliding_load, stable, self.velocity, self.model_error = row[7:]
         self.sliding_is_stable = stable == 1.0
-        real, imaginary = _table(handle, "eigenvalues")[1]
+        real, imaginary = _table(handle, "eigenvalues")[1].reshape(2, -1)
         self.eigenvalues = real + 1j * imaginary
 
 
@@ -350,8 +343,8 @@ class Return(Session):
     """
 
     def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
-        super().__init__(deck, _core.return_open, _characters(model), place, slow_cycles)
-        self.to, self.slope, self.log_slope, *self.measures = _table(self.handle, "return")[1][:, 0].tolist()
+        super().__init__(deck, "return", model, [place, slow_cycles])
+        self.to, self.slope, self.log_slope, *self.measures = _table(self.handle, "found")[1][:, 0].tolist()
 
 
 class Sensitivity(Session):
@@ -366,7 +359,7 @@ class Sensitivity(Session):
     """
 
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        super().__init__(deck, _core.sensitivity_open, _characters(" ".join(keys)))
+        super().__init__(deck, "sensitivity", " ".join(keys))
         cells, numbers = _table(self.handle, "sensitivity", described=True)
         self.quantities = [info for (info,) in cells]
         self.values, self.derivatives = numbers[0], numbers[1:].T
@@ -388,10 +381,10 @@ class Derivatives(Session):
     """
 
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
-        super().__init__(deck, _core.derivatives_open, _characters(" ".join(keys)), times)
+        super().__init__(deck, "derivatives", " ".join(keys), times)
         handle, finished = self.handle, False
         while not finished:
-            finished, status = _core.derivatives_advance(handle, CHUNK_SECONDS)
+            finished, status = _core.proceed(handle, CHUNK_SECONDS)
             self._check(status)
         self.keys, self.parameters = _parameters(handle)
         self.columns = _infos(handle, "columns")
@@ -413,14 +406,15 @@ class Settling(Session):
     """
 
     def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, _core.settling_open)
+        super().__init__(deck, "settling")
         self.limit = self.swing = self.least = 0.0
         """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
 
     def advance(self, seconds: float) -> bool:
         """Continue for at most `seconds` [s]; whether the motion has settled."""
-        finished, self.limit, self.swing, self.least, status = _core.settling_advance(self.handle, seconds)
+        finished, status = _core.proceed(self.handle, seconds)
         self._check(status)
+        self.limit, self.swing, self.least = _table(self.handle, "settling")[1][:, 0].tolist()
         return bool(finished)
 
 
@@ -434,8 +428,8 @@ class Steady(Session):
     """
 
     def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, _core.steady_open)
-        values = _table(self.handle, "steady")[1][:, 0]
+        super().__init__(deck, "steady")
+        values = _table(self.handle, "found")[1][:, 0]
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
@@ -466,16 +460,14 @@ class Sweep(Session):
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
         super().__init__(
             deck,
-            _core.sweep_open,
-            _characters("\n".join(key for key, _ in axes)),
-            np.array([axis.size for axis in values], dtype=np.int32),
-            np.concatenate([np.empty(0), *values]),
-            int(is_list),
+            "sweep",
+            "\n".join(key for key, _ in axes),
+            np.concatenate([[is_list], [axis.size for axis in values], *values]),
         )
-        self.cases, self.at_once, found_list = self._made
-        self.is_list = found_list == 1
+        self.cases, self.at_once, is_one = map(int, _table(self.handle, "size")[1][:, 0])
+        self.is_list = is_one == 1
         handle = self.handle
-        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][0]
+        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][:, 0]
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
         self.quantities = _infos(handle, "quantities")
@@ -505,23 +497,22 @@ class Sweep(Session):
         _core.sweep_stop(self.handle)
 
 
-def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
-    handle = _Handle(_core.library_open())
-    return [get(handle, name) for name in names]
+def _ask_library(get: Callable[[int, str], T], name: str) -> T:
+    handle = _Handle(_core.make("library", *[_characters("")] * 4, np.empty(0))[0])
+    return get(handle, name)
 
 
 @cache
 def origin() -> dict[str, str]:
     """Source and build of the core, and the host of this process; `job` is the name that the scheduler gives the job, or empty."""
     names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
-    return dict(zip(names, _ask_library(_named_text, *names), strict=True))
+    return dict(zip(names, _ask_library(_named_text, "origin").split("\n"), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """The output of ``dynstiction template --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
-    (text,) = _ask_library(_named_text, "catalogue")
-    found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
+    found: dict[str, Any] = json.loads(_ask_library(_named_text, "catalogue"), parse_int=str, parse_float=str)
     return found
 
 
@@ -576,7 +567,7 @@ def unknown_key(name: object) -> str:
 @cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors of `equations` and similar functions."""
-    ((cells, _),) = _ask_library(_table, "slider")
+    cells, _ = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
 

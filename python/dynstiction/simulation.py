@@ -105,7 +105,7 @@ class Simulation(_native.Closing):
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([], "summary")
         self._statistics: Described[float] = Described([], "statistics")
-        self._time = 0.0
+        self._time = self._reached = 0.0
         self._advance(0.0)
         if self._times is not None:
             if not self._times[-1] <= self._t_end:
@@ -277,7 +277,7 @@ class Simulation(_native.Closing):
                 except KeyboardInterrupt:
                     with held_back(forget=True):
                         if not self.finished:
-                            self._time = self._core.time()
+                            self._time = self._reached
                         raise interrupted(
                             f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
                             self._result_so_far(),
@@ -305,7 +305,7 @@ class Simulation(_native.Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                outcome, reached, rows, events = self._core.advance(_native.CHUNK_SECONDS, aim)
+                outcome, reached, self._reached, rows, events = self._core.advance(_native.CHUNK_SECONDS, aim)
                 self._core.samples_into(*self._samples.grow(rows))
                 self._log.append(events)
             if outcome is not None:
