@@ -210,7 +210,7 @@ def _dataset(
     about_all: Mapping[str, str],
 ) -> xarray.Dataset:
     """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
-    from ._sweep_dataset import SweepDataset  # noqa: PLC0415  (xarray is slow to import)
+    import xarray  # noqa: PLC0415  (slow to import)
 
     # Names of keys are unique without their groups.
     axes = [(info._replace(name=info.name.rpartition(".")[2]), axis) for info, axis in axes]
@@ -227,7 +227,7 @@ def _dataset(
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
     variables["result_code"] = (dims, codes.reshape(shape), about)
     variables["result_text"] = (dims, texts.reshape(shape), {"long_name": "why a case failed"})
-    return SweepDataset(variables, coordinates, about_all)
+    return xarray.Dataset(variables, coordinates, about_all)
 
 
 def _about(info: Info) -> dict[str, str]:
