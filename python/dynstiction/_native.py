@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import shown
-from ._core import dst_python_api as _core
+from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from ._names import Info, nearest
 from .errors import Error, UsageError, error_for
+
+# Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
+_core: Any = dst_python_api
 
 __all__ = [
     "CHUNK_SECONDS",
@@ -205,15 +208,7 @@ class Session(Closing):
 
 
 class DeckValues(Session):
-    """The values that a deck gives.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    alone : bool
-        Whether each value is checked only against the range of its own key, so that a part of a deck is enough.
-    """
+    """The values that a deck gives; with `alone` each is checked only against the range of its own key: a part of a deck is enough."""
 
     def __init__(self, deck: DeckSource, *, alone: bool) -> None:
         super().__init__(deck, "deck", numbers=[alone])
@@ -288,15 +283,7 @@ class Run(Session):
 
 
 class Cycles(Session):
-    """The limit cycles of a scene, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    model : str
-        Model of the cycles, '' for that of the deck.
-    """
+    """The limit cycles of a scene in a model, '' for that of the deck."""
 
     def __init__(self, deck: DeckSource, model: str) -> None:
         super().__init__(deck, "cycles", model)
@@ -328,18 +315,9 @@ def _parameters(handle: int) -> tuple[list[str], NDArray[np.float64]]:
 
 
 class Return(Session):
-    """Where a motion returns to from a place of the map of a scene, found in the core.
+    """Where a motion in a model ('' for that of the deck) returns to some slow cycles after a place of its map.
 
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    model : str
-        Model, '' for that of the deck.
-    place : float
-        Direction of the force at a release [rad], or, in the slow motion, load at a valley [N].
-    slow_cycles : int
-        Slow cycles until then.
+    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N].
     """
 
     def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
@@ -348,15 +326,7 @@ class Return(Session):
 
 
 class Sensitivity(Session):
-    """Derivatives of the cycle to which a scene settles, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    keys : iterable of str
-        Parameters GROUP.KEY.
-    """
+    """Derivatives of the cycle to which a scene settles, with respect to parameters GROUP.KEY."""
 
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
         super().__init__(deck, "sensitivity", " ".join(keys))
@@ -368,17 +338,7 @@ class Sensitivity(Session):
 
 
 class Derivatives(Session):
-    """Derivatives of the run of a scene, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    keys : iterable of str
-        Parameters GROUP.KEY.
-    times : NDArray[np.float64]
-        Times of samples [s]; those of the run if there are none.
-    """
+    """Derivatives of the run of a scene with respect to parameters GROUP.KEY, at times [s], or at those of its samples if there are none."""
 
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
         super().__init__(deck, "derivatives", " ".join(keys), times)
@@ -397,13 +357,7 @@ class Derivatives(Session):
 
 
 class Settling(Session):
-    """A motion from rest until it has settled, in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck; it is run with model 'full', and with a method and for a time of the core's own choice.
-    """
+    """A motion from rest until it has settled, in model 'full', by a method and for a time of the core's own choice."""
 
     def __init__(self, deck: DeckSource) -> None:
         super().__init__(deck, "settling")
@@ -419,13 +373,7 @@ class Settling(Session):
 
 
 class Steady(Session):
-    """Linear theory of the steady sliding of a scene, from the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    """
+    """Linear theory of the steady sliding of a scene."""
 
     def __init__(self, deck: DeckSource) -> None:
         super().__init__(deck, "steady")
@@ -597,6 +545,7 @@ def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points, from the routine of the core; `phi` and `kappa` may have one value for all."""
+    values: NDArray[np.float64]
     values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
     if fault != 0:
         points = {"tau": tau, "phi": phi, "kappa": kappa}
@@ -612,6 +561,7 @@ def steady_sliding(
     if len(sliders) == 0:
         return np.empty((0, n_values))
     angles = np.zeros(len(sliders)) if theta is None else theta
+    values: NDArray[np.float64]
     values, failed, message = _core.steady_sliding(what, sliders.T, angles, n_values)
     if failed > 0:
         where = f"element {failed - 1} of {len(sliders)}: " if len(sliders) > 1 else ""

@@ -146,16 +146,7 @@ def creep_velocity(
     UsageError
         If an argument is out of range or is not a number (the message gives the range), or if the arguments do not broadcast.
     """
-    stiff = np.inf if stiffness_y is None else stiffness_y
-    scaled = dimensionless(
-        t,
-        velocity=velocity,
-        stiffness_x=stiffness_x,
-        stiffness_y=stiff,
-        mu_0=mu_0,
-        normal_load=normal_load,
-        misalignment_deg=misalignment_deg,
-    )
+    scaled = dimensionless(**locals() | {"stiffness_y": np.inf if stiffness_y is None else stiffness_y})
     return reals("velocity", velocity) * creep_exact(*scaled).X_rate
 
 
