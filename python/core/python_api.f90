@@ -794,11 +794,11 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Store the waiting samples (row, column) from the row `first` on.
-  subroutine run_samples(handle, first, capacity, n_columns, samples)
+  !> Fetch the waiting samples (row, column).
+  subroutine run_samples(handle, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: first, capacity, n_columns
-    real(c_double), intent(inout) :: samples(capacity, n_columns)
+    integer(c_int), intent(in) :: n_rows, n_columns
+    real(c_double), intent(out) :: samples(n_rows, n_columns)
     type(holder_t), pointer :: held
     !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
     !> Python's work.
@@ -806,9 +806,9 @@ contains
     integer :: from, to
 
     held => holder_of(handle)
-    do from = 1, held%run%writer%rows, block_rows
-      to = min(from + block_rows - 1, held%run%writer%rows)
-      samples(first + from - 1:first + to - 1, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
+    do from = 1, n_rows, block_rows
+      to = min(from + block_rows - 1, int(n_rows))
+      samples(from:to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
     end do
     held%run%writer%rows = 0
   end subroutine run_samples

@@ -122,14 +122,15 @@ class KeyInfo(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Results of one call of `Run.advance`: the number of samples, which `Run.samples_into` stores, and the columns of events."""
+    """Results of one call of `Run.advance`."""
 
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
     reached: bool
     time: float
     """Simulated time reached [s]."""
-    samples: int
+    samples: NDArray[np.float64]
+    """(columns, rows), C-contiguous"""
     events: NDArray[np.float64]
     """(rows, 4)"""
 
@@ -245,17 +246,12 @@ class Run(Session):
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        outcome, events, handle = None, np.empty((0, 4)), self.handle
+        handle, n_columns = self.handle, len(self.columns)
         finished, reached, n_rows, n_events, time, status = _core.run_advance(handle, seconds, until)
-        if n_events > 0:
-            events = _table(handle, "events")[1].T
-        if finished:
-            outcome = status, _named_text(handle, "message") if status != 0 else "done"
-        return Advance(outcome, bool(reached), time, n_rows, events)
-
-    def samples_into(self, columns: NDArray[np.float64], first: int) -> None:
-        """Store the samples of the last advance in an array (columns, rows), from the row `first` on."""
-        _core.run_samples(self.handle, first + 1, columns.T)
+        samples = _core.run_samples(handle, n_rows, n_columns).T if n_rows > 0 else np.empty((n_columns, 0))
+        events = _table(handle, "events")[1].T if n_events > 0 else np.empty((0, 4))
+        text = _named_text(handle, "message") if status != 0 else "done"
+        return Advance((status, text) if finished else None, bool(reached), time, samples, events)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""
