@@ -133,7 +133,7 @@ contains
   !>
   !> * 'library': data that do not depend on a deck, the table 'slider' and the texts 'catalogue' (commands, options, keys, columns,
   !>   ... as JSON) and 'origin'.
-  !> * 'deck': a deck that is checked against the whole schema, or with the number 1 each value against its own key only.
+  !> * 'deck': a deck of which each value is checked against its own key only.
   !> * 'run': a run from its beginning.
   !> * 'sweep': the cases for the parameters that are varied, their names in the lines of `words`. The numbers are 1 if the values
   !>   of a case have the same place, else 0, then how many values each has, then all values, one after the other. Without names the
@@ -159,7 +159,6 @@ contains
     ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read one at a time, under the
     ! interpreter's lock.
     type(holder_t), pointer :: holder
-    logical :: alone
 
     allocate (holder)
     handle = handle_of(c_loc(holder))
@@ -178,9 +177,8 @@ contains
     end select
     status = 0
     if (what == 'library') return
-    alone = .false.
-    if (what == 'deck') alone = numbers(1) > 0.0_c_double
-    call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), alone, what == 'sweep' .and. n_words > 0)
+    call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), what == 'deck', &
+      what == 'sweep' .and. n_words > 0)
     status = status_of(holder%session)
     if (status /= 0) return
     if (associated(holder%run)) call begin_run(holder%run)
@@ -316,6 +314,7 @@ contains
     status = status_of(held%cycles)
   end subroutine proceed
 
+  !> Texts as arguments of their own: gfortran 12 mistakes the length of a text function inside another one in a call.
   subroutine read_deck(session, text, name, settings, alone, is_varied)
     class(session_t), intent(inout) :: session
     character(*), intent(in) :: text, name, settings
@@ -905,14 +904,14 @@ contains
     end do
   end subroutine equations
 
-  !> Creep at n points; phi [rad] and kappa have one value for each point or one for all. For the form 'exact' values(:, k) are
+  !> Creep at n points of phi [rad] and kappa. For the form 'exact' values(:, k) are
   !> alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed',
   !> 'third_order'. fault: 0, or the condition that the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
   !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 for Eq. (8).
-  subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
+  subroutine creep(form, n, tau, phi, kappa, n_values, values, point, fault)
     character(len=*), intent(in) :: form
-    integer(c_int), intent(in) :: n, n_phi, n_kappa, n_values
-    real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
+    integer(c_int), intent(in) :: n, n_values
+    real(c_double), intent(in) :: tau(n), phi(n), kappa(n)
     real(c_double), intent(out) :: values(n, n_values)
     integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
@@ -929,9 +928,9 @@ contains
     do i = 1, n
       point = int(i, c_int)
       ! Not `>`: a NaN must be found, too.
-      if (.not. (abs(phi(min(i, n_phi)) - angle) <= 0.0_wp .and. abs(kappa(min(i, n_kappa)) - ratio) <= 0.0_wp)) then
-        angle = phi(min(i, n_phi))
-        ratio = kappa(min(i, n_kappa))
+      if (.not. (abs(phi(i) - angle) <= 0.0_wp .and. abs(kappa(i) - ratio) <= 0.0_wp)) then
+        angle = phi(i)
+        ratio = kappa(i)
         if (.not. abs(angle) < 0.5_wp*pi) fault = 2
         if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
         if (fault > 0) return

@@ -24,7 +24,6 @@ __all__ = [
     "Closing",
     "Cycles",
     "DeckSource",
-    "DeckValues",
     "Derivatives",
     "KeyInfo",
     "Run",
@@ -36,6 +35,7 @@ __all__ = [
     "Value",
     "catalogue",
     "creep",
+    "deck_values",
     "equations",
     "group_names",
     "group_of",
@@ -206,29 +206,6 @@ class Session(Closing):
             lines, settings = places.astype(int).tolist()
             faults = zip(lines, settings, (text for (text,) in texts), strict=True)
             raise self._deck.error(status, _named_text(self.handle, "message"), faults)
-
-
-class DeckValues(Session):
-    """The values that a deck gives; with `alone` each is checked only against the range of its own key: a part of a deck is enough."""
-
-    def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        super().__init__(deck, "deck", numbers=[alone])
-
-    def given(self) -> dict[str, dict[str, Value]]:
-        """Values of the given keys by group and key, in the order of the schema."""
-        groups: dict[str, dict[str, Value]] = {}
-        cells, numbers = _table(self.handle, "values")
-        items: dict[tuple[str, str], list[Any]] = {}
-        for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
-            kind = key_info(group, name).kind
-            # A real key may have a word in place of a number.
-            value = (
-                int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
-            )
-            items.setdefault((group, name), []).append(value)
-        for (group, name), values in items.items():
-            groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
-        return groups
 
 
 class Run(Session):
@@ -441,6 +418,24 @@ class Sweep(Session):
         _core.sweep_stop(self.handle)
 
 
+def deck_values(deck: DeckSource) -> dict[str, dict[str, Value]]:
+    """Values that a deck gives by group and key, in the order of the schema.
+
+    Each is checked only against the range of its own key, so that a part of a deck is enough.
+    """
+    cells, numbers = _table(Session(deck, "deck").handle, "values")
+    groups: dict[str, dict[str, Any]] = {}
+    for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
+        kind = key_info(group, name).kind
+        # A real key may have a word in place of a number.
+        value = int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
+        groups.setdefault(group, {}).setdefault(name, []).append(value)
+    return {
+        group: {name: values[0] if len(values) == 1 else tuple(values) for name, values in keys.items()}
+        for group, keys in groups.items()
+    }
+
+
 def _ask_library(get: Callable[[int, str], T], name: str) -> T:
     handle = _Handle(_core.make("library", *[_characters("")] * 4, np.empty(0))[0])
     return get(handle, name)
@@ -540,12 +535,12 @@ def equations(
 def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (n_values, n) at the points, from the routine of the core; `phi` and `kappa` may have one value for all."""
+    """Creep (n_values, n) at the points (n), from the routine of the core."""
     values: NDArray[np.float64]
     values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
     if fault != 0:
         points = {"tau": tau, "phi": phi, "kappa": kappa}
-        here = {name: float(array[min(point, array.size) - 1]) for name, array in points.items()}
+        here = {name: float(array[point - 1]) for name, array in points.items()}
         raise UsageError(RANGES[fault].format(**here))
     return values.T
 

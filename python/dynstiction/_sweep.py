@@ -156,9 +156,8 @@ def sweep(
                 work.run_on(executor, scene.source, show)
         if work.stopped:
             with held_back(forget=True):
-                raise interrupted(
-                    f"stopped after {work.progress()}; `partial` has their results", _data_of(core, work)
-                )
+                done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
+                raise interrupted(f"stopped after {done}; `partial` has their results", _data_of(core, work))
         data = _data_of(core, work)
     work.warn(stacklevel=2)
     return data

@@ -171,10 +171,6 @@ class Work:
             text = f"{len(self.messages)} of {self._core.cases} cases failed; the first, number {case}: {message}"
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel + 1)
 
-    def progress(self) -> str:
-        """Number of finished cases, as text."""
-        return f"{np.count_nonzero(self.codes != _native.NOT_RUN)} of {self._core.cases} cases"
-
 
 # Tasks of an executor. They may run in this process, in another, or on another machine.
 

@@ -151,8 +151,7 @@ class Scene(SceneGroups):
 
     def _given(self) -> dict[str, dict[str, _native.Value]]:
         if "values" not in self._cache:
-            with _native.DeckValues(self.source, alone=True) as values:
-                self._cache["values"] = values.given()
+            self._cache["values"] = _native.deck_values(self.source)
         return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
 
     def to_deck(self) -> str:
