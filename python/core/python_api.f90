@@ -48,13 +48,11 @@ module dst_python_api
   implicit none
   private
 
-  public :: library_open, deck_open, run_open, sweep_open, cycles_open, return_open, sensitivity_open, derivatives_open
-  public :: settling_open, settling_advance, steady_open
-  public :: derivatives_advance
-  public :: table_size, table, text_size, text, release
-  public :: run_advance, run_state, run_time, run_instants, run_samples, run_events, sweep_run, sweep_stop
+  public :: make, proceed, table_size, table, text_size, text, release
+  public :: run_advance, run_state, run_instants, run_samples, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
 
+  character(*), parameter :: nl = new_line('a')
   !> No text in a table is longer than this.
   integer, parameter :: longest_cell = 512
 
@@ -68,7 +66,7 @@ module dst_python_api
     real(wp), allocatable :: number(:, :)
   end type table_t
 
-  !> The object of a handle: the library itself, or one of the types below.
+  !> The object of a handle: the library itself, a deck, or one of the types below.
   type :: session_t
     type(error_t), allocatable :: error
     type(deck_t), allocatable :: deck
@@ -101,14 +99,13 @@ module dst_python_api
     procedure :: make_text => make_sweep_text
   end type sweep_session_t
 
-  !> The limit cycles of a scene, what its motion from rest settles to, and the linear theory of its steady sliding.
+  !> What was found of the settled motion, the cycles or the steady sliding of a scene.
   type, extends(session_t) :: cycles_session_t
     type(limit_cycles_t) :: cycles
     type(sensitivity_t) :: sensitivity
     type(derivatives_t) :: derivatives
     type(settling_t) :: settling
-    real(wp) :: returned(return_values) = 0.0_wp
-    real(wp) :: steady(19) = 0.0_wp          !! the row of the table 'steady'
+    real(wp), allocatable :: found(:)        !! the row of the table 'found'
   contains
     procedure :: make_table => make_cycles_table
     procedure :: make_text => make_cycles_text
@@ -130,299 +127,122 @@ module dst_python_api
 
 contains
 
-  !> Data that do not depend on a deck: the table 'slider', the texts 'catalogue' (commands, options, keys, columns, ... as JSON),
-  !> 'version', 'git_revision', 'compiler', 'build_flags', 'host' and 'job'.
-  subroutine library_open(handle)
-    integer(c_long_long), intent(out) :: handle
-    type(holder_t), pointer :: holder
-
-    allocate (holder)
-    handle = handle_of(c_loc(holder))
-    allocate (holder%session)
-  end subroutine library_open
-
-  !> Read a deck and check it against the whole schema, or with `alone` = 1 each value against its own key only. A handle is valid
-  !> until `release`, also on failure; then the text 'message' says why, and the table 'faults' where (line, setting).
-  subroutine deck_open(n_deck, deck, n_name, name, n_settings, settings, alone, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, alone
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    type(holder_t), pointer :: holder
-
-    allocate (holder)
-    handle = handle_of(c_loc(holder))
-    allocate (holder%session)
-    call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), alone == 1)
-    status = status_of(holder%session)
-  end subroutine deck_open
-
-  !> Read a deck (text, name for messages, overrides 'group.key=value', one in each line) and prepare the run.
-  subroutine run_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
+  !> Make the object of a handle, which is valid until `release`, also on failure; then the text 'message' says why, and the table
+  !> 'faults' where (line, setting). All but the library read a deck: its text, its name for messages, and its overrides
+  !> 'group.key=value', one in each line. What they need beside it is in `words` and `numbers`:
+  !>
+  !> * 'library': data that do not depend on a deck, the table 'slider' and the texts 'catalogue' (commands, options, keys, columns,
+  !>   ... as JSON) and 'origin'.
+  !> * 'deck': a deck of which each value is checked against its own key only.
+  !> * 'run': a run from its beginning.
+  !> * 'sweep': the cases for the parameters that are varied, their names in the lines of `words`. The numbers are 1 if the values
+  !>   of a case have the same place, else 0, then how many values each has, then all values, one after the other. Without names the
+  !>   deck's own &sweep is used.
+  !> * 'cycles': the limit cycles in the model `words` or, if that is blank, in the deck's own.
+  !> * 'return': where the motion in that model returns to; the numbers are the place and how many slow cycles later.
+  !> * 'sensitivity': that of the settled motion to the keys GROUP.KEY in `words`, with blanks between them.
+  !> * 'derivatives': those of the run with respect to these keys, not yet begun; the numbers are times [s], or none for those of
+  !>   its samples.
+  !> * 'settling': the motion from rest, not yet begun.
+  !> * 'steady': the linear theory of steady sliding; its row 'found' is the velocity [m/s], the misalignment [rad], and the values
+  !>   of `steady_sliding` for 'eigenvalues' and 'critical'.
+  !>
+  !> Cycles, sensitivity, settling and steady sliding are those under the only drive velocity that is kept for some time and is not
+  !> 0.
+  subroutine make(what, n_deck, deck, n_name, name, n_settings, settings, n_words, words, n_numbers, numbers, handle, status)
+    character(len=*), intent(in) :: what
+    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_words, n_numbers
+    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), words(n_words)
+    real(c_double), intent(in) :: numbers(n_numbers)
     integer(c_long_long), intent(out) :: handle
     integer(c_int), intent(out) :: status
     ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read one at a time, under the
     ! interpreter's lock.
     type(holder_t), pointer :: holder
-    type(run_t), pointer :: run
+
+    allocate (holder)
+    handle = handle_of(c_loc(holder))
+    select case (what)
+    case ('library', 'deck')
+      allocate (holder%session)
+    case ('run')
+      allocate (holder%run)
+      holder%session => holder%run
+    case ('sweep')
+      allocate (holder%sweep)
+      holder%session => holder%sweep
+    case default
+      allocate (holder%cycles)
+      holder%session => holder%cycles
+    end select
+    status = 0
+    if (what == 'library') return
+    call read_deck(holder%session, text_of(deck), text_of(name), text_of(settings), what == 'deck', &
+      what == 'sweep' .and. n_words > 0)
+    status = status_of(holder%session)
+    if (status /= 0) return
+    if (associated(holder%run)) call begin_run(holder%run)
+    if (associated(holder%sweep)) call list_cases(holder%sweep, lines_of(text_of(words)), real(numbers, wp))
+    if (associated(holder%cycles)) call find(what, holder%cycles, text_of(words), real(numbers, wp))
+    status = status_of(holder%session)
+  end subroutine make
+
+  subroutine begin_run(self)
+    type(run_t), intent(inout) :: self
     type(scene_t) :: scene
 
-    allocate (holder, run)
-    handle = handle_of(c_loc(holder))
-    holder%session => run
-    holder%run => run
-    call read_deck(run, text_of(deck), text_of(name), text_of(settings), .false.)
-    if (.not. allocated(run%error) .and. run%deck%is_sweep()) call raise(run%error, usage_error, &
-      'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
-    if (.not. allocated(run%error)) then
-      call scene_from_deck(run%deck, scene)
-      call settle_model(scene, run%model_choice)
-      call run%simulation%start(scene, run%error)
+    if (self%deck%is_sweep()) then
+      call raise(self%error, usage_error, &
+        'the deck has a &sweep of many cases: use dynstiction.sweep, or remove the group')
+      return
     end if
-    status = status_of(run)
-  end subroutine run_open
+    call scene_from_deck(self%deck, scene)
+    call settle_model(scene, self%model_choice)
+    call self%simulation%start(scene, self%error)
+  end subroutine begin_run
 
-  !> Read a deck and the parameters that are varied: their names, one in each line, the number of values of each, all values one
-  !> after the other. Without names the deck's own &sweep is used. `is_list` = 1: the values of a case have the same place;
-  !> `found_list` says this about the deck's own. `at_once` cases run side by side.
-  subroutine sweep_open(n_deck, deck, n_name, name, n_settings, settings, n_names, names, n_axes, sizes, n_values, values, &
-                        is_list, handle, cases, at_once, found_list, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_names, n_axes, n_values, is_list
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), names(n_names)
-    integer(c_int), intent(in) :: sizes(n_axes)
-    real(c_double), intent(in) :: values(n_values)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: cases, at_once, found_list, status
-    ! Not f2py threadsafe, as run_open.
-    type(holder_t), pointer :: holder
-    type(sweep_session_t), pointer :: self
+  subroutine list_cases(self, names, numbers)
+    type(sweep_session_t), intent(inout) :: self
+    character(*), intent(in) :: names(:)
+    real(wp), intent(in) :: numbers(:)
     type(axis_t), allocatable :: given(:)
-    character(max(1, n_names)), allocatable :: lines(:)
-    integer :: i, first
+    integer :: i, first, length
 
-    allocate (holder, self)
-    handle = handle_of(c_loc(holder))
-    holder%session => self
-    holder%sweep => self
-    call read_deck(self, text_of(deck), text_of(name), text_of(settings), .false., n_names > 0)
-    if (.not. allocated(self%error)) then
-      lines = lines_of(text_of(names))
-      if (size(lines) > 0) then
-        allocate (given(size(lines)))
-        first = 1
-        do i = 1, size(given)
-          given(i)%name = lines(i)
-          given(i)%values = real(values(first:first + sizes(i) - 1), wp)
-          first = first + sizes(i)
-        end do
-        call new_sweep(self%deck, self%sweep, self%error, given, is_list == 1)
-      else if (self%deck%text_of('sweep', 'points') /= '') then
-        call points_of_csv(self%deck, given, self%error)
-        if (.not. allocated(self%error)) call new_sweep(self%deck, self%sweep, self%error, given, .true.)
-      else if (self%deck%is_sweep()) then
-        call new_sweep(self%deck, self%sweep, self%error)
-      else
-        call raise(self%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
-      end if
+    if (size(names) > 0) then
+      allocate (given(size(names)))
+      first = 2 + size(given)
+      do i = 1, size(given)
+        length = nint(numbers(1 + i))
+        given(i)%name = names(i)
+        given(i)%values = numbers(first:first + length - 1)
+        first = first + length
+      end do
+      call new_sweep(self%deck, self%sweep, self%error, given, numbers(1) > 0.0_wp)
+    else if (self%deck%text_of('sweep', 'points') /= '') then
+      call points_of_csv(self%deck, given, self%error)
+      if (.not. allocated(self%error)) call new_sweep(self%deck, self%sweep, self%error, given, .true.)
+    else if (self%deck%is_sweep()) then
+      call new_sweep(self%deck, self%sweep, self%error)
+    else
+      call raise(self%error, usage_error, 'nothing is varied: give parameters, or a deck with &sweep')
     end if
-    status = status_of(self)
-    cases = 0
-    at_once = 0
-    found_list = 0
-    if (status /= 0) return
-    call new_worker(self%sweep, self%worker)
-    cases = int(self%sweep%cases, c_int)
-    at_once = int(cases_at_once(self%sweep), c_int)
-    found_list = merge(1_c_int, 0_c_int, self%sweep%is_list)
-  end subroutine sweep_open
+    if (.not. allocated(self%error)) call new_worker(self%sweep, self%worker)
+  end subroutine list_cases
 
-  !> Read a deck and find its limit cycles, those of `model` or, if that is blank, of the deck's own model, under the only drive
-  !> velocity that is kept for some time and is not 0.
-  subroutine cycles_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), model(n_model)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
+  !> Find `what` of `make`, or begin with it.
+  subroutine find(what, self, words, numbers)
+    character(*), intent(in) :: what, words
+    type(cycles_session_t), intent(inout) :: self
+    real(wp), intent(in) :: numbers(:)
     type(scene_t) :: scene
-    real(wp) :: velocity
-
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity, text_of(model))
-    if (.not. allocated(self%error)) call find_limit_cycles(scene, velocity, self%cycles, self%error)
-    status = status_of(self)
-  end subroutine cycles_open
-
-  !> Read a deck and find where its motion, in `model` or the deck's own, returns to from a place after so many slow cycles.
-  subroutine return_open(n_deck, deck, n_name, name, n_settings, settings, n_model, model, place, slow_cycles, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_model, slow_cycles
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), model(n_model)
-    real(c_double), intent(in) :: place
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
-    type(scene_t) :: scene
-    real(wp) :: velocity
-
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity, text_of(model))
-    if (.not. allocated(self%error)) &
-      call find_return(scene, velocity, real(place, wp), int(slow_cycles), self%returned, self%error)
-    status = status_of(self)
-  end subroutine return_open
-
-  !> Read a deck and find the sensitivity of its settled motion to the keys GROUP.KEY in a list with blanks.
-  subroutine sensitivity_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
-    type(scene_t) :: scene
-    real(wp) :: velocity
-
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (.not. allocated(self%error)) &
-      call find_sensitivity(self%deck, scene, velocity, text_of(keys), self%sensitivity, self%error)
-    status = status_of(self)
-  end subroutine sensitivity_open
-
-  !> Read a deck and begin with the derivatives of its run with respect to the keys GROUP.KEY in a list with blanks, at these times
-  !> [s], or at those of its samples if there are none.
-  subroutine derivatives_open(n_deck, deck, n_name, name, n_settings, settings, n_keys, keys, n_times, times, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings, n_keys, n_times
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings), keys(n_keys)
-    real(c_double), intent(in) :: times(n_times)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
-    type(scene_t) :: scene
-
-    call open_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene)
-    if (.not. allocated(self%error)) &
-      call self%derivatives%start(self%deck, scene, text_of(keys), times, self%error)
-    status = status_of(self)
-  end subroutine derivatives_open
-
-  !> Continue with derivatives for at most `seconds` of wall time [s].
-  subroutine derivatives_advance(handle, seconds, finished, status)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    integer(c_int), intent(out) :: finished, status
-    !f2py threadsafe
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    call held%cycles%derivatives%proceed(real(seconds, wp), held%cycles%error)
-    finished = merge(1_c_int, 0_c_int, held%cycles%derivatives%is_finished)
-    status = status_of(held%cycles)
-  end subroutine derivatives_advance
-
-  !> Read a deck and begin its motion from rest, under the only drive velocity that is kept for some time and is not 0.
-  subroutine settling_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
-    type(scene_t) :: scene
-    real(wp) :: velocity
-
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (.not. allocated(self%error)) call self%settling%start(scene, velocity, self%error)
-    status = status_of(self)
-  end subroutine settling_open
-
-  !> Continue with the motion for at most `seconds` of wall time [s]; then `limit`, `swing` and `least` are F_0, the swing of the load, and
-  !> that from which on it is stick-slip [N].
-  subroutine settling_advance(handle, seconds, finished, limit, swing, least, status)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    real(c_double), intent(out) :: limit, swing, least
-    integer(c_int), intent(out) :: finished, status
-    !f2py threadsafe
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    associate (motion => held%cycles%settling)
-      call motion%proceed(real(seconds, wp), held%cycles%error)
-      finished = merge(1_c_int, 0_c_int, motion%is_finished)
-      limit = motion%limit
-      swing = motion%swing
-      least = motion%least()
-    end associate
-    status = status_of(held%cycles)
-  end subroutine settling_advance
-
-  !> Read a deck and find the linear theory of its steady sliding, under the only drive velocity that is kept for some time and is
-  !> not 0. The table 'steady' has in one row this velocity [m/s], the misalignment [rad], and the values of `steady_sliding` for
-  !> 'eigenvalues' and 'critical'.
-  subroutine steady_open(n_deck, deck, n_name, name, n_settings, settings, handle, status)
-    integer(c_int), intent(in) :: n_deck, n_name, n_settings
-    character(len=1), intent(in) :: deck(n_deck), name(n_name), settings(n_settings)
-    integer(c_long_long), intent(out) :: handle
-    integer(c_int), intent(out) :: status
-    ! Not f2py threadsafe, as run_open.
-    type(cycles_session_t), pointer :: self
-    type(scene_t) :: scene
-    type(slider_t) :: slider
-    type(critical_t) :: branches
-    complex(wp) :: roots(4)
-    real(wp) :: velocity, limit
-
-    call open_steady_scene(text_of(deck), text_of(name), text_of(settings), handle, self, scene, velocity)
-    if (.not. (allocated(self%error) .or. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp))) &
-      call raise(self%error, usage_error, 'the linear theory of steady sliding needs a mass and both stiffnesses, which model '// &
-                 "'"//trim(scene%model)//"' does not have: give a scene of model 'full'")
-    if (.not. allocated(self%error)) then
-      call slider_from_scene(scene, slider)
-      call steady_sliding_eigenvalues(slider, velocity, roots, self%error)
-    end if
-    if (.not. allocated(self%error)) call critical_misalignment(slider, velocity, branches, self%error)
-    if (.not. allocated(self%error)) call low_frequency_limit(slider, velocity, limit, self%error)
-    status = status_of(self)
-    if (status /= 0) return
-    self%steady = [velocity, atan2(slider%along(2), slider%along(1)), real(roots, wp), aimag(roots), &
-      merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
-  end subroutine steady_open
-
-  !> A session with the scene of a deck.
-  subroutine open_scene(deck, name, settings, handle, self, scene)
-    character(*), intent(in) :: deck, name, settings
-    integer(c_long_long), intent(out) :: handle
-    type(cycles_session_t), pointer, intent(out) :: self
-    type(scene_t), intent(out) :: scene
-    type(holder_t), pointer :: holder
-
-    allocate (holder, self)
-    handle = handle_of(c_loc(holder))
-    holder%session => self
-    holder%cycles => self
-    call read_deck(self, deck, name, settings, .false.)
-    if (.not. allocated(self%error)) call scene_from_deck(self%deck, scene)
-  end subroutine open_scene
-
-  !> A session with the scene of a deck, and the only drive velocity [m/s] that is kept for some time and is not 0.
-  subroutine open_steady_scene(deck, name, settings, handle, self, scene, velocity, model)
-    character(*), intent(in) :: deck, name, settings
-    integer(c_long_long), intent(out) :: handle
-    type(cycles_session_t), pointer, intent(out) :: self
-    type(scene_t), intent(out) :: scene
-    real(wp), intent(out) :: velocity
-    character(*), intent(in), optional :: model     !! in place of the deck's own, unless it is blank
     real(wp), allocatable :: velocities(:)
 
-    velocity = 0.0_wp
-    call open_scene(deck, name, settings, handle, self, scene)
-    if (allocated(self%error)) return
-    if (present(model)) then
-      if (model /= '') scene%model = model
+    call scene_from_deck(self%deck, scene)
+    if (what == 'derivatives') then
+      call self%derivatives%start(self%deck, scene, words, numbers, self%error)
+      return
     end if
+    if ((what == 'cycles' .or. what == 'return') .and. words /= '') scene%model = words
     allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
     if (size(velocities) == 0) then
       call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')
@@ -433,14 +253,72 @@ contains
         trim(short_text(velocities(2)))//' m/s among them: give one, as drive={"time": None, "velocity": V}')
       return
     end if
-    velocity = velocities(1)
-  end subroutine open_steady_scene
+    select case (what)
+    case ('cycles')
+      call find_limit_cycles(scene, velocities(1), self%cycles, self%error)
+    case ('return')
+      allocate (self%found(return_values), source=0.0_wp)
+      call find_return(scene, velocities(1), numbers(1), nint(numbers(2)), self%found, self%error)
+    case ('sensitivity')
+      call find_sensitivity(self%deck, scene, velocities(1), words, self%sensitivity, self%error)
+    case ('settling')
+      call self%settling%start(scene, velocities(1), self%error)
+    case ('steady')
+      call find_steady(self, scene, velocities(1))
+    end select
+  end subroutine find
 
+  subroutine find_steady(self, scene, velocity)
+    type(cycles_session_t), intent(inout) :: self
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity
+    type(slider_t) :: slider
+    type(critical_t) :: branches
+    complex(wp) :: roots(4)
+    real(wp) :: limit
+
+    if (.not. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp)) then
+      call raise(self%error, usage_error, 'the linear theory of steady sliding needs a mass and both stiffnesses, which model '// &
+                 "'"//trim(scene%model)//"' does not have: give a scene of model 'full'")
+      return
+    end if
+    call slider_from_scene(scene, slider)
+    call steady_sliding_eigenvalues(slider, velocity, roots, self%error)
+    if (.not. allocated(self%error)) call critical_misalignment(slider, velocity, branches, self%error)
+    if (.not. allocated(self%error)) call low_frequency_limit(slider, velocity, limit, self%error)
+    if (allocated(self%error)) return
+    allocate (self%found, source=[velocity, atan2(slider%along(2), slider%along(1)), real(roots, wp), aimag(roots), &
+      merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit])
+  end subroutine find_steady
+
+  !> Continue with derivatives, or with the motion from rest, for at most `seconds` of wall time [s].
+  subroutine proceed(handle, seconds, finished, status)
+    integer(c_long_long), intent(in) :: handle
+    real(c_double), intent(in) :: seconds
+    integer(c_int), intent(out) :: finished, status
+    !f2py threadsafe
+    type(holder_t), pointer :: held
+    logical :: is_finished
+
+    held => holder_of(handle)
+    associate (self => held%cycles)
+      if (allocated(self%derivatives%key)) then
+        call self%derivatives%proceed(real(seconds, wp), self%error)
+        is_finished = self%derivatives%is_finished
+      else
+        call self%settling%proceed(real(seconds, wp), self%error)
+        is_finished = self%settling%is_finished
+      end if
+    end associate
+    finished = merge(1_c_int, 0_c_int, is_finished)
+    status = status_of(held%cycles)
+  end subroutine proceed
+
+  !> Texts as arguments of their own: gfortran 12 mistakes the length of a text function inside another one in a call.
   subroutine read_deck(session, text, name, settings, alone, is_varied)
     class(session_t), intent(inout) :: session
     character(*), intent(in) :: text, name, settings
-    logical, intent(in) :: alone
-    logical, intent(in), optional :: is_varied
+    logical, intent(in) :: alone, is_varied
 
     allocate (session%deck)
     call parse_deck(text, name, lines_of(settings), session%deck, session%error, alone, is_varied)
@@ -543,6 +421,23 @@ contains
     table%number = 0.0_wp
   end subroutine new_table
 
+  !> A table of numbers alone, (column, row).
+  pure subroutine put_numbers(table, number)
+    type(table_t), intent(out) :: table
+    real(wp), intent(in) :: number(:, :)
+
+    allocate (table%text(0, size(number, 2)))
+    allocate (table%number, source=number)
+  end subroutine put_numbers
+
+  !> A table of one row of numbers.
+  pure subroutine put_row(table, number)
+    type(table_t), intent(out) :: table
+    real(wp), intent(in) :: number(:)
+
+    call put_numbers(table, reshape(number, [size(number), 1]))
+  end subroutine put_row
+
   !> Tables of every session: 'slider', 'faults', and for a deck 'values'.
   subroutine make_table(self, which)
     class(session_t), intent(inout) :: self
@@ -598,7 +493,8 @@ contains
   end subroutine make_table_of_values
 
   !> Also 'columns', 'parameters', in which a text has the second number 1, 'summary', and 'statistics', in which a counter has it,
-  !> as far as the run has proceeded.
+  !> as far as the run has proceeded, and the waiting 'events': time [s], kind (1 = stick begins, 2 = slip begins), how often it
+  !> occurs, and its period [s].
   subroutine make_run_table(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -631,19 +527,31 @@ contains
           self%table%number(2, :) = merge(1.0_wp, 0.0_wp, outcome%statistics%counts)
         end if
       end associate
+    case ('events')
+      call new_table(self%table, self%writer%events, 0, 4)
+      associate (log => self%writer%log(:self%writer%events))
+        self%table%number(1, :) = log%time
+        self%table%number(2, :) = real(log%kind, wp)
+        self%table%number(3, :) = real(log%occurs, wp)
+        self%table%number(4, :) = log%period
+      end associate
+      self%writer%events = 0
     case default
       call self%session_t%make_table(which)
     end select
   end subroutine make_run_table
 
-  !> Also 'axes' with the numbers of their values, the values of all 'points', one axis after the other, 'quantities' of a case, and
-  !> those of its 'cycles', with the number of cycles that are kept.
+  !> Also its 'size' (cases, how many of them run side by side, and whether it is a list), 'axes' with the numbers of their values,
+  !> the values of all 'points', one axis after the other, 'quantities' of a case, and those of its 'cycles', with the number of
+  !> cycles that are kept.
   subroutine make_sweep_table(self, which)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
-    integer :: i, first
+    integer :: i
 
     select case (which)
+    case ('size')
+      call put_row(self%table, real([self%sweep%cases, cases_at_once(self%sweep), merge(1, 0, self%sweep%is_list)], wp))
     case ('axes')
       call new_table(self%table, size(self%sweep%axes), 3, 1)
       do i = 1, size(self%sweep%axes)
@@ -653,14 +561,7 @@ contains
         end associate
       end do
     case ('points')
-      call new_table(self%table, sum([(size(self%sweep%axes(i)%values), i=1, size(self%sweep%axes))]), 0, 1)
-      first = 1
-      do i = 1, size(self%sweep%axes)
-        associate (values => self%sweep%axes(i)%values)
-          self%table%number(1, first:first + size(values) - 1) = values
-          first = first + size(values)
-        end associate
-      end do
+      call put_row(self%table, [(self%sweep%axes(i)%values, i=1, size(self%sweep%axes))])
     case ('quantities')
       call describe(self%table, value_quantities(), 0)
     case ('cycles')
@@ -675,10 +576,12 @@ contains
     end select
   end subroutine make_sweep_table
 
-  !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), 'sliding'
-  !> (load, whether it is stable, velocity), its 'eigenvalues', 'regularity' (mean and scatter of each quantity), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles, repeats, searched), 'sensitivity', of each measure of the cycle the value and the
-  !> derivatives with respect to the 'parameters', 'columns', 'samples' and 'events' of a run with derivatives, and 'return'.
+  !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), its 'verdict'
+  !> (with exponent, error, slow cycles, cycles, repeats, searched; then the load of steady sliding, whether that is stable, the
+  !> velocity, the error of the model) and the 'eigenvalues' of steady sliding, 'regularity' (mean and scatter of each quantity),
+  !> 'sensitivity', of each measure of the cycle the value and the derivatives with respect to the 'parameters', 'columns',
+  !> 'samples' and 'events' of a run with derivatives, 'settling' (F_0, the swing of the load, and that from which on it is
+  !> stick-slip [N]), and the row 'found'.
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -688,20 +591,13 @@ contains
     case ('cycle_quantities')
       call describe(self%table, limit_cycle_quantities, 0)
     case ('cycles')
-      associate (cycles => self%cycles, n => size(limit_cycle_quantities))
-        call new_table(self%table, cycles%number(), 0, n + 1)
-        self%table%number(:n, :) = cycles%value
-        self%table%number(n + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
+      associate (cycles => self%cycles)
+        call new_table(self%table, cycles%number(), 0, size(limit_cycle_quantities) + 1)
+        self%table%number(:size(limit_cycle_quantities), :) = cycles%value
+        self%table%number(size(limit_cycle_quantities) + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
       end associate
-    case ('sliding')
-      call new_table(self%table, 1, 0, 4)
-      self%table%number(:, 1) = [self%cycles%sliding_load, merge(1.0_wp, 0.0_wp, self%cycles%sliding_is_stable), &
-        self%cycles%velocity, self%cycles%error]
     case ('eigenvalues')
-      call new_table(self%table, size(self%cycles%eigenvalues), 0, 2)
-      do i = 1, size(self%cycles%eigenvalues)
-        self%table%number(:, i) = [real(self%cycles%eigenvalues(i), wp), aimag(self%cycles%eigenvalues(i))]
-      end do
+      call put_row(self%table, [real(self%cycles%eigenvalues, wp), aimag(self%cycles%eigenvalues)])
     case ('regularity')
       associate (regularity => self%cycles%regularity)
         call describe(self%table, cycle_quantities, 2)
@@ -709,10 +605,10 @@ contains
         self%table%number(2, :) = regularity%scatter
       end associate
     case ('verdict')
-      call new_table(self%table, 1, 0, 7)
-      associate (regularity => self%cycles%regularity)
-        self%table%number(:, 1) = [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
-          real([regularity%slow_cycles, regularity%cycles, regularity%repeats, regularity%searched], wp)]
+      associate (regularity => self%cycles%regularity, cycles => self%cycles)
+        call put_row(self%table, [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
+          real([regularity%slow_cycles, regularity%cycles, regularity%repeats, regularity%searched], wp), &
+          cycles%sliding_load, merge(1.0_wp, 0.0_wp, cycles%sliding_is_stable), cycles%velocity, cycles%error])
       end associate
     case ('sensitivity')
       associate (derivative => self%sensitivity%derivative)
@@ -743,12 +639,10 @@ contains
       else
         call list_parameters(self%sensitivity%key, self%sensitivity%parameter)
       end if
-    case ('return')
-      call new_table(self%table, 1, 0, return_values)
-      self%table%number(:, 1) = self%returned
-    case ('steady')
-      call new_table(self%table, 1, 0, size(self%steady))
-      self%table%number(:, 1) = self%steady
+    case ('settling')
+      call put_row(self%table, [self%settling%limit, self%settling%swing, self%settling%least()])
+    case ('found')
+      call put_row(self%table, self%found)
     case default
       call self%session_t%make_table(which)
     end select
@@ -799,7 +693,8 @@ contains
     cells(3) = quantity%long_name
   end subroutine put_quantity
 
-  !> Texts of every session: 'message', 'resolved' (deck), and those of `library_open`.
+  !> Texts of every session: 'message', 'resolved' (deck), 'catalogue', and in the lines of 'origin' the source and the build of the
+  !> core, the host of this process, and the name that the scheduler gives the job.
   subroutine make_text(self, which)
     class(session_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -812,39 +707,25 @@ contains
       self%text = resolved(self%deck)
     case ('catalogue')
       self%text = catalogue(version)
-    case ('version')
-      self%text = version
-    case ('git_revision')
-      self%text = git_revision
-    case ('compiler')
-      self%text = compiler
-    case ('build_flags')
-      self%text = build_flags
-    case ('host')
-      self%text = host_name()
-    case ('job')
-      self%text = job_name()
+    case ('origin')
+      self%text = version//nl//git_revision//nl//compiler//nl//build_flags//nl//host_name()//nl//job_name()
     end select
   end subroutine make_text
 
-  !> Also 'model', 'method', the reason for the choice of model 'auto': 'model_choice', and in two lines what the samples will not show
-  !> and why the method is slow: 'notes'.
+  !> Also 'about', whose lines are the model, the method, why model 'auto' was taken as it, what the samples will not show, why the
+  !> method is slow, and then the resolved deck.
   subroutine make_run_text(self, which)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
 
-    select case (which)
-    case ('model')
-      self%text = trim(self%simulation%scene%model)
-    case ('method')
-      self%text = trim(self%simulation%scene%method_name())
-    case ('model_choice')
-      self%text = self%model_choice
-    case ('notes')
-      self%text = sampling_note(self%simulation%scene)//new_line('a')//stiffness_note(self%simulation%scene, 1.0_wp)
-    case default
+    if (which == 'about') then
+      associate (scene => self%simulation%scene)
+        self%text = trim(scene%model)//nl//trim(scene%method_name())//nl//self%model_choice//nl//sampling_note(scene)//nl// &
+          stiffness_note(scene, 1.0_wp)//nl//resolved(self%deck)
+      end associate
+    else
       call self%session_t%make_text(which)
-    end select
+    end if
   end subroutine make_run_text
 
   !> The deck is that of the sweep, with the values that it determines; also 'stiffness_note'.
@@ -865,11 +746,12 @@ contains
   end subroutine make_sweep_text
 
   !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and events
-  !> can then be fetched. `status` is the result code of a run that has ended.
-  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events, status)
+  !> can then be fetched. `time` [s] is how far it has come, `status` the result code of a run that has ended.
+  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events, time, status)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds, until
     integer(c_int), intent(out) :: finished, reached, n_rows, n_events, status
+    real(c_double), intent(out) :: time
     !f2py threadsafe
     type(holder_t), pointer :: held
 
@@ -879,6 +761,7 @@ contains
     reached = merge(1_c_int, 0_c_int, held%run%simulation%has_reached(real(until, wp)))
     n_rows = int(held%run%writer%rows, c_int)
     n_events = int(held%run%writer%events, c_int)
+    time = real(held%run%simulation%motion%piece%to%time, c_double)
     status = status_of(held%run)
   end subroutine run_advance
 
@@ -896,16 +779,6 @@ contains
     state = real(row, c_double)
   end subroutine run_state
 
-  !> Simulated time reached [s].
-  subroutine run_time(handle, time)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(out) :: time
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    time = real(held%run%simulation%motion%piece%to%time, c_double)
-  end subroutine run_time
-
   !> Sample at these instants [s] from now on, not at equal intervals: from 0 to the end, with at least one for each sample so far.
   subroutine run_instants(handle, n, instants)
     integer(c_long_long), intent(in) :: handle
@@ -920,11 +793,11 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Store the waiting samples (row, column) from the row `first` on.
-  subroutine run_samples(handle, first, capacity, n_columns, samples)
+  !> Fetch the waiting samples (row, column).
+  subroutine run_samples(handle, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: first, capacity, n_columns
-    real(c_double), intent(inout) :: samples(capacity, n_columns)
+    integer(c_int), intent(in) :: n_rows, n_columns
+    real(c_double), intent(out) :: samples(n_rows, n_columns)
     type(holder_t), pointer :: held
     !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
     !> Python's work.
@@ -932,29 +805,12 @@ contains
     integer :: from, to
 
     held => holder_of(handle)
-    do from = 1, held%run%writer%rows, block_rows
-      to = min(from + block_rows - 1, held%run%writer%rows)
-      samples(first + from - 1:first + to - 1, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
+    do from = 1, n_rows, block_rows
+      to = min(from + block_rows - 1, int(n_rows))
+      samples(from:to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
     end do
     held%run%writer%rows = 0
   end subroutine run_samples
-
-  !> Fetch the waiting events: time [s], kind (1 = stick begins, 2 = slip begins), how often it occurs, and its period [s].
-  subroutine run_events(handle, n_events, events)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n_events
-    real(c_double), intent(out) :: events(n_events, 4)
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    associate (log => held%run%writer%log(:n_events))
-      events(:, 1) = real(log%time, c_double)
-      events(:, 2) = real(log%kind, c_double)
-      events(:, 3) = real(log%occurs, c_double)
-      events(:, 4) = real(log%period, c_double)
-    end associate
-    held%run%writer%events = 0
-  end subroutine run_events
 
   !> Run the cases `first` to `first + n - 1`: values (value, case), cycles (quantity, cycle, case) with their numbers, result
   !> codes (-1: not run) and messages.
@@ -1048,14 +904,14 @@ contains
     end do
   end subroutine equations
 
-  !> Creep at n points; phi [rad] and kappa have one value for each point or one for all. For the form 'exact' values(:, k) are
+  !> Creep at n points of phi [rad] and kappa. For the form 'exact' values(:, k) are
   !> alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed',
   !> 'third_order'. fault: 0, or the condition that the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
   !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 for Eq. (8).
-  subroutine creep(form, n, tau, n_phi, phi, n_kappa, kappa, n_values, values, point, fault)
+  subroutine creep(form, n, tau, phi, kappa, n_values, values, point, fault)
     character(len=*), intent(in) :: form
-    integer(c_int), intent(in) :: n, n_phi, n_kappa, n_values
-    real(c_double), intent(in) :: tau(n), phi(n_phi), kappa(n_kappa)
+    integer(c_int), intent(in) :: n, n_values
+    real(c_double), intent(in) :: tau(n), phi(n), kappa(n)
     real(c_double), intent(out) :: values(n, n_values)
     integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
@@ -1072,9 +928,9 @@ contains
     do i = 1, n
       point = int(i, c_int)
       ! Not `>`: a NaN must be found, too.
-      if (.not. (abs(phi(min(i, n_phi)) - angle) <= 0.0_wp .and. abs(kappa(min(i, n_kappa)) - ratio) <= 0.0_wp)) then
-        angle = phi(min(i, n_phi))
-        ratio = kappa(min(i, n_kappa))
+      if (.not. (abs(phi(i) - angle) <= 0.0_wp .and. abs(kappa(i) - ratio) <= 0.0_wp)) then
+        angle = phi(i)
+        ratio = kappa(i)
         if (.not. abs(angle) < 0.5_wp*pi) fault = 2
         if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
         if (fault > 0) return

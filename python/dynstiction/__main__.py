@@ -522,16 +522,11 @@ def _open(file: Path) -> Result:
 
 def _open_any(file: Path) -> Any:
     """A run or a sweep."""
-    with _warnings_in_one_line():
-        return open(file)
-
-
-@contextmanager
-def _warnings_in_one_line() -> Iterator[None]:
     with warnings.catch_warnings(record=True, action="always", category=IncompleteWarning) as caught:
-        yield
+        found = open(file)
     for warning in caught:
         print(f"dynstiction: {warning.message}", file=sys.stderr)
+    return found
 
 
 PAGES = (".html", ".htm")

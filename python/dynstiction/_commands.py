@@ -235,26 +235,20 @@ def _add_commands_of_scenes(command: Callable[..., Any]) -> None:
         required=True,
         help="parameters GROUP.KEY to be found, with commas between them; also drive.velocity, chain.tare, chain.filter and chain.gain",
     )
-    add(
+    _repeated(
+        add,
         "--with",
-        metavar="KEY=VALUES",
-        action="append",
-        default=[],
-        help="values of a key that differ from trace to trace, with commas between them; may be repeated",
+        "KEY=VALUES",
+        "values of a key that differ from trace to trace, with commas between them; may be repeated",
     )
-    add(
+    _repeated(
+        add,
         "--known",
-        metavar="KEY=VALUE:ERROR",
-        action="append",
-        default=[],
-        help="value of a free parameter that is known from elsewhere, with its standard error; may be repeated",
+        "KEY=VALUE:ERROR",
+        "value of a free parameter that is known from elsewhere, with its standard error; may be repeated",
     )
-    add(
-        "--bound",
-        metavar="KEY=LEAST:LARGEST",
-        action="append",
-        default=[],
-        help="least and largest value of a free parameter; may be repeated",
+    _repeated(
+        add, "--bound", "KEY=LEAST:LARGEST", "least and largest value of a free parameter; may be repeated"
     )
     _number(add, "--starts", "N", 2, "number of the slow model's starts that are completed (2)")
     _number(add, "--seed", "N", 0, "seed of the random starts (0): the same seed gives the same bits")
@@ -305,12 +299,11 @@ def argument_of(action: argparse.Action) -> str:
 
 
 def _settings(add: Callable[..., Any]) -> None:
-    add(
+    _repeated(
+        add,
         "--set",
-        metavar="GROUP.KEY=VALUE",
-        action="append",
-        default=[],
-        help="use VALUE in place of the deck's, without VALUE its default; may be repeated; text needs no quotes",
+        "GROUP.KEY=VALUE",
+        "use VALUE in place of the deck's, without VALUE its default; may be repeated; text needs no quotes",
     )
 
 
@@ -320,6 +313,10 @@ def _overwrite(add: Callable[..., Any]) -> None:
 
 def _output(add: Callable[..., Any], kind: str, meaning: str, **how: Any) -> None:
     add("-o", "--output", metavar=kind, type=Path, help=meaning, **how)
+
+
+def _repeated(add: Callable[..., Any], name: str, metavar: str, meaning: str) -> None:
+    add(name, metavar=metavar, action="append", default=[], help=meaning)
 
 
 def _number(add: Callable[..., Any], name: str, metavar: str, default: float, meaning: str) -> None:
@@ -355,12 +352,11 @@ def _trace(add: Callable[..., Any], metavar: str, **how: Any) -> None:
         type=_column,
         help="the same for the displacement along the pull, if it was measured",
     )
-    add(
+    _repeated(
+        add,
         "--unit",
-        metavar="QUANTITY=UNIT",
-        action="append",
-        default=[],
-        help="unit of time, force, displacement or lateral_force, like time=ms or force=mN, or its factor to SI, like "
+        "QUANTITY=UNIT",
+        "unit of time, force, displacement or lateral_force, like time=ms or force=mN, or its factor to SI, like "
         "force=-9.81e-3; default: that in TRACE, or SI",
     )
     add("--delimiter", metavar="C", help="character between columns; default: found automatically")

@@ -34,11 +34,7 @@ def held_back(*, forget: bool = False) -> Iterator[None]:
         yield
         return
     came: list[tuple[int, FrameType | None]] = []
-    try:
-        signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
-    except ValueError:  # not the main interpreter
-        yield
-        return
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
     try:
         yield
     finally:

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import Any, ClassVar, NamedTuple, TypeAlias, TypeVar, cast
+from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import shown
-from ._closing import Closing, OneAtATime
-from ._core import dst_python_api as _core
+from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from ._names import Info, nearest
-from ._stack import check_stack
 from .errors import Error, UsageError, error_for
+
+# Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
+_core: Any = dst_python_api
 
 __all__ = [
     "CHUNK_SECONDS",
     "Advance",
+    "Closing",
     "Cycles",
     "DeckSource",
-    "DeckValues",
     "Derivatives",
     "KeyInfo",
     "Run",
@@ -35,6 +35,7 @@ __all__ = [
     "Value",
     "catalogue",
     "creep",
+    "deck_values",
     "equations",
     "group_names",
     "group_of",
@@ -82,11 +83,6 @@ class DeckSource(NamedTuple):
     fields: Mapping[int, str] = {}
     """Group or key of each line, if the text was made from groups: messages name the key, not the line."""
 
-    def arguments(self) -> tuple[_Characters, _Characters, _Characters]:
-        """Text, name and settings in the form that the core reads."""
-        check_stack()
-        return _characters(self.text), _characters(self.name), _characters("\n".join(self.settings))
-
     def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
         """Exception for a status of the core; its text names keys if the user gave keys.
 
@@ -126,178 +122,133 @@ class KeyInfo(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Results of one call of `Run.advance`: the number of samples, which `Run.samples_into` stores, and the columns of events."""
+    """Results of one call of `Run.advance`."""
 
     outcome: tuple[int, str] | None
     """Result code (0 done) and its text, if the run has ended."""
     reached: bool
-    samples: int
+    time: float
+    """Simulated time reached [s]."""
+    samples: NDArray[np.float64]
+    """(columns, rows), C-contiguous"""
     events: NDArray[np.float64]
     """(rows, 4)"""
 
 
-class _Memory:
-    """Memory of the core under a handle. A running call keeps it alive, so it can be released at any time."""
+class Closing:
+    """A context manager that closes itself, and that is neither copied nor pickled."""
 
-    __slots__ = ("_free", "handle")
+    def __enter__(self) -> Self:
+        return self
 
-    def __init__(self, handle: int, free: Callable[[int], None]) -> None:
-        self.handle = handle
-        self._free = free
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
-    def __del__(self) -> None:
-        self._free(self.handle)
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        raise TypeError(
+            f"a {type(self).__name__} cannot be copied or pickled: it holds memory of this process; "
+            "copy or send the scene that it was made of, or its result"
+        )
+
+    def close(self) -> None:
+        """Free the memory of the core."""
+        raise NotImplementedError
+
+
+class _Handle(int):
+    """The number of an object of the core, whose memory is freed with it: a running call, which has it, keeps both."""
+
+    def __del__(self, release: Callable[[int], None] = _core.release) -> None:
+        release(self)
 
 
 class Session(Closing):
-    """An object in the core under a handle; a context manager, so that it is always closed.
-
-    In a forked process the copy of the memory belongs to that process.
-    """
-
-    name: ClassVar[str]
-    """Name of the object for the user."""
-
-    def __init__(self, handle: int) -> None:
-        self._memory: _Memory | None = _Memory(handle, self._free)
-        self._alone = OneAtATime(self.name)
-
-    @property
-    def closed(self) -> bool:
-        """Whether the memory has been released."""
-        return self._memory is None
-
-    def close(self) -> None:
-        """Release the memory: it is freed at once, or when a running call returns."""
-        self._memory = None
-
-    def _opened(self) -> _Memory:
-        """The memory, for a call that several threads may make at once."""
-        memory = self._memory
-        if memory is None:
-            raise UsageError(f"the {self.name} is closed: make a new one")
-        check_stack()
-        return memory
-
-    @contextmanager
-    def _use(self) -> Iterator[int]:
-        """The handle, for one thread at a time."""
-        with self._alone:
-            memory = self._opened()
-            yield memory.handle
-
-    @staticmethod
-    def _free(handle: int) -> None:
-        _core.release(handle)
-
-    def _raise(self, deck: DeckSource, status: int) -> None:
-        """Raise an exception if the core has refused the deck."""
-        if status != 0:
-            with self._use() as handle:
-                texts, places = _table(handle, "faults")
-                message = _named_text(handle, "message")
-            lines, settings = places.astype(int).tolist()
-            raise deck.error(status, message, zip(lines, settings, (text for (text,) in texts), strict=True))
-
-
-class DeckValues(Session):
-    """The values that a deck gives.
+    """An object in the core. In a forked process the copy of the memory belongs to that process.
 
     Parameters
     ----------
     deck : DeckSource
         The deck.
-    alone : bool
-        Whether each value is checked only against the range of its own key, so that a part of a deck is enough.
+    what : str
+        Kind of the object: a name of the routine ``make`` of the core.
+    words, numbers : str and array_like
+        What it needs beside the deck.
     """
 
-    name = "deck"
+    def __init__(self, deck: DeckSource, what: str, words: str = "", numbers: ArrayLike = ()) -> None:
+        texts = (deck.text, deck.name, "\n".join(deck.settings), words)
+        handle, status = _core.make(what, *map(_characters, texts), np.asarray(numbers, dtype=np.float64))
+        self._deck = deck
+        self._handle: _Handle | None = _Handle(handle)
+        self._check(status)
 
-    def __init__(self, deck: DeckSource, *, alone: bool) -> None:
-        handle, status = _core.deck_open(*deck.arguments(), int(alone))
-        super().__init__(handle)
-        self._raise(deck, status)
+    @property
+    def handle(self) -> _Handle:
+        """The handle; to be taken once for a call, since another thread may close the object."""
+        handle = self._handle
+        if handle is None:
+            raise UsageError("the simulation is closed: make a new one")
+        return handle
 
-    def given(self) -> dict[str, dict[str, Value]]:
-        """Values of the given keys by group and key, in the order of the schema."""
-        groups: dict[str, dict[str, Value]] = {}
-        with self._use() as handle:
-            cells, numbers = _table(handle, "values")
-        items: dict[tuple[str, str], list[Any]] = {}
-        for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
-            kind = key_info(group, name).kind
-            # A real key may have a word in place of a number.
-            value = (
-                int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
-            )
-            items.setdefault((group, name), []).append(value)
-        for (group, name), values in items.items():
-            groups.setdefault(group, {})[name] = values[0] if len(values) == 1 else tuple(values)
-        return groups
+    @property
+    def closed(self) -> bool:
+        """Whether the memory has been released."""
+        return self._handle is None
+
+    def close(self) -> None:
+        """Free the memory of the core, at once or when a running call returns."""
+        self._handle = None
+
+    def _check(self, status: int) -> None:
+        """Raise an exception if the core has refused the deck."""
+        if status != 0:
+            texts, places = _table(self.handle, "faults")
+            lines, settings = places.astype(int).tolist()
+            faults = zip(lines, settings, (text for (text,) in texts), strict=True)
+            raise self._deck.error(status, _named_text(self.handle, "message"), faults)
 
 
 class Run(Session):
     """A run in the core, from deck to outcome."""
 
-    name = "simulation"
-
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.run_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
-        self.columns = _infos(handle, "columns")
-        self.resolved_deck = _named_text(handle, "resolved")
-        self.model = _named_text(handle, "model")
-        self.method = _named_text(handle, "method")
-        self.model_choice = _named_text(handle, "model_choice")
-        """Why 'auto' chose the model; empty if the deck names another model."""
-        self.sampling_note, self.stiffness_note = _named_text(handle, "notes").split("\n")
+        super().__init__(deck, "run")
+        self.columns = _infos(self.handle, "columns")
+        self.model, self.method, self.model_choice, *notes, self.resolved_deck = _named_text(
+            self.handle, "about"
+        ).split("\n", 5)
+        """`model_choice` is why 'auto' chose the model; empty if the deck names another model."""
+        self.sampling_note, self.stiffness_note = notes
         """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
     def advance(self, seconds: float, until: float = np.inf) -> Advance:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
-        outcome, events = None, np.empty((0, 4))
-        with self._use() as handle:
-            finished, reached, n_rows, n_events, status = _core.run_advance(handle, seconds, until)
-            if n_events > 0:
-                events = _core.run_events(handle, n_events)
-            if finished:
-                outcome = status, _named_text(handle, "message") if status != 0 else "done"
-        return Advance(outcome, bool(reached), n_rows, events)
-
-    def samples_into(self, columns: NDArray[np.float64], first: int) -> None:
-        """Store the samples of the last advance in an array (columns, rows), from the row `first` on."""
-        with self._use() as handle:
-            _core.run_samples(handle, first + 1, columns.T)
+        handle, n_columns = self.handle, len(self.columns)
+        finished, reached, n_rows, n_events, time, status = _core.run_advance(handle, seconds, until)
+        samples = _core.run_samples(handle, n_rows, n_columns).T if n_rows > 0 else np.empty((n_columns, 0))
+        events = _table(handle, "events")[1].T if n_events > 0 else np.empty((0, 4))
+        text = _named_text(handle, "message") if status != 0 else "done"
+        return Advance((status, text) if finished else None, bool(reached), time, samples, events)
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""
-        with self._use() as handle:
-            values = _core.run_state(handle, time, len(self.columns))
+        values = _core.run_state(self.handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
     def sample_at(self, instants: NDArray[np.float64]) -> None:
         """Set the times of the samples [s], from 0 to the end, of a run that is at its first sample."""
-        with self._use() as handle:
-            _core.run_instants(handle, instants)
-
-    def time(self) -> float:
-        """Simulated time reached [s]."""
-        with self._use() as handle:
-            return _core.run_time(handle)
+        _core.run_instants(self.handle, instants)
 
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Summary values and counters of the work of a finished run."""
-        with self._use() as handle:
-            summary = with_integers(_described(handle, "summary"))
-            cells, (values, counts) = _table(handle, "statistics", described=True)
+        summary = with_integers(_described(self.handle, "summary"))
+        cells, (values, counts) = _table(self.handle, "statistics", described=True)
         work = zip(cells, values.tolist(), counts.tolist(), strict=True)
         return summary, [(info, int(value) if is_count else value) for (info,), value, is_count in work]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
-        with self._use() as handle:
-            cells, (values, is_text) = _table(handle, "parameters", described=True)
+        cells, (values, is_text) = _table(self.handle, "parameters", described=True)
         return with_integers(
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
@@ -305,22 +256,11 @@ class Run(Session):
 
 
 class Cycles(Session):
-    """The limit cycles of a scene, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    model : str
-        Model of the cycles, '' for that of the deck.
-    """
-
-    name = "list of cycles"
+    """The limit cycles of a scene in a model, '' for that of the deck."""
 
     def __init__(self, deck: DeckSource, model: str) -> None:
-        handle, status = _core.cycles_open(*deck.arguments(), _characters(model))
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, "cycles", model)
+        handle = self.handle
         self.model = _named_text(handle, "model")
         self.quantities = _infos(handle, "cycle_quantities")
         *values, stable = _table(handle, "cycles")[1]
@@ -332,12 +272,12 @@ class Cycles(Session):
             {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)}
             for row in (mean, scatter)
         )
-        self.verdict, self.exponent, self.error, *counts = _table(handle, "verdict")[1][:, 0].tolist()
-        self.slow_cycles, self.count, self.repeats, self.searched = map(int, counts)
-        sliding = _table(handle, "sliding")[1][:, 0].tolist()
-        self.sliding_load, stable, self.velocity, self.model_error = sliding
+        row = _table(handle, "verdict")[1][:, 0].tolist()
+        self.verdict, self.exponent, self.error = row[:3]
+        self.slow_cycles, self.count, self.repeats, self.searched = map(int, row[3:7])
+        self.sliding_load, stable, self.velocity, self.model_error = row[7:]
         self.sliding_is_stable = stable == 1.0
-        real, imaginary = _table(handle, "eigenvalues")[1]
+        real, imaginary = _table(handle, "eigenvalues")[1].reshape(2, -1)
         self.eigenvalues = real + 1j * imaginary
 
 
@@ -348,75 +288,37 @@ def _parameters(handle: int) -> tuple[list[str], NDArray[np.float64]]:
 
 
 class Return(Session):
-    """Where a motion returns to from a place of the map of a scene, found in the core.
+    """Where a motion in a model ('' for that of the deck) returns to some slow cycles after a place of its map.
 
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    model : str
-        Model, '' for that of the deck.
-    place : float
-        Direction of the force at a release [rad], or, in the slow motion, load at a valley [N].
-    slow_cycles : int
-        Slow cycles until then.
+    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N].
     """
 
-    name = "return of a motion"
-
     def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
-        handle, status = _core.return_open(*deck.arguments(), _characters(model), place, slow_cycles)
-        super().__init__(handle)
-        self._raise(deck, status)
-        self.to, self.slope, self.log_slope, *self.measures = _table(handle, "return")[1][:, 0].tolist()
+        super().__init__(deck, "return", model, [place, slow_cycles])
+        self.to, self.slope, self.log_slope, *self.measures = _table(self.handle, "found")[1][:, 0].tolist()
 
 
 class Sensitivity(Session):
-    """Derivatives of the cycle to which a scene settles, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    keys : iterable of str
-        Parameters GROUP.KEY.
-    """
-
-    name = "list of derivatives"
+    """Derivatives of the cycle to which a scene settles, with respect to parameters GROUP.KEY."""
 
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        handle, status = _core.sensitivity_open(*deck.arguments(), _characters(" ".join(keys)))
-        super().__init__(handle)
-        self._raise(deck, status)
-        cells, numbers = _table(handle, "sensitivity", described=True)
+        super().__init__(deck, "sensitivity", " ".join(keys))
+        cells, numbers = _table(self.handle, "sensitivity", described=True)
         self.quantities = [info for (info,) in cells]
         self.values, self.derivatives = numbers[0], numbers[1:].T
         """Values (quantity) and derivatives (quantity, key)."""
-        self.keys, self.parameters = _parameters(handle)
+        self.keys, self.parameters = _parameters(self.handle)
 
 
 class Derivatives(Session):
-    """Derivatives of the run of a scene, found in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    keys : iterable of str
-        Parameters GROUP.KEY.
-    times : NDArray[np.float64]
-        Times of samples [s]; those of the run if there are none.
-    """
-
-    name = "list of derivatives"
+    """Derivatives of the run of a scene with respect to parameters GROUP.KEY, at times [s], or at those of its samples if there are none."""
 
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
-        handle, status = _core.derivatives_open(*deck.arguments(), _characters(" ".join(keys)), times)
-        super().__init__(handle)
-        finished = False
+        super().__init__(deck, "derivatives", " ".join(keys), times)
+        handle, finished = self.handle, False
         while not finished:
-            self._raise(deck, status)
-            finished, status = _core.derivatives_advance(handle, CHUNK_SECONDS)
+            finished, status = _core.proceed(handle, CHUNK_SECONDS)
+            self._check(status)
         self.keys, self.parameters = _parameters(handle)
         self.columns = _infos(handle, "columns")
         rows = _table(handle, "samples")[1].reshape(1 + len(self.keys), len(self.columns), -1)
@@ -428,48 +330,27 @@ class Derivatives(Session):
 
 
 class Settling(Session):
-    """A motion from rest until it has settled, in the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck; it is run with model 'full', and with a method and for a time of the core's own choice.
-    """
-
-    name = "motion from rest"
+    """A motion from rest until it has settled, in model 'full', by a method and for a time of the core's own choice."""
 
     def __init__(self, deck: DeckSource) -> None:
-        self.deck = deck
-        handle, status = _core.settling_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
+        super().__init__(deck, "settling")
         self.limit = self.swing = self.least = 0.0
         """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
 
     def advance(self, seconds: float) -> bool:
         """Continue for at most `seconds` [s]; whether the motion has settled."""
-        with self._use() as handle:
-            finished, self.limit, self.swing, self.least, status = _core.settling_advance(handle, seconds)
-        self._raise(self.deck, status)
+        finished, status = _core.proceed(self.handle, seconds)
+        self._check(status)
+        self.limit, self.swing, self.least = _table(self.handle, "settling")[1][:, 0].tolist()
         return bool(finished)
 
 
 class Steady(Session):
-    """Linear theory of the steady sliding of a scene, from the core.
-
-    Parameters
-    ----------
-    deck : DeckSource
-        The deck.
-    """
-
-    name = "theory of steady sliding"
+    """Linear theory of the steady sliding of a scene."""
 
     def __init__(self, deck: DeckSource) -> None:
-        handle, status = _core.steady_open(*deck.arguments())
-        super().__init__(handle)
-        self._raise(deck, status)
-        values = _table(handle, "steady")[1][:, 0]
+        super().__init__(deck, "steady")
+        values = _table(self.handle, "found")[1][:, 0]
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
@@ -488,29 +369,26 @@ class Cases(NamedTuple):
     codes: NDArray[np.int32]
     """-1 if stopped."""
     messages: dict[int, str]
-    """Messages of the cases that failed, by number from 0."""
+    """Messages of the cases that failed, by their place from 0."""
 
 
 class Sweep(Session):
     """The cases of a sweep in the core."""
 
-    name = "sweep"
-
     def __init__(
         self, deck: DeckSource, axes: Sequence[tuple[str, NDArray[np.float64]]], is_list: bool
     ) -> None:
         values = [np.asarray(axis, dtype=np.float64) for _, axis in axes]
-        handle, self.cases, self.at_once, found_list, status = _core.sweep_open(
-            *deck.arguments(),
-            _characters("\n".join(key for key, _ in axes)),
-            np.array([axis.size for axis in values], dtype=np.int32),
-            np.concatenate([np.empty(0), *values]),
-            int(is_list),
+        super().__init__(
+            deck,
+            "sweep",
+            "\n".join(key for key, _ in axes),
+            np.concatenate([[is_list], [axis.size for axis in values], *values]),
         )
-        super().__init__(handle)
-        self._raise(deck, status)
-        self.is_list = found_list == 1
-        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][0]
+        self.cases, self.at_once, is_one = map(int, _table(self.handle, "size")[1][:, 0])
+        self.is_list = is_one == 1
+        handle = self.handle
+        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][:, 0]
         values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
         self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
         self.quantities = _infos(handle, "quantities")
@@ -523,9 +401,8 @@ class Sweep(Session):
 
     def run(self, first: int, count: int) -> Cases:
         """Run cases `first` (from 0) and following. Several threads may do so at once."""
-        memory = self._opened()
         values, cycles, counts, codes, messages = _core.sweep_run(
-            memory.handle,
+            self.handle,
             first + 1,
             count,
             len(self.quantities),
@@ -533,36 +410,48 @@ class Sweep(Session):
             self.most_cycles,
         )
         values[:, codes < 0] = np.nan
-        failed = {first + int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
+        failed = {int(i): text_from(messages[i]).rstrip() for i in np.flatnonzero(codes > 0)}
         return Cases(values.T, cycles.T, counts, codes, failed)
 
     def stop(self) -> None:
         """Make all threads stop their work."""
-        memory = self._opened()
-        _core.sweep_stop(memory.handle)
+        _core.sweep_stop(self.handle)
 
 
-class _Library(Session):
-    name = "library"
+def deck_values(deck: DeckSource) -> dict[str, dict[str, Value]]:
+    """Values that a deck gives by group and key, in the order of the schema.
+
+    Each is checked only against the range of its own key, so that a part of a deck is enough.
+    """
+    cells, numbers = _table(Session(deck, "deck").handle, "values")
+    groups: dict[str, dict[str, Any]] = {}
+    for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
+        kind = key_info(group, name).kind
+        # A real key may have a word in place of a number.
+        value = int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
+        groups.setdefault(group, {}).setdefault(name, []).append(value)
+    return {
+        group: {name: values[0] if len(values) == 1 else tuple(values) for name, values in keys.items()}
+        for group, keys in groups.items()
+    }
 
 
-def _ask_library(get: Callable[[int, str], T], *names: str) -> list[T]:
-    with _Library(_core.library_open())._use() as handle:
-        return [get(handle, name) for name in names]
+def _ask_library(get: Callable[[int, str], T], name: str) -> T:
+    handle = _Handle(_core.make("library", *[_characters("")] * 4, np.empty(0))[0])
+    return get(handle, name)
 
 
 @cache
 def origin() -> dict[str, str]:
     """Source and build of the core, and the host of this process; `job` is the name that the scheduler gives the job, or empty."""
     names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
-    return dict(zip(names, _ask_library(_named_text, *names), strict=True))
+    return dict(zip(names, _ask_library(_named_text, "origin").split("\n"), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """The output of ``dynstiction template --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
-    (text,) = _ask_library(_named_text, "catalogue")
-    found: dict[str, Any] = json.loads(text, parse_int=str, parse_float=str)
+    found: dict[str, Any] = json.loads(_ask_library(_named_text, "catalogue"), parse_int=str, parse_float=str)
     return found
 
 
@@ -617,7 +506,7 @@ def unknown_key(name: object) -> str:
 @cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors of `equations` and similar functions."""
-    ((cells, _),) = _ask_library(_table, "slider")
+    cells, _ = _ask_library(_table, "slider")
     return tuple(name for (name,) in cells)
 
 
@@ -646,11 +535,12 @@ def equations(
 def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (n_values, n) at the points, from the routine of the core; `phi` and `kappa` may have one value for all."""
+    """Creep (n_values, n) at the points (n), from the routine of the core."""
+    values: NDArray[np.float64]
     values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
     if fault != 0:
         points = {"tau": tau, "phi": phi, "kappa": kappa}
-        here = {name: float(array[min(point, array.size) - 1]) for name, array in points.items()}
+        here = {name: float(array[point - 1]) for name, array in points.items()}
         raise UsageError(RANGES[fault].format(**here))
     return values.T
 
@@ -662,6 +552,7 @@ def steady_sliding(
     if len(sliders) == 0:
         return np.empty((0, n_values))
     angles = np.zeros(len(sliders)) if theta is None else theta
+    values: NDArray[np.float64]
     values, failed, message = _core.steady_sliding(what, sliders.T, angles, n_values)
     if failed > 0:
         where = f"element {failed - 1} of {len(sliders)}: " if len(sliders) > 1 else ""

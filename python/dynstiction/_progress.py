@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from ._arguments import flag
@@ -31,13 +31,12 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
     with ExitStack() as stack:
 
         def show(done: float) -> None:
-            nonlocal bar, delay
+            nonlocal bar
             if bar is None and time.monotonic() - begun >= delay:
-                make = _tqdm()
-                if make is None:
-                    delay = float("inf")
-                else:
-                    bar = stack.enter_context(make(total=total, bar_format=form))
+                with suppress(ImportError):
+                    from tqdm.auto import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
+
+                    bar = stack.enter_context(tqdm(total=total, bar_format=form))
             if bar is not None and done > bar.n:
                 bar.update(done - bar.n)
 
@@ -46,11 +45,3 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
 
 def _is_watched() -> bool:
     return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
-
-
-def _tqdm() -> Any:
-    try:
-        from tqdm.auto import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
-    except ImportError:
-        return None
-    return tqdm

@@ -81,16 +81,9 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
         If these functions do not have its friction law, or its drive keeps no velocity other than 0, or several.
     """
     system, friction = scene.system, scene.friction
-    values: dict[str, float | None] = {
-        "mass": system.mass,
-        "stiffness_x": system.stiffness_x,
-        "stiffness_y": system.stiffness_y,
-        "misalignment_deg": system.misalignment_deg,
-        "mu_0": friction.mu_0,
-        "normal_load": friction.normal_load,
-        "damping_x": system.damping_x,
-        "damping_y": system.damping_y,
-    }
+    of_system = ("mass", "stiffness_x", "stiffness_y", "misalignment_deg", "damping_x", "damping_y")
+    values = {name: getattr(system, name) for name in of_system}
+    values |= {"mu_0": friction.mu_0, "normal_load": friction.normal_load}
     values = {name: value for name, value in values.items() if value is not None}
     is_weakening = friction.law == "weakening" or (
         friction.law == "stribeck" and (friction.exponent, friction.viscous) == (1.0, 0.0)

@@ -16,7 +16,7 @@ from ._interrupt import held_back, interrupted
 from ._open import info_of, own_datasets, values_in
 from ._optional import needed
 from ._progress import progress_bar
-from ._sweep_work import MOST_THREADS, Work
+from ._sweep_work import Work
 from .errors import DeckError, IncompleteWarning, StiffnessWarning, UsageError
 from .groups import Changes
 from .record import Info
@@ -151,14 +151,13 @@ def sweep(
         work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
             if executor is None:
-                work.run(min(threads, core.cases, MOST_THREADS), show)
+                work.run(threads, show)
             else:
                 work.run_on(executor, scene.source, show)
         if work.stopped:
             with held_back(forget=True):
-                raise interrupted(
-                    f"stopped after {work.progress()}; `partial` has their results", _data_of(core, work)
-                )
+                done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
+                raise interrupted(f"stopped after {done}; `partial` has their results", _data_of(core, work))
         data = _data_of(core, work)
     work.warn(stacklevel=2)
     return data
@@ -210,7 +209,7 @@ def _dataset(
     about_all: Mapping[str, str],
 ) -> xarray.Dataset:
     """A sweep as a dataset: `values`, `codes` and cycles (case, cycle) by case, `messages` by number of the case from 0."""
-    from ._sweep_dataset import SweepDataset  # noqa: PLC0415  (xarray is slow to import)
+    import xarray  # noqa: PLC0415  (slow to import)
 
     # Names of keys are unique without their groups.
     axes = [(info._replace(name=info.name.rpartition(".")[2]), axis) for info, axis in axes]
@@ -227,7 +226,7 @@ def _dataset(
     about = {"units": "1", "long_name": "0 done, -1 not run, else why it failed"}
     variables["result_code"] = (dims, codes.reshape(shape), about)
     variables["result_text"] = (dims, texts.reshape(shape), {"long_name": "why a case failed"})
-    return SweepDataset(variables, coordinates, about_all)
+    return xarray.Dataset(variables, coordinates, about_all)
 
 
 def _about(info: Info) -> dict[str, str]:

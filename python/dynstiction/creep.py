@@ -146,16 +146,7 @@ def creep_velocity(
     UsageError
         If an argument is out of range or is not a number (the message gives the range), or if the arguments do not broadcast.
     """
-    stiff = np.inf if stiffness_y is None else stiffness_y
-    scaled = dimensionless(
-        t,
-        velocity=velocity,
-        stiffness_x=stiffness_x,
-        stiffness_y=stiff,
-        mu_0=mu_0,
-        normal_load=normal_load,
-        misalignment_deg=misalignment_deg,
-    )
+    scaled = dimensionless(**locals() | {"stiffness_y": np.inf if stiffness_y is None else stiffness_y})
     return reals("velocity", velocity) * creep_exact(*scaled).X_rate
 
 
@@ -199,11 +190,5 @@ def _evaluate(form: str, n_values: int, tau: ArrayLike, phi: ArrayLike, kappa: A
     shape = shape_of(**given)
     if 0 in shape:
         return np.empty((n_values, *shape))
-    taus, phis, kappas = (
-        # A single value need not be checked again by the core.
-        array.reshape(1)
-        if array.size == 1 and name != "tau"
-        else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
-        for name, array in given.items()
-    )
-    return _native.creep(form, n_values, taus, phis, kappas).reshape(n_values, *shape)
+    points = (np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1) for array in given.values())
+    return _native.creep(form, n_values, *points).reshape(n_values, *shape)

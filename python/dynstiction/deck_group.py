@@ -40,8 +40,7 @@ class DeckGroup:
         given = {name: plain(getattr(self, name)) for name in defaults}
         given = {n: v for n, v in given.items() if v is not None and v != defaults[n]}
         deck = deck_from({self.group: given}, type(self).__name__)
-        with _native.DeckValues(deck, alone=True) as values:
-            self._fill(defaults | values.given().get(self.group, {}))
+        self._fill(defaults | _native.deck_values(deck).get(self.group, {}))
 
     @classmethod
     def _defaults(cls) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def plain(value: object) -> object:
         value = value.tolist()
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    if isinstance(value, Iterable) and not isinstance(value, str):
+    if isinstance(value, Sequence) and not isinstance(value, str):
         try:
             return tuple(plain(item) for item in value)
         except RecursionError:
@@ -54,32 +54,22 @@ def plain(value: object) -> object:
 
 def _namelist(value: object) -> str:
     """Namelist form of a value; every float64 is read back as the same number."""
-    try:
-        return _written(value)
-    except UsageError:
-        raise
-    except (
-        RecursionError,
-        ValueError,
-    ) as error:  # a list that contains itself; a number of thousands of digits
-        raise UsageError(f"a value of a deck is a number, a string, or a sequence of them: {error}") from None
-
-
-def _written(value: object) -> str:
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    match value:
-        case bool():
-            return ".true." if value else ".false."
-        case int() | float():
-            return repr(value)
-        case str() | os.PathLike():
-            text = os.fspath(value)
+    match plain(value):
+        case bool() as flag:
+            return ".true." if flag else ".false."
+        case int() | float() as number:
+            try:
+                return repr(number)
+            except ValueError as error:  # a number of thousands of digits
+                raise UsageError(
+                    f"a value of a deck is a number, a string, or a sequence of them: {error}"
+                ) from None
+        case str() as text:
             if "\n" in text or "\r" in text:
                 raise UsageError(f"{shown(text)}: a value of a deck has no line breaks")
             return "'" + text.replace("'", "''") + "'"
-        case Sequence():
-            items = [_written(item) for item in value]
+        case tuple() as values:
+            items = [_namelist(item) for item in values]
             rows = [items[i : i + VALUES_PER_LINE] for i in range(0, len(items), VALUES_PER_LINE)]
             return ",\n    ".join(", ".join(row) for row in rows)
     raise UsageError(f"{shown(value)}: a value of a deck is a number, a string, or a sequence of them")

@@ -97,22 +97,7 @@ def rhs(
         mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. Also if a rate is not a
         number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": stiffness_y,
-        "misalignment_deg": misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-        "v_smooth": v_smooth,
-        "damping_x": damping_x,
-        "damping_y": damping_y,
-    }
-    slider = _slider(scene, given)
-    return _evaluated(slider, state, 1)[..., 0]
+    return _evaluated(_slider(locals()), state, 1)[..., 0]
 
 
 def jacobian(
@@ -154,22 +139,7 @@ def jacobian(
     UsageError
         As for `rhs`.
     """
-    given = {
-        "mass": mass,
-        "stiffness_x": stiffness_x,
-        "stiffness_y": stiffness_y,
-        "misalignment_deg": misalignment_deg,
-        "mu_0": mu_0,
-        "mu_inf": mu_inf,
-        "v_f": v_f,
-        "normal_load": normal_load,
-        "velocity": velocity,
-        "v_smooth": v_smooth,
-        "damping_x": damping_x,
-        "damping_y": damping_y,
-    }
-    slider = _slider(scene, given)
-    return _evaluated(slider, state, 4)
+    return _evaluated(_slider(locals()), state, 4)
 
 
 @dataclass(frozen=True)
@@ -302,7 +272,7 @@ def slip_problem(scene: DeckLike) -> SlipProblem:
     times, velocities = drive_of(scene)
     t_end = float(scene.scene.t_end or 0.0)
     parameters = scene_parameters(scene, with_velocity=False)
-    slider = _slider(None, {**parameters, "velocity": velocities[0]})
+    slider = _slider({"scene": None, **parameters, "velocity": velocities[0]})
     angle = np.radians(parameters["misalignment_deg"] or 0.0)
     along = np.array([np.cos(angle), np.sin(angle)])
     initial = scene.initial
@@ -328,9 +298,9 @@ def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) ->
     return finite("the result", rates)
 
 
-def _slider(scene: DeckLike | None, given: Mapping[str, float | None]) -> NDArray[np.float64]:
-    """The parameter vector of the core."""
-    values = slider_parameters(scene, given)
+def _slider(given: Mapping[str, Any]) -> NDArray[np.float64]:
+    """The parameter vector of the core, from the arguments of a function."""
+    values = slider_parameters(given["scene"], given)
     return np.array(
         [for_the_core(name, number(name, value, **LIMITS[name])) for name, value in values.items()]
     )

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Unpack, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, Unpack, cast
 
 from . import _native
 from ._arguments import path_name, shown
@@ -151,8 +151,7 @@ class Scene(SceneGroups):
 
     def _given(self) -> dict[str, dict[str, _native.Value]]:
         if "values" not in self._cache:
-            with _native.DeckValues(self.source, alone=True) as values:
-                self._cache["values"] = values.given()
+            self._cache["values"] = _native.deck_values(self.source)
         return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
 
     def to_deck(self) -> str:
@@ -235,19 +234,6 @@ class Scene(SceneGroups):
 
     def __hash__(self) -> int:
         return hash(self._identity())
-
-    def __getstate__(self) -> tuple[str, str, dict[int, str], dict[str, str]]:
-        return self._text, self._name, dict(self._fields), self._settings
-
-    def __setstate__(self, state: tuple[str, str, dict[int, str], dict[str, str]]) -> None:
-        self._text, self._name, self._fields, self._settings = state
-        self._cache = {}
-
-    def __copy__(self) -> Self:
-        return self
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        return self
 
     def __repr__(self) -> str:
         head = f"<Scene {', '.join([repr(self._name), *self.settings])}"

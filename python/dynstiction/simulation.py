@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Unpack
 
@@ -11,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import number, reals
-from ._closing import Closing, OneAtATime
 from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
 from .errors import IncompleteWarning, SolverError, UsageError
@@ -25,35 +27,7 @@ __all__ = ["Simulation"]
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 
-MOST_EXPECTED = 1_000_000
-"""Largest number of rows for which memory is reserved in advance."""
-
-
-class _Samples:
-    """Columns that grow; each is contiguous. Memory is touched once, which is most of the cost of long series."""
-
-    def __init__(self, n_columns: int, expected: int) -> None:
-        self._values = np.empty((n_columns, max(expected, 1)))
-        self._rows = 0
-
-    def grow(self, rows: int) -> tuple[NDArray[np.float64], int]:
-        """Make room for more rows: the array (columns, rows) to store them in, and the number of the first one."""
-        first = self._rows
-        self._rows += rows
-        if self._rows > self._values.shape[1]:
-            larger = np.empty((self._values.shape[0], 2 * self._rows))
-            larger[:, :first] = self._values[:, :first]
-            self._values = larger
-        return self._values, first
-
-    def columns(self) -> list[NDArray[np.float64]]:
-        return [values[: self._rows] for values in self._values]
-
-    def last_time(self) -> float:
-        return float(self._values[0, self._rows - 1]) if self._rows > 0 else 0.0
-
-
-class Simulation(Closing):
+class Simulation(_native.Closing):
     """A run that you advance step by step; at the end its result is the one of `dynstiction.run`, bit for bit.
 
     It is a context manager: at the end of the block the memory of the core is freed, and the computed results stay. One thread at
@@ -90,7 +64,7 @@ class Simulation(Closing):
     def __init__(self, deck: DeckLike, *, times: ArrayLike | None = None, **changes: Unpack[Changes]) -> None:
         self._scene = Scene(deck, **changes)
         self._times = None if times is None else _ascending(times)
-        self._alone = OneAtATime("simulation")
+        self._lock = threading.Lock()
         self._core = _native.Run(self._scene.source)
         self._parameters = Described(self._core.parameters(), "parameters")
         if self._times is not None and self._parameters["interval"] == 0.0:
@@ -98,12 +72,12 @@ class Simulation(Closing):
             self._core = _native.Run(self._scene.replace(interval=float(self._parameters["t_end"])).source)
             self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
-        self._samples = _Samples(len(self._core.columns), self._expected_rows())
+        self._samples: list[NDArray[np.float64]] = []
         self._log: list[NDArray[np.float64]] = []
         self._outcome: tuple[int, str] | None = None
         self._summary: Described[float] = Described([], "summary")
         self._statistics: Described[float] = Described([], "statistics")
-        self._time = 0.0
+        self._time = self._reached = 0.0
         self._advance(0.0)
         if self._times is not None:
             if not self._times[-1] <= self._t_end:
@@ -112,7 +86,7 @@ class Simulation(Closing):
                 )
             # The sample at the beginning has been taken; the list ends with a sample at the end.
             between = self._times[(self._times > 0.0) & (self._times < self._t_end)]
-            self._sample_at(np.concatenate([[0.0], between, [self._t_end]]))
+            self._core.sample_at(np.concatenate([[0.0], between, [self._t_end]]))
 
     def close(self) -> None:
         """Free the memory of the core; a run that is not finished then cannot be continued."""
@@ -147,7 +121,7 @@ class Simulation(Closing):
         UsageError
             If the simulation is closed, or another thread is using it.
         """
-        with self._alone:
+        with self._alone():
             return Described(self._core.state(self._time), "columns")
 
     @property
@@ -159,7 +133,7 @@ class Simulation(Closing):
         UsageError
             If another thread is using the simulation.
         """
-        with self._alone:
+        with self._alone():
             log = self._log_so_far()
         return events_between(log, 0.0, self._t_end)
 
@@ -179,18 +153,16 @@ class Simulation(Closing):
         UsageError
             If another thread is using the simulation.
         """
-        with self._alone:
+        with self._alone():
             return self._result_so_far()
 
     def _result_so_far(self) -> Result:
-        columns = self._samples.columns()
+        columns = self._samples_so_far()
         if self._times is not None:
             asked_for = np.isin(columns[0], self._times)
-            columns = [values[asked_for] for values in columns]
+            columns = np.compress(asked_for, columns, axis=1)
         if not self.finished:
-            n = int(np.searchsorted(columns[0], self._time, side="right"))
-            # The run continues in the arrays that the core fills; this result must not change.
-            columns = [values[:n].copy() for values in columns]
+            columns = columns[:, : np.searchsorted(columns[0], self._time, side="right")]
         return Result(
             columns=Described(zip(self._core.columns, columns, strict=True), "columns"),
             log=self._log_so_far(),
@@ -225,7 +197,7 @@ class Simulation(Closing):
         IncompleteWarning
             If the run was stopped at ``output.wall_limit``.
         """
-        with self._alone:
+        with self._alone():
             aim = number("time", time, checked=False)
             if not self._time <= aim <= self._t_end:
                 raise UsageError(
@@ -265,17 +237,17 @@ class Simulation(Closing):
         return self._finish(progress, stacklevel=4)
 
     def _finish(self, progress: bool | None, stacklevel: int) -> Result:
-        with self._alone:
+        with self._alone():
             if not self.finished:
                 try:
                     with progress_bar(progress, self._t_end, BAR) as show:
                         while not self._advance(self._t_end):
-                            show(self._samples.last_time())
+                            show(self._reached)
                         show(self._time)
                 except KeyboardInterrupt:
                     with held_back(forget=True):
                         if not self.finished:
-                            self._time = self._core.time()
+                            self._time = self._reached
                         raise interrupted(
                             f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
                             self._result_so_far(),
@@ -283,9 +255,17 @@ class Simulation(Closing):
             self._tell(stacklevel)
             return self._result_so_far()
 
-    def _sample_at(self, instants: NDArray[np.float64]) -> None:
-        """Set the times of the samples [s], from 0 to the end, of a run that has not been advanced yet."""
-        self._core.sample_at(instants)
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """A block for one thread at a time: a second thread is refused and does not wait."""
+        if not self._lock.acquire(blocking=False):
+            raise UsageError(
+                "the simulation is busy: another thread is using it: wait for that, or make one for each thread"
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _advance(self, until: float) -> bool:
         """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
@@ -295,16 +275,18 @@ class Simulation(Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                outcome, reached, rows, events = self._core.advance(_native.CHUNK_SECONDS, aim)
-                self._core.samples_into(*self._samples.grow(rows))
-                self._log.append(events)
-            if outcome is not None:
-                self._outcome = outcome
+                done = self._core.advance(_native.CHUNK_SECONDS, aim)
+                self._samples.append(done.samples)
+                self._log.append(done.events)
+                self._reached, self._outcome = done.time, done.outcome
+            reached = done.reached
+            if self._outcome is not None:
                 summary, work = self._core.ending()
                 self._summary = Described(summary, "summary")
                 self._statistics = Described(work, "statistics")
         if self._outcome is not None and self._outcome[0] != 0:
-            self._time = self._samples.last_time()
+            times = self._samples_so_far()[0]
+            self._time = float(times[-1]) if times.size > 0 else 0.0
         elif self._outcome is not None or reached:
             # The last step may have ended the run beyond a time that lies before its end.
             self._time = float(until)
@@ -312,13 +294,11 @@ class Simulation(Closing):
             return False
         return True
 
-    def _expected_rows(self) -> int:
-        if self._times is not None:
-            return self._times.size + 2
-        interval = self._parameters["interval"]
-        if not isinstance(interval, float) or not interval > 0.0:
-            return 0
-        return int(min(self._t_end / interval + 2, MOST_EXPECTED))
+    def _samples_so_far(self) -> NDArray[np.float64]:
+        """All samples (columns, rows); each column is contiguous."""
+        if len(self._samples) > 1:
+            self._samples = [np.concatenate(self._samples, axis=1)]
+        return self._samples[0]
 
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run did not reach its end."""

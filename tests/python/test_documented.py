@@ -94,29 +94,6 @@ def test_public_modules_name_what_they_offer() -> None:
 
 def test_the_package_says_that_it_is_typed() -> None:
     assert (PACKAGE / "py.typed").is_file()
-    assert (Path(ds.__file__).parent / "_core.pyi").is_file()
-
-
-def test_the_stub_is_that_of_the_extension() -> None:
-    from dynstiction._core import dst_python_api  # noqa: PLC0415
-
-    tree = ast.parse((Path(ds.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
-    (stub,) = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    declared = {node.name: node for node in stub.body if isinstance(node, ast.FunctionDef)}
-    routines = {name for name in dir(dst_python_api) if not name.startswith("_")}
-    assert set(declared) == routines
-    for name, node in declared.items():
-        signature = getattr(dst_python_api, name).__doc__.splitlines()[0]
-        results, _, call = signature.rpartition(" = ")
-        given = re.search(r"\((.*)\)", call)[1].replace("[", "").replace("]", "")
-        arguments = [argument for argument in given.split(",") if argument]
-        assert [a.arg for a in node.args.args] == arguments[: len(node.args.args)], name
-        if (
-            isinstance(node.returns, ast.Subscript)
-            and isinstance(node.returns.slice, ast.Tuple)
-            and "tuple" in ast.dump(node.returns.value)
-        ):
-            assert len(node.returns.slice.elts) == len(results.split(",")), name
 
 
 @pytest.mark.full

@@ -93,26 +93,6 @@ def test_threads_are_refused_or_work(script: str, fig3_text: str) -> None:
     process(script, fig3_text)
 
 
-def test_closed_handles_say_so(fig3: ds.Scene) -> None:
-    run, values = _native.Run(fig3.source), _native.DeckValues(fig3.source, alone=True)
-    sweep = _native.Sweep(fig3.source, [("drive.velocity", np.array([1e-3]))], False)
-    of_run = (
-        lambda: run.advance(0.1),
-        lambda: run.state(0.0),
-        lambda: run.sample_at(np.zeros(1)),
-        run.ending,
-        run.parameters,
-        run.time,
-    )
-    for handle, methods in ((run, of_run), (values, (values.given,)), (sweep, (lambda: sweep.run(0, 1), sweep.stop))):
-        handle.close()
-        handle.close()
-        assert handle.closed
-        for method in methods:
-            with pytest.raises(ds.UsageError, match="closed: make a new one"):
-                method()
-
-
 def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
     simulation = ds.Simulation(fig3, scene={"t_end": 1e5}, output={"interval": 1.0})
 
@@ -122,8 +102,8 @@ def test_the_result_is_not_read_while_it_grows(fig3: ds.Scene) -> None:
 
     user = threading.Thread(target=finish)
     user.start()
-    while simulation._alone._lock.acquire(blocking=False):
-        simulation._alone._lock.release()
+    while simulation._lock.acquire(blocking=False):
+        simulation._lock.release()
         time.sleep(0.001)
     for look in ("result", "events", "state"):
         with pytest.raises(ds.UsageError, match="busy"):
@@ -203,7 +183,7 @@ def child():
     try:
         busy.step_to(1e6)
     except ds.UsageError as error:
-        assert "when this process was forked" in str(error), error
+        assert "busy" in str(error), error
     else:
         raise AssertionError("used")
     busy.close()
@@ -472,7 +452,7 @@ def test_of_two_savers_one_is_refused(tmp_path: Path, fig3: ds.Scene) -> None:
     assert len(list(tmp_path.iterdir())) == 20
 
 
-# Packages, series, memory, stacks
+# Packages, series, memory
 
 
 def test_a_missing_package_is_told_before_anything_is_computed(fig3: ds.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -526,53 +506,6 @@ def test_memory_that_cannot_be_had_is_a_memory_error(fig3_text: str) -> None:
     assert isinstance(error, MemoryError)
     assert isinstance(error, ds.SolverError)
     assert error.exit_status == 4
-
-
-SMALL_STACK = """
-import threading
-import numpy as np, xarray, scipy.signal
-idle = ds.Simulation(DECK)
-errors = []
-def long_deck():
-    try:
-        ds.run("&scene " + "x" * 900000 + " /")
-    except ds.DeckError:
-        pass
-def suffices():
-    ds.run(DECK, scene={"t_end": 0.05, "model": "auto"})
-    for method in ("radau13", "dopri5", "dop853"):
-        ds.run(DECK, scene={"t_end": 0.05}, integrator={"method": method})
-    ds.sweep(DECK, {"system.misalignment_deg": np.linspace(1, 8, 4)}, scene={"t_end": 0.05})
-    ds.trade(DECK, budget=2.0, scene={"t_end": 0.05})
-    ds.rhs(np.ones((10000, 4)), **SLIDER)
-    ds.steady_sliding_eigenvalues(**{**SLIDER, "mass": np.ones(10000)})
-    ds.creep_exact(np.linspace(0, 1, 10000), 0.1)
-    long_deck()
-def use(*calls):
-    for call in calls:
-        try:
-            call()
-        except BaseException as error:
-            errors.append(error)
-def errors_with(kilobytes, *calls):
-    errors.clear()
-    threading.stack_size(kilobytes * 1024)
-    user = threading.Thread(target=use, args=calls)
-    user.start()
-    user.join()
-    return errors
-# In this order: a larger stack that is free again would be used for a smaller one.
-for kilobytes in (32, 64, 128, 192):
-    errors_with(kilobytes, lambda: ds.run(DECK), lambda: ds.Scene(DECK).groups(), idle.finish, lambda: idle.state)
-    assert len(errors) == 4 and all("threading.stack_size(0)" in str(error) for error in errors), errors
-    assert all(isinstance(error, ds.UsageError) for error in errors)
-for kilobytes in (256, 1024):
-    assert not errors_with(kilobytes, suffices), errors
-"""
-
-
-def test_small_stacks_of_threads_suffice_and_smaller_ones_are_refused(fig3_text: str) -> None:
-    process(f"SLIDER = {SLIDER!r}\n{SMALL_STACK}", fig3_text)
 
 
 def test_any_number_of_threads_may_be_asked_for(fig3: ds.Scene) -> None:

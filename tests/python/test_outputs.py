@@ -112,14 +112,6 @@ def test_what_cannot_be_written_is_refused_before_the_work(folder: Path) -> None
     assert_refused(folder, "animate", "rig.h5", "-o", "x.gif", "--seconds", "1e9", words="at most", status=1)
 
 
-def test_a_part_in_the_way_is_refused_and_one_of_a_killed_process_is_used(folder: Path) -> None:
-    (folder / "rig.png.part").write_text("precious")
-    assert_refused(folder, "plot", "rig.h5", words="is in the way")
-    (folder / "rig.png.part").write_bytes(b"\x89PNG\r\n")
-    Program(PACKAGE.first, folder)("plot", "rig.h5", status=0)
-    assert not (folder / "rig.png.part").exists()
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("command", [("fit", "rig.nml", "trace.csv", "--free", "system.misalignment_deg,friction.mu_0,friction.v_f", "--starts", "99"),
                                      ("animate", "rig.h5", "-o", "x.gif", "--seconds", "100"), ("paper", "-o", "figures")])  # fmt: skip

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from dynstiction import _native
 from dynstiction._native import schema
-from dynstiction.deck_group import DeckGroup
+from dynstiction.groups import DeckGroup
 from programs import ROOT, Program
 from results import assert_same
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import signal
 import time
 from subprocess import PIPE
@@ -19,28 +18,19 @@ ANGLES = {"system.misalignment_deg": [1.0, 2.0, 3.0]}
 SHORT = SCENE.replace("t_end = 10.0", "t_end = 1.0")
 
 
-def test_coordinates_order_and_how_it_is_shown():
+def test_coordinates_and_order():
     data = ds.sweep(SHORT, ANGLES | {"drive.velocity": [1e-3, 2e-3]})
     assert dict(data.sizes) == {"misalignment_deg": 3, "velocity": 2}
     single = ds.run(SHORT, system={"misalignment_deg": 3.0}, drive={"velocity": 2e-3})
     assert data["final_u_x"].sel(misalignment_deg=3.0, velocity=2e-3).item() == single["u_x"][-1]
-    title, head, *rows = repr(data).splitlines()
-    assert title == "<sweep: 6 cases>" and "velocity [m/s]" in head
-    assert [row.split()[:2] for row in rows[:6]] == [[angle, velocity] for angle in "123" for velocity in ("0.001", "0.002")]
-    place = head.index("swing [N]") + len("swing [N]")
-    printed = [float(row[:place].split()[-1]) for row in rows[:6]]
-    np.testing.assert_allclose(printed, data["swing"].values.reshape(-1), rtol=1e-4)
-    assert repr(pickle.loads(pickle.dumps(data))) == repr(data)
-    # What is no small sweep is shown by xarray.
-    for other in (data[["period"]], data.mean(), data.drop_vars(list(data.coords))):
-        assert "Dimensions:" in repr(other)
+    assert data["velocity"].attrs["units"] == "m/s"
 
 
 def test_failed_cases_are_reported():
     with pytest.warns(ds.IncompleteWarning, match="of 60 cases failed"):
         data = ds.sweep(SHORT + GRID, integrator={"max_steps": 25})
     failed = np.count_nonzero(data["result_code"] == 42)
-    assert repr(data).startswith(f"<sweep: 60 cases, {failed} not done: see result_text>") and 0 < failed < 60
+    assert 0 < failed < 60 and np.count_nonzero(data["result_text"] != "") == failed
 
 
 @pytest.mark.parametrize(
@@ -80,7 +70,7 @@ def interrupt(number, frame):
     global stopped
     works = False
     while frame is not None:
-        works = works or frame.f_code.co_qualname in ("Work.run", "Work.run_on", "Work._wait")
+        works = works or frame.f_code.co_qualname.startswith("Work.")
         frame = frame.f_back
     if works or not stopped:
         stopped = True

@@ -6,14 +6,11 @@
 #include <string.h>
 
 /* python/core/python_api.f90, under gfortran's names; the lengths of character arguments come last. */
-void __dst_python_api_MOD_run_open(const int *n_deck, const char *deck, const int *n_name, const char *name, const int *n_settings,
-                                   const char *settings, long long *handle, int *status, size_t, size_t, size_t);
+void __dst_python_api_MOD_make(const char *what, const int *n_deck, const char *deck, const int *n_name, const char *name,
+                               const int *n_settings, const char *settings, const int *n_words, const char *words, const int *n_numbers,
+                               const double *numbers, long long *handle, int *status, size_t, size_t, size_t, size_t, size_t);
 void __dst_python_api_MOD_run_advance(const long long *handle, const double *seconds, const double *until,
-                                      int *finished, int *reached, int *n_rows, int *n_events, int *status);
-void __dst_python_api_MOD_sweep_open(const int *n_deck, const char *deck, const int *n_name, const char *name, const int *n_settings,
-                                     const char *settings, const int *n_names, const char *names, const int *n_axes,
-                                     const int *sizes, const int *n_values, const double *values, const int *is_list,
-                                     long long *handle, int *cases, int *at_once, int *found_list, int *status, size_t, size_t, size_t, size_t);
+                                      int *finished, int *reached, int *n_rows, int *n_events, double *time, int *status);
 void __dst_python_api_MOD_table_size(const long long *handle, const char *which, int *n_rows, int *n_texts, int *n_numbers, int *n_bytes,
                                      size_t);
 void __dst_python_api_MOD_sweep_run(const long long *handle, const int *first, const int *n, const int *n_values, const int *n_columns,
@@ -37,14 +34,17 @@ static void *run(void *which) {
   const char *const setting = settings[*(int *)which % 6];
   const int n_deck = (int)strlen(deck), n_name = 4, n_settings = (int)strlen(setting);
   const double slice = 0.02, until = 1e300;
+  const int none = 0;
   long long handle;
+  double time;
   int status, finished = 0, reached, n_rows, n_events;
 
   if (with_lock) pthread_mutex_lock(&lock);
-  __dst_python_api_MOD_run_open(&n_deck, deck, &n_name, "deck", &n_settings, setting, &handle, &status, 1, 1, 1);
+  __dst_python_api_MOD_make("run", &n_deck, deck, &n_name, "deck", &n_settings, setting, &none, "", &none, NULL, &handle, &status,
+                            strlen("run"), 1, 1, 1, 1);
   if (with_lock) pthread_mutex_unlock(&lock);
   while (status == 0 && !finished)
-    __dst_python_api_MOD_run_advance(&handle, &slice, &until, &finished, &reached, &n_rows, &n_events, &status);
+    __dst_python_api_MOD_run_advance(&handle, &slice, &until, &finished, &reached, &n_rows, &n_events, &time, &status);
   if (with_lock) pthread_mutex_lock(&lock);
   __dst_python_api_MOD_release(&handle);
   if (with_lock) pthread_mutex_unlock(&lock);
@@ -58,15 +58,17 @@ static int n_values, next_piece;
 static int codes[pieces][piece];
 
 static int open_sweep(void) {
-  static const double values[] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 50, 0};
+  /* A grid of 12 angles and 2 limits. */
+  static const double numbers[] = {0, 12, 2, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 50, 0};
   static const char keys[] = "system.misalignment_deg\nintegrator.max_steps";
-  const int sizes[] = {12, 2}, n_axes = 2, n_all = 14, no_list = 0, n_deck = (int)strlen(deck), n_name = 4, n_settings = 0,
-            n_keys = (int)strlen(keys);
-  int status, cases, ignored;
+  const int n_numbers = 17, n_deck = (int)strlen(deck), n_name = 4, n_settings = 0, n_keys = (int)strlen(keys);
+  int status, n_points, ignored;
 
-  __dst_python_api_MOD_sweep_open(&n_deck, deck, &n_name, "deck", &n_settings, "", &n_keys, keys, &n_axes, sizes, &n_all, values,
-                                  &no_list, &sweep, &cases, &ignored, &ignored, &status, 1, 1, 1, 1);
-  if (status != 0 || cases != pieces * piece) return 1;
+  __dst_python_api_MOD_make("sweep", &n_deck, deck, &n_name, "deck", &n_settings, "", &n_keys, keys, &n_numbers, numbers, &sweep, &status,
+                            strlen("sweep"), 1, 1, 1, 1);
+  if (status != 0) return 1;
+  __dst_python_api_MOD_table_size(&sweep, "points", &ignored, &ignored, &n_points, &ignored, strlen("points"));
+  if (n_points != 12 + 2) return 1;
   __dst_python_api_MOD_table_size(&sweep, "quantities", &n_values, &ignored, &ignored, &ignored, strlen("quantities"));
   return n_values > most_values;
 }
