@@ -25,14 +25,14 @@ page() {
     creep_validation) python -m dynstiction.creep_validation docs/creep_validation.png ;;
     cycle_map) python docs/cycle_map.py ;;
     cycles) python bench/sensitivity.py runs ;;
-    figures) (cd "$work" && dynstiction paper && dynstiction run "$checkout/inputs/phi10.nml" && dynstiction plot phi10.h5 --overwrite -o "$figures/phi10.png") ;;
+    figures) (cd "$work" && dynstiction paper) ;;
     fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
     fit_creep) python bench/creep_fit.py ;;
     maps)
       sweep map_phi_velocity map && draw map map_phi_velocity
       sweep map_phi_velocity low scene.model=low_frequency && draw low map_phi_velocity_low
       sweep map_lambda lambda && draw lambda map_lambda --kind lambda
-      sweep map_anisotropy rest && draw rest map_anisotropy --quantity sticking_time && draw rest map_anisotropy_swing
+      sweep map_anisotropy rest && draw rest map_anisotropy --quantity sticking_time
       for key in stiffness misalignment velocity; do
         sweep "bifurcation_$key" "$key" && draw "$key" "bifurcation_$key" --kind bifurcation
       done

@@ -10,4 +10,3 @@ awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$figures/../tutorial.md"
 bash -euo pipefail commands.sh > log 2>&1 || { cat log >&2; exit 1; }
 cp ten.png "$figures/tutorial_ten.png"
 cp map.png "$figures/tutorial_map.png"
-cp rig.png "$figures/rig.png"
