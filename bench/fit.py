@@ -10,7 +10,6 @@ options are `--first N` (number of the first rig), `--noise`, `--csv FILE`, `--r
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import warnings
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
+from common import parser_of
 
 FREE = (
     "system.misalignment_deg",
@@ -95,7 +95,9 @@ def rigs(
             yield values, scene, float(period), float(settled.time[-1])
 
 
-def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: int, irregular: bool = False) -> ds.Trace:
+def trace_of(
+    scene: ds.Scene, period: float, begin: float, noise: float, seed: int, irregular: bool = False
+) -> ds.Trace:
     """The rig's force for 20 cycles, of an irregular one for 40, with noise."""
     cycles, rate = (CYCLES_OF_IRREGULAR, RATE_OF_IRREGULAR) if irregular else (CYCLES, RATE)
     draw = np.random.default_rng(seed)
@@ -110,10 +112,9 @@ def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: i
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--short", action="store_true", help="four traces")
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--ratio", type=float, nargs=2, metavar=("LOW", "HIGH"))

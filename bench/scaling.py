@@ -7,11 +7,11 @@ Newton iterations and microseconds of solver time for one cycle. Only the number
 most of them, is off (bench/cycle_map.py).
 """
 
-import argparse
 import statistics
 
 import dynstiction as ds
 import numpy as np
+from common import parser_of
 
 FIG3 = {
     "mass": 0.25,
@@ -31,13 +31,8 @@ DECADES = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--cycles", type=float, default=2000.0)
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
     options = parser.parse_args()
     if options.short:
         options.cycles = 50.0

@@ -24,7 +24,7 @@ page() {
     claims) tools/replicate.sh --page ;;
     creep_validation) python -m dynstiction.creep_validation docs/creep_validation.png ;;
     cycle_map) python docs/cycle_map.py ;;
-    cycles) python bench/sensitivity.py runs ;;
+    cycles) python bench/sensitivity.py ;;
     figures) (cd "$work" && dynstiction paper) ;;
     fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
     fit_creep) python bench/creep_fit.py ;;
