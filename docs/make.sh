@@ -23,7 +23,7 @@ page() {
     file) python docs/make_file_page.py "$venv/bin/dynstiction" ;;
     claims) tools/replicate.sh --page ;;
     creep_validation) python -m dynstiction.creep_validation docs/creep_validation.png ;;
-    cycle_map) python docs/cycle_map.py ;;
+    cycle_map) dynstiction run inputs/fig3.nml -o "$work/fig3.h5" && draw fig3 cycle_map --kind cycle_map && python bench/cycle_map.py --scenes 0 ;;
     cycles) python bench/sensitivity.py ;;
     figures) (cd "$work" && dynstiction paper) ;;
     fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
@@ -42,7 +42,10 @@ page() {
       for map in map_regularity map_regularity_angle; do sweep "$map" "$map" && draw "$map" "$map" --quantity lyapunov_exponent; done
       ;;
     sweeps) python bench/sweep.py ;;
-    tutorial) docs/make_tutorial_figures.sh ;;
+    tutorial)
+      awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' docs/tutorial.md > "$work/commands.sh"
+      (cd "$work" && bash -euo pipefail commands.sh && cp ten.png "$figures/tutorial_ten.png" && cp map.png "$figures/tutorial_map.png")
+      ;;
     validation) python bench/fig3.py ;;
     *) die "no page '$1' has anything to be made: ${pages[*]}" ;;
   esac
