@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import dynstiction as ds
 import numpy as np
-from common import FIG3, parser_of, random_values
+from common import FIG3, parser_of, progress, random_values
 from dynstiction.result import Result
 from fig3 import final_reference
 
@@ -48,7 +48,7 @@ def main() -> None:
         # Without the map 1000 s take half a minute.
         print_lengths(1000.0, (1e-6, 1e-10), 1)
     if scenes:
-        print_scenes([compare(number) for number in range(scenes)])
+        print_scenes([compare(number) for number in progress(range(scenes), "random scenes")])
 
 
 @dataclass

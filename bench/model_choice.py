@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "python"))
 import dynstiction as ds
-from common import parser_of
+from common import parser_of, progress
 from test_model_choice import (
     COLUMNS,
     chosen_for,
@@ -53,22 +53,22 @@ def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
             return scene, quantities, lengths
 
 
-def judged_scenes() -> list[tuple[dict[str, float], str, float]]:
-    """The 300 scenes."""
-    random = np.random.default_rng(JUDGED_SEED)
-    return [drawn(random) for _ in range(JUDGED_SCENES)]
-
-
 Drawn = tuple[dict[str, float], str, float]
 
 
-def asked(drawn_scene: Drawn, accuracy: float) -> str:
-    scene, quantities, lengths = drawn_scene
-    return deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
-
-
-def newton(result: ds.Result) -> float:
-    return float(result.statistics["newton"])
+def exceeds(
+    result: ds.Result, full: ds.Result, asked: Drawn, accuracy: float, column: str = "default"
+) -> bool:
+    """Whether the error is larger than requested; then the scene is printed."""
+    scene, quantities, lengths = asked
+    if column == "default":
+        error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
+    else:
+        error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
+    if error > accuracy:
+        choice = result.attributes["model_choice"]
+        print(f"{quantities} {column} {lengths} {accuracy}: {error:.3g}", scene, choice)
+    return error > accuracy
 
 
 def judge() -> None:
@@ -76,33 +76,25 @@ def judge() -> None:
     exceeded = 0
     costs: dict[str, list[float]] = {"always full": [], "auto": []}
     chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
-    for drawn_scene in judged_scenes():
-        scene, quantities, lengths = drawn_scene
+    random = np.random.default_rng(JUDGED_SEED)
+    for _ in progress(range(JUDGED_SCENES), "scenes"):
+        scene, quantities, lengths = asked = drawn(random)
         full = ds.run(deck(scene, "full", lengths))
-        costs["always full"].append(newton(full))
+        costs["always full"].append(full.statistics["newton"])
         for accuracy in ACCURACIES:
-            result = ds.run(asked(drawn_scene, accuracy))
+            result = ds.run(deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"))
             model = str(result.attributes["model"])
             chosen[accuracy][model] += 1
             if accuracy == COMMON:
                 spent = re.search(r"the choice took (\d+) Newton", str(result.attributes["model_choice"]))
-                costs["auto"].append(newton(result) + (float(spent[1]) if spent else 0.0))
-            if model == "full":
-                continue
-            error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
-            if error > accuracy:
-                exceeded += 1
-                print(
-                    f"{quantities} {lengths} {accuracy}: {error:.3g}",
-                    scene,
-                    result.attributes["model_choice"],
-                )
+                costs["auto"].append(result.statistics["newton"] + (float(spent[1]) if spent else 0.0))
+            if model != "full":
+                exceeded += exceeds(result, full, asked, accuracy)
     for accuracy, models in chosen.items():
         print(f"accuracy {accuracy:g}: {dict(models)}")
     for name, values in costs.items():
-        print(
-            f"Newton iterations, {name}: median {statistics.median(values):.0f}, mean {statistics.mean(values):.0f}"
-        )
+        median, mean = statistics.median(values), statistics.mean(values)
+        print(f"Newton iterations, {name}: median {median:.0f}, mean {mean:.0f}")
     print(f"{JUDGED_SCENES} scenes, {exceeded} errors above the accuracy asked for")
     sys.exit(exceeded > 0)
 
@@ -134,17 +126,7 @@ def main() -> None:
             if result is None:
                 break
             full = full or ds.run(deck(scene, "full", lengths))
-            if column == "default":
-                error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
-            else:
-                error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
-            if error > accuracy:
-                exceeded += 1
-                print(
-                    f"{quantities} {column} {lengths} {accuracy}: {error:.3g}",
-                    scene,
-                    result.attributes["model_choice"],
-                )
+            exceeded += exceeds(result, full, (scene, quantities, lengths), accuracy, column)
     print(f"{scenes} scenes, {exceeded} errors above the accuracy asked for; chosen: {dict(chosen)}")
     sys.exit(exceeded > 0)
 

@@ -19,14 +19,13 @@ import math
 import shutil
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
-from common import FIG3, instructions, parser_of, random_values
+from common import FIG3, instructions, parser_of, progress, random_values
 from dynstiction.result import Result
 
 STAGES = {"radau5": 3, "radau9": 5, "radau13": 7}
@@ -97,16 +96,6 @@ def main() -> None:
     prices = {method: price(method, priced) for method in methods}
     print_errors(runs, prices)
     print_work(runs, prices, [method for method in methods if method in STAGES])
-
-
-def progress(items: Sequence, what: str):
-    """The items, with a line of progress from time to time."""
-    due = time.monotonic() + 10.0
-    for i, item in enumerate(items):
-        if time.monotonic() > due:
-            due = time.monotonic() + 10.0
-            print(f"{i} of {len(items)} {what}", file=sys.stderr, flush=True)
-        yield item
 
 
 # Scenes

@@ -6,14 +6,17 @@ import re
 import resource
 import shutil
 import subprocess
+import sys
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import dynstiction as ds
 import numpy as np
+
+T = TypeVar("T")
 
 ROOT = Path(__file__).resolve().parents[2]
 INPUTS = ROOT / "inputs"
@@ -75,3 +78,13 @@ def random_values(
     """Log-uniform within ranges."""
     random = np.random.default_rng([seed, number])
     return {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in ranges.items()}
+
+
+def progress(items: Sequence[T], what: str) -> Iterator[T]:
+    """The items, with a line of progress from time to time."""
+    due = time.monotonic() + 10.0
+    for i, item in enumerate(items):
+        if time.monotonic() > due:
+            due = time.monotonic() + 10.0
+            print(f"{i} of {len(items)} {what}", file=sys.stderr, flush=True)
+        yield item
