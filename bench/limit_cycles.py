@@ -12,10 +12,9 @@ import time
 from statistics import median
 
 import dynstiction as ds
-from common import FIG3 as DECK
-from common import parser_of
+from common import INPUTS, parser_of
 
-FIG3 = ds.Scene(DECK)
+FIG3 = ds.Scene(INPUTS / "fig3.nml")
 VELOCITIES = (0.03e-3, 0.1e-3, 0.3e-3, 1e-3, 10e-3, 30e-3, 50e-3, 75e-3, 100e-3)
 LIMIT, STIFFNESS = 2.0, 1e3
 LEAST = 0.05 * LIMIT

@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Benchmark against other solvers: installs what is missing, builds, measures, and writes bench/peers/peers.csv and bench/peers/peers.png.
+# Benchmark against other solvers: installs what is missing (Debian packages), builds, measures, and writes bench/peers/peers.csv and bench/peers/peers.png.
 #     bench/peers/run.sh [--rounds N] [--only PEER...] [--draw] [--short]
 # --only: installs and builds these alone.
 # --short: in half a minute whether it still runs, with the peers that are quick to install, odeint and SciPy.
-# In addition to what tools/test.sh installs: the Debian packages below.
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 source "$here/../../tools/setup.sh"
