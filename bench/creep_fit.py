@@ -6,15 +6,13 @@ For each noise of the sensor and each form of the creep: what the fit finds, wit
 of the misalignment for N random rigs (100), with a noise of 1e-5 l_x, where the misfit is below 1.1, and where it is not.
 """
 
-import argparse
 import warnings
-from pathlib import Path
 from typing import Any
 
 import dynstiction as ds
 import numpy as np
+from common import FIG3, parser_of
 
-DECK = Path(__file__).resolve().parent.parent / "inputs" / "fig3.nml"
 NOISES = {"10 nm": 1e-8, "100 nm": 1e-7, "1 µm": 1e-6}
 
 
@@ -32,17 +30,12 @@ FORMS: dict[str, dict[str, Any]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--rigs", type=int, default=100)
-    parser.add_argument(
-        "--short", action="store_true", help="one noise and three rigs, to check that it runs"
-    )
     options = parser.parse_args()
     short = options.short
     warnings.simplefilter("ignore", ds.FitWarning)
-    run = ds.run(DECK, times=np.arange(0.0, 1.85, 1e-3), output={"fields": ["X"]})
+    run = ds.run(FIG3, times=np.arange(0.0, 1.85, 1e-3), output={"fields": ["X"]})
     for name, noise in list(NOISES.items())[: 1 if short else None]:
         noisy = run["X"] + noise * np.random.default_rng(1).standard_normal(run.time.size)
         for form, how in FORMS.items():
@@ -68,7 +61,7 @@ def random_rigs(count: int) -> None:
                "v_f": v_f, "velocity": speed, "misalignment_deg": phi, "velocity_ratio": 0.0}  # fmt: skip
         end = 0.93 * length / speed
         times = np.linspace(0.0, end, 600)
-        x = ds.run(DECK, t_end=end, times=times, output={"fields": ["X"]}, **rig)["X"]
+        x = ds.run(FIG3, t_end=end, times=times, output={"fields": ["X"]}, **rig)["X"]
         # Up to the first slip, if friction weakens so much that it begins earlier.
         slips = np.flatnonzero(np.diff(x) > 0.5 * speed * times[1])
         stick = slice(int(0.97 * (slips[slips >= 5][0] + 1 if np.any(slips >= 5) else times.size)))

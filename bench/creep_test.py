@@ -8,13 +8,13 @@ makes so many of each; the deck with which a test begins is wrong by up to 20 %.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import warnings
 
 import dynstiction as ds
 import numpy as np
+from common import parser_of
 from fit import RIG, with_values
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -39,7 +39,9 @@ def draw_rig(draw: np.random.Generator) -> dict[str, float]:
     }
 
 
-def line(rig: dict[str, float], velocity: float, static: float, ageing: float, age: float, cycles: float) -> NDArray[np.float64]:
+def line(
+    rig: dict[str, float], velocity: float, static: float, ageing: float, age: float, cycles: float
+) -> NDArray[np.float64]:
     """Load of a rig without misalignment [N] at 1 kHz, after its first two cycles, for so many cycles."""
     k, m, weight = rig["system.stiffness_x"], rig["system.mass"], LOAD
     mu_0, mu_inf, v_f = (rig[f"friction.{name}"] for name in ("mu_0", "mu_inf", "v_f"))
@@ -71,7 +73,13 @@ def line(rig: dict[str, float], velocity: float, static: float, ageing: float, a
         first = 1e-6
         slip = [u + velocity * first, start * first + 0.5 * k * velocity / m * first**2]
         found = solve_ivp(
-            rates, (first, 10.0 * np.sqrt(m / k) * np.pi), slip, events=stops, rtol=1e-9, atol=1e-13, max_step=0.02 * np.sqrt(m / k)
+            rates,
+            (first, 10.0 * np.sqrt(m / k) * np.pi),
+            slip,
+            events=stops,
+            rtol=1e-9,
+            atol=1e-13,
+            max_step=0.02 * np.sqrt(m / k),
         )
         time_.append(now + found.t)
         load.append(k * found.y[0])
@@ -80,7 +88,9 @@ def line(rig: dict[str, float], velocity: float, static: float, ageing: float, a
     return np.interp(grid, np.concatenate(time_), np.concatenate(load))
 
 
-def traces_of(kind: str, draw: np.random.Generator) -> tuple[ds.Scene, list[ds.Trace], dict[str, list[float]]]:
+def traces_of(
+    kind: str, draw: np.random.Generator
+) -> tuple[ds.Scene, list[ds.Trace], dict[str, list[float]]]:
     """The deck to begin with, the traces, and what differs from one to the other."""
     while True:
         rig = draw_rig(draw)
@@ -92,12 +102,22 @@ def traces_of(kind: str, draw: np.random.Generator) -> tuple[ds.Scene, list[ds.T
             static *= 1.1
         angle = float(np.exp(draw.uniform(np.log(0.5), np.log(3.0))))
         speeds = [velocity, SPEEDS * velocity] if kind in ("static", "ageing") else [velocity]
-        scene = with_values(ds.Scene(RIG), rig | {"system.misalignment_deg": angle if kind == "creep" else 0.0})
+        scene = with_values(
+            ds.Scene(RIG), rig | {"system.misalignment_deg": angle if kind == "creep" else 0.0}
+        )
         forces = []
         for v in speeds:
             if kind == "creep":
-                about = ds.run(scene, drive={"velocity": v}, scene={"settle": 1e-7, "t_end": 60.0}, output={"interval": 1.0})
-                if "settled_at" not in about.summary or not 20.0 / RATE < about.summary["slip_duration"] < 0.2 * about.summary["period"]:
+                about = ds.run(
+                    scene,
+                    drive={"velocity": v},
+                    scene={"settle": 1e-7, "t_end": 60.0},
+                    output={"interval": 1.0},
+                )
+                if (
+                    "settled_at" not in about.summary
+                    or not 20.0 / RATE < about.summary["slip_duration"] < 0.2 * about.summary["period"]
+                ):
                     break
                 begin = float(about.time[-1])
                 run = ds.run(
@@ -127,14 +147,15 @@ def traces_of(kind: str, draw: np.random.Generator) -> tuple[ds.Scene, list[ds.T
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--short", action="store_true", help="one of each")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     count = 1 if options.short else options.count
-    print("| made with | named right | not named | named wrong | median time | longest |\n| --- | --- | --- | --- | --- | --- |")
+    print(
+        "| made with | named right | not named | named wrong | median time | longest |\n| --- | --- | --- | --- | --- | --- |"
+    )
     for number, kind in enumerate(KINDS):
         right, wrong, times = 0, [], []
         for seed in range(options.first, options.first + count):
@@ -148,7 +169,10 @@ def main() -> int:
                 print(f"{kind} {seed}: {found}", file=sys.stderr)
             elif found.named is None:
                 print(f"{kind} {seed}: {found}", file=sys.stderr)
-        print(f"| {kind} | {right} | {count - right - len(wrong)} | {len(wrong)} | {np.median(times):.1f} s | {max(times):.1f} s |", flush=True)
+        print(
+            f"| {kind} | {right} | {count - right - len(wrong)} | {len(wrong)} | {np.median(times):.1f} s | {max(times):.1f} s |",
+            flush=True,
+        )
     return 0
 
 

@@ -4,21 +4,20 @@ Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. `python bench/fit.py` fits 200 traces (`--count`); other
-options are `--first N` (number of the first rig), `--noise`, `--csv FILE`, `--ratio LOW HIGH`: a random k_y/k_x in place of k_y = 1e7 N/m, and
+options are `--first N` (number of the first rig), `--noise`, `--ratio LOW HIGH`: a random k_y/k_x in place of k_y = 1e7 N/m, and
 `--irregular`: rigs whose cycles are not alike, 40 of them, at 2 kHz.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
+from common import parser_of
 
 FREE = (
     "system.misalignment_deg",
@@ -91,7 +90,9 @@ def rigs(
             yield values, scene, float(period), float(settled.time[-1])
 
 
-def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: int, irregular: bool = False) -> ds.Trace:
+def trace_of(
+    scene: ds.Scene, period: float, begin: float, noise: float, seed: int, irregular: bool = False
+) -> ds.Trace:
     """The rig's force for 20 cycles, of an irregular one for 40, with noise."""
     cycles, rate = (CYCLES_OF_IRREGULAR, RATE_OF_IRREGULAR) if irregular else (CYCLES, RATE)
     draw = np.random.default_rng(seed)
@@ -106,17 +107,14 @@ def trace_of(scene: ds.Scene, period: float, begin: float, noise: float, seed: i
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--short", action="store_true", help="four traces")
     parser.add_argument("--noise", type=float, default=0.01)
-    parser.add_argument("--csv", type=Path)
     parser.add_argument("--ratio", type=float, nargs=2, metavar=("LOW", "HIGH"))
     parser.add_argument("--irregular", action="store_true")
     options = parser.parse_args()
     count = 4 if options.short else options.count
-    rows: list[str] = []
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
     for seed in range(options.first, options.first + count):
@@ -150,9 +148,6 @@ def main() -> int:
             f"{'' if found.explains else ' NOT EXPLAINED'}",
             flush=True,
         )
-        rows.append(",".join([str(seed), *(f"{values[n]:.9g},{found[n]:.9g}" for n in FREE)]))
-    if options.csv:
-        options.csv.write_text("\n".join(rows) + "\n", encoding="utf-8")
     told = [h for row in inside for h in row if h is not None]
     print(f"{len(inside)} fits that explain their trace, {warned} that warn, {refused} refused")
     if told:

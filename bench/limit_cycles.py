@@ -8,14 +8,13 @@ agree, 1e-8 of the angle below and above it: below it the swing settles above 5 
 ``--folds`` (some minutes), stick-slip continues below the angle, and becomes steady sliding above it.
 """
 
-import argparse
 import time
-from pathlib import Path
 from statistics import median
 
 import dynstiction as ds
+from common import INPUTS, parser_of
 
-FIG3 = ds.Scene(Path(__file__).resolve().parent.parent / "inputs" / "fig3.nml")
+FIG3 = ds.Scene(INPUTS / "fig3.nml")
 VELOCITIES = (0.03e-3, 0.1e-3, 0.3e-3, 1e-3, 10e-3, 30e-3, 50e-3, 75e-3, 100e-3)
 LIMIT, STIFFNESS = 2.0, 1e3
 LEAST = 0.05 * LIMIT
@@ -23,13 +22,8 @@ BESIDE, MOST_CYCLES = 1e-8, 6000
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--folds", action="store_true", help="runs on either side of each fold")
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
     options = parser.parse_args()
     repetitions = 3 if options.short else 21
     for model in ("low_frequency", "full"):
@@ -103,9 +97,7 @@ def slow_scene(scene: ds.Scene, angle: float, valley: float, t_end: float) -> ds
 
 def swings(scene: ds.Scene, at: float, angle: float) -> bool:
     """Whether runs at an angle near the end `at`, which begin near the cycle at the end, settle to a swing that counts."""
-    cycle = ds.cycles(
-        scene.replace(system={"misalignment_deg": at}), model="low_frequency"
-    ).stable[-1]
+    cycle = ds.cycles(scene.replace(system={"misalignment_deg": at}), model="low_frequency").stable[-1]
     begun = slow_scene(scene, angle, cycle.valley_force - 0.01 * LEAST, MOST_CYCLES * cycle.period)
     return ds.run(begun, scene={"settle": 1e-10}).summary["swing"] > LEAST
 

@@ -1,23 +1,19 @@
 """Whether `model = 'auto'` is as accurate as requested on random scenes, and the cost of its choice; for readers to repeat.
 
     python bench/model_choice.py [--seconds S] [--seed N] [--short]
-    python bench/model_choice.py --judge [--before EXE]
+    python bench/model_choice.py --judge
 
 Draws scenes log-uniformly over several decades of every parameter, asks for several accuracies, and compares the chosen model
 with the full one, in the quantities or in one column. Prints the cases in which the error exceeds the requested accuracy,
 and the counts by model; it fails if there is such a case.
 
 With --judge it uses 300 scenes that were drawn before the rule was made, and their quantities. It then also prints the Newton
-iterations of the choice at accuracy 1e-2 and of the run of the chosen model together, those of the full model alone and, with
---before, those of the executable of another version. A low-frequency run for the choice counts; closed forms need no iterations.
+iterations of the choice at accuracy 1e-2 and of the run of the chosen model together, and those of the full model alone. A low-frequency run for the choice counts; closed forms need no iterations.
 """
 
-import argparse
 import re
 import statistics
-import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from pathlib import Path
@@ -26,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "python"))
 import dynstiction as ds
+from common import parser_of, progress
 from test_model_choice import (
     COLUMNS,
     chosen_for,
@@ -56,106 +53,62 @@ def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
             return scene, quantities, lengths
 
 
-def judged_scenes() -> list[tuple[dict[str, float], str, float]]:
-    """The 300 scenes."""
-    random = np.random.default_rng(JUDGED_SEED)
-    return [drawn(random) for _ in range(JUDGED_SCENES)]
-
-
 Drawn = tuple[dict[str, float], str, float]
 
 
-def asked(drawn_scene: Drawn, accuracy: float) -> str:
-    scene, quantities, lengths = drawn_scene
-    return deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}")
+def exceeds(
+    result: ds.Result, full: ds.Result, asked: Drawn, accuracy: float, column: str = "default"
+) -> bool:
+    """Whether the error is larger than requested; then the scene is printed."""
+    scene, quantities, lengths = asked
+    if column == "default":
+        error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
+    else:
+        error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
+    if error > accuracy:
+        choice = result.attributes["model_choice"]
+        print(f"{quantities} {column} {lengths} {accuracy}: {error:.3g}", scene, choice)
+    return error > accuracy
 
 
-def newton(result: ds.Result) -> float:
-    return float(result.statistics["newton"])
-
-
-def cost_before(exe: str, drawn_scene: Drawn, full: float) -> tuple[str, float]:
-    """The model that another version chooses, and its Newton iterations. Its choice follows the low-frequency motion
-    unless the deck alone rules it out.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "auto.nml"
-        file.write_text(asked(drawn_scene, COMMON))
-        subprocess.run([exe, "run", str(file), "--quiet"], check=True, cwd=folder)
-        result = ds.open(file.with_suffix(".h5"))
-        model, choice = (str(result.attributes[name]) for name in ("model", "model_choice"))
-        run = full if model == "full" else newton(result)
-    if re.match("full: (the |stiffness_y is|weakening feeds|without friction)", choice):
-        return model, run
-    scene, _, lengths = drawn_scene
-    followed = ds.run(
-        deck(scene, "low_frequency", lengths),
-        system={"stiffness_y": None},
-        integrator={"method": "radau9", "rtol": 1e-8},
-    )
-    return model, run + newton(followed)
-
-
-def judge(before: str | None) -> None:
+def judge() -> None:
     """Errors and costs on the 300 scenes."""
     exceeded = 0
-    costs: dict[str, list[float]] = {"always full": [], "auto": [], "auto before": []}
+    costs: dict[str, list[float]] = {"always full": [], "auto": []}
     chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
-    chosen_before: Counter[str] = Counter()
-    for drawn_scene in judged_scenes():
-        scene, quantities, lengths = drawn_scene
+    random = np.random.default_rng(JUDGED_SEED)
+    for _ in progress(range(JUDGED_SCENES), "scenes"):
+        scene, quantities, lengths = asked = drawn(random)
         full = ds.run(deck(scene, "full", lengths))
-        costs["always full"].append(newton(full))
+        costs["always full"].append(full.statistics["newton"])
         for accuracy in ACCURACIES:
-            result = ds.run(asked(drawn_scene, accuracy))
+            result = ds.run(deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"))
             model = str(result.attributes["model"])
             chosen[accuracy][model] += 1
             if accuracy == COMMON:
                 spent = re.search(r"the choice took (\d+) Newton", str(result.attributes["model_choice"]))
-                costs["auto"].append(newton(result) + (float(spent[1]) if spent else 0.0))
-            if model == "full":
-                continue
-            error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
-            if error > accuracy:
-                exceeded += 1
-                print(
-                    f"{quantities} {lengths} {accuracy}: {error:.3g}",
-                    scene,
-                    result.attributes["model_choice"],
-                )
-        if before:
-            model, cost = cost_before(before, drawn_scene, newton(full))
-            chosen_before[model] += 1
-            costs["auto before"].append(cost)
+                costs["auto"].append(result.statistics["newton"] + (float(spent[1]) if spent else 0.0))
+            if model != "full":
+                exceeded += exceeds(result, full, asked, accuracy)
     for accuracy, models in chosen.items():
         print(f"accuracy {accuracy:g}: {dict(models)}")
-    if before:
-        print(f"accuracy {COMMON:g}, before: {dict(chosen_before)}")
     for name, values in costs.items():
-        if values:
-            print(
-                f"Newton iterations, {name}: median {statistics.median(values):.0f}, mean {statistics.mean(values):.0f}"
-            )
+        median, mean = statistics.median(values), statistics.mean(values)
+        print(f"Newton iterations, {name}: median {median:.0f}, mean {mean:.0f}")
     print(f"{JUDGED_SCENES} scenes, {exceeded} errors above the accuracy asked for")
     sys.exit(exceeded > 0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
-    parser.add_argument(
         "--judge", action="store_true", help="the 300 scenes drawn before the rule, and what it costs"
     )
-    parser.add_argument("--before", metavar="EXE", help="the executable of another version, to compare costs")
     options = parser.parse_args()
     if options.judge:
-        judge(options.before)
+        judge()
     if options.short:
         options.seconds = 5.0
     random = np.random.default_rng(options.seed)
@@ -173,17 +126,7 @@ def main() -> None:
             if result is None:
                 break
             full = full or ds.run(deck(scene, "full", lengths))
-            if column == "default":
-                error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
-            else:
-                error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
-            if error > accuracy:
-                exceeded += 1
-                print(
-                    f"{quantities} {column} {lengths} {accuracy}: {error:.3g}",
-                    scene,
-                    result.attributes["model_choice"],
-                )
+            exceeded += exceeds(result, full, (scene, quantities, lengths), accuracy, column)
     print(f"{scenes} scenes, {exceeded} errors above the accuracy asked for; chosen: {dict(chosen)}")
     sys.exit(exceeded > 0)
 

@@ -22,14 +22,12 @@ What is allowed in the last two, and when a value is not judged: tests/invarianc
 
 from __future__ import annotations
 
-import argparse
 import collections
 import functools
 import math
 import random
 import sys
 import time
-import warnings
 from pathlib import Path
 
 # Before the programs of this folder, one of which is called fig3, too.
@@ -43,6 +41,7 @@ import invariance as iv
 import motions as mo
 import numpy as np
 import truth as tr
+from common import parser_of
 from fig3 import Groups, changed
 from scenes import log_uniform
 
@@ -218,17 +217,13 @@ COMMANDS = {"turns": (turns, 1000), "summaries": (summaries, 1500), "near_fig3":
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("what", choices=COMMANDS, nargs="?", help="all if none is named")
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=31)
     parser.add_argument("--report", type=Path, help="file for the decks of what is wrong")
-    parser.add_argument("--short", action="store_true", help="two scenes")
     arguments = parser.parse_args()
-    warnings.simplefilter("ignore", ds.SamplingWarning)
     tally = Tally()
     for what in [arguments.what] if arguments.what else COMMANDS:
         judge, usual = COMMANDS[what]

@@ -1,24 +1,17 @@
 """Whether stick-slip is regular: the Lyapunov exponent of long orbits, and its confirmation.
 
-    python bench/regularity.py [--quad PROGRAM] [--short]
+    python bench/regularity.py [--short]
 
 Prints for five scenes the Lyapunov exponent for a slow cycle, pooled over runs with different initial elongations, at several
 rtol. For V = 0.2 mm/s it prints after how many slow cycles the motion repeats, how long the transient takes, and its rate, with
-and without the cycle map. With ``--quad`` PROGRAM, the program in quadruple precision (-Dprecision=quad), it also prints how two
-motions with a small difference separate or approach, without the cycle map, and the exponent of the same orbit (three minutes).
+and without the cycle map.
 """
 
-import argparse
-import subprocess
-import tempfile
-from pathlib import Path
-
 import dynstiction as ds
-import h5py
 import numpy as np
+from common import FIG3, parser_of
 
-DECK = Path(__file__).resolve().parent.parent / "inputs" / "fig3.nml"
-LENGTH, RELEASE, FAST = 2e-3, 2, 20
+LENGTH, RELEASE = 2e-3, 2
 SCENES = {
     "Fig. 3": {},
     "k_y = 5e5": {"system.stiffness_y": 5e5},
@@ -33,22 +26,9 @@ SEEDS = tuple(float(seed) for seed in np.linspace(0.0, 0.92, 24))
 # the difference below which its transient has ended, and the differences between which its rate is taken.
 SAME, MOST, SETTLED, BETWEEN = 1e-7, 12, 1e-4, (1e-8, 1e-5)
 
-# In quadruple precision: push over the elongation, rtol, and time [s].
-PARTING = {
-    "k_y = 1e6": (1e-14, "1e-18", 10.0),
-    "Fig. 3": (1e-3, "1e-18", 4.8),
-}
-
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quad", metavar="PROGRAM", type=Path, help="the program in quadruple precision")
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
-    options = parser.parse_args()
+    options = parser_of(__doc__).parse_args()
     seeds = SEEDS[1:5] if options.short else SEEDS
     tolerances = (1e-8,) if options.short else (1e-8, 1e-9, 1e-11)
     print(
@@ -58,9 +38,6 @@ def main() -> None:
         for rtol in tolerances:
             print_exponent(name, changes, rtol, seeds if rtol == 1e-9 else seeds[::3])
     print_repeating(seeds)
-    if options.quad is not None:
-        for name, given in PARTING.items():
-            print_parting(options.quad, name, *given)
 
 
 def run(changes: dict, t_end: float, seed: float, rtol: float, cycle_map: str = "auto") -> ds.Result:
@@ -73,7 +50,7 @@ def run(changes: dict, t_end: float, seed: float, rtol: float, cycle_map: str = 
     for key, value in changes.items():
         group, name = key.split(".")
         groups.setdefault(group, {})[name] = value
-    return ds.run(ds.Scene(DECK), **groups)
+    return ds.run(ds.Scene(FIG3), **groups)
 
 
 def print_exponent(name: str, changes: dict, rtol: float, seeds: tuple[float, ...]) -> None:
@@ -134,77 +111,6 @@ def print_repeating(seeds: tuple[float, ...]) -> None:
             )
             break
         print(f"{seed:5.2f} {rtol:6.0e} {cycle_map:>5s} {told}", flush=True)
-
-
-def print_parting(program: Path, name: str, push: float, rtol: str, t_end: float) -> None:
-    """Two motions in quadruple precision: ln of the growth of the difference of their periods, slow cycle by slow cycle."""
-    with tempfile.TemporaryDirectory() as folder:
-        files = [
-            quad_run(program, Path(folder) / f"{push:g}.h5", SCENES[name], push, rtol, t_end)
-            for push in (0.0, push)
-        ]
-        (time, kind, slip), (other, other_kind, other_slip) = (release_times(file) for file in files)
-    count = min(slip.size, other_slip.size)
-    differences = []
-    for one, two in zip(slip[:count], other_slip[:count], strict=True):
-        # The duration of some fast cycles after the end of a slow cycle shows by how much their first angles differ. Differences of
-        # times, each as double and remainder, lose no digits.
-        i, j = (
-            releases[releases > at]
-            for releases, at in ((releases_of(kind), one), (releases_of(other_kind), two))
-        )
-        if min(i.size, j.size) <= FAST:
-            break
-        first, last = (sum(time[part][i[k]] - other[part][j[k]] for part in (0, 1)) for k in (0, FAST))
-        if last == first:
-            break
-        differences.append(abs(last - first))
-    logarithm = np.log(differences)
-    growth = np.diff(logarithm)
-    print(f"\n{name}, quadruple precision, rtol {rtol}, push {push:g}: ln of the growth in each slow cycle")
-    print(" ".join(f"{value:.3f}" for value in growth) + f"; mean {growth.mean():.4f}")
-    print(f"difference of {FAST} fast cycles [s]: {differences[0]:.1e} to {differences[-1]:.1e}", flush=True)
-    # In double precision the orbit is the same for some slow cycles. Its exponent is from the later half of the complete ones.
-    for k in range(4, len(differences) + 1):
-        until = time[0][slip[k]] if k < slip.size else t_end
-        summary = run(SCENES[name] | {"initial.velocity_ratio": 0.0}, until - 0.01, 0.5, 1e-12).summary
-        if "lyapunov_exponent" in summary:
-            here = growth[k // 2 - 1 : k - 1].mean()
-            print(
-                f"slow cycles {k // 2 + 1} to {k}: parting {here:.4f}, by the map {summary['lyapunov_exponent']:.4f}",
-                flush=True,
-            )
-
-
-def quad_run(program: Path, file: Path, changes: dict, push: float, rtol: str, t_end: float) -> Path:
-    # All digits of the elongation, as text: half of F_0/k_x, pushed.
-    digits = f"{1.0:.0f}.{round(push * 1e24):024d}e-3"
-    settings = {
-        "scene.t_end": t_end,
-        "initial.velocity_ratio": 0,
-        "initial.elongation_x": digits,
-        "integrator.method": "radau13",
-        "integrator.rtol": rtol,
-        "integrator.cycle_map": "off",
-        "output.interval": t_end,
-        **changes,
-    }
-    given = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
-    subprocess.run([program, "run", DECK, "-o", file, "--quiet", *given], check=True)
-    return file
-
-
-def releases_of(kind: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(kind == RELEASE)
-
-
-def release_times(file: Path) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, np.ndarray]:
-    """Times of all events, as double and remainder, their kinds, and which begin a long slip."""
-    with h5py.File(file) as content:
-        time, rest, kind = (
-            content[key][:] for key in ("events/time", "remainder/events/time", "events/kind")
-        )
-    return (time, rest), kind, slips(time, kind)
 
 
 if __name__ == "__main__":

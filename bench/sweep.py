@@ -10,14 +10,13 @@ with methods and tolerances in turn.
 processor time of N runs, with one thread.
 """
 
-import argparse
 import time
-from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
+from common import FIG3, INPUTS, parser_of
 
-DECK = Path(__file__).resolve().parent.parent / "inputs" / "low_frequency.nml"
+DECK = INPUTS / "low_frequency.nml"
 ANGLES = np.linspace(1.0, 8.0, 64)
 FULL = {
     "system.misalignment_deg": [0.3, 1.0, 3.0, 8.0],
@@ -32,14 +31,9 @@ SETTINGS = [
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--runs", type=int, default=5, help="number of runs, of which the best counts")
     parser.add_argument("--cases", type=int, default=3200, help="number of cases in a run")
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
     options = parser.parse_args()
     if options.short:
         options.runs, options.cases = 1, 64
@@ -61,9 +55,7 @@ def main() -> None:
         times = []
         for _ in range(options.runs):
             begun = time.process_time()
-            cases = ds.sweep(
-                DECK.with_name("fig3.nml"), FULL, t_end=10.0, threads=1, integrator={"rtol": rtol}
-            )
+            cases = ds.sweep(FIG3, FULL, t_end=10.0, threads=1, integrator={"rtol": rtol})
             times.append(time.process_time() - begun)
         print(f"full, radau13, {rtol:.0e}: {cases['period'].size / min(times):.0f} cases/s and core")
 

@@ -1,109 +1,75 @@
 """How well sweeps use the cores, and the needs of a large one, for readers to repeat.
 
-    python bench/sweep_scaling.py [efficiency] [full] [million] [--repeat N] [--exe EXE] [--short]
+    python bench/sweep_scaling.py [efficiency] [full] [million] [shares] [--file FILE.h5] [--repeat N] [--short]
 
 efficiency: two threads compared with one; cases with equal costs, and with costs that differ by a factor of 1000, the expensive
 ones in a row. full: a map of model `full` compared with single runs. million: a summary sweep of a million cases, in two shares,
-and its merge.
+and its merge. shares: by how much the last share ends later than with ideal dealing, which keeps all processes busy until the end or
+until the longest case ends; beside it that of contiguous blocks of cases; from /sweep/wall_time of FILE, by default of 1000 cases of
+model `full` with other misalignments and velocities.
 
 The efficiency consists of two numbers that do not depend on other work of the machine: `busy`, the share of the wall time of all
 cores that was spent in cases, from the start of the program to its end, and `cpu`, the processor time of one thread over that of
 all. `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
 """
 
-import argparse
-import os
-import resource
 import statistics
-import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import h5py
+import numpy as np
+from common import FIG3, INPUTS, largest_memory, parser_of, program
 
-INPUTS = Path(__file__).parents[1] / "inputs"
 SCENE = (INPUTS / "low_frequency.nml").read_text()
 CORES = 2
+PARTS = ("efficiency", "full", "million", "shares")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("parts", nargs="*", default=["efficiency", "full", "million"])
+    parser = parser_of(__doc__)
+    parser.add_argument("parts", nargs="*", default=PARTS)
+    parser.add_argument("--file", type=Path)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--exe", default="dynstiction")
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
     options = parser.parse_args()
-    share = 1
-    if options.short:
-        options.repeat, share = 1, 20
+    share = 20 if options.short else 1
+    repeat = 1 if options.short else options.repeat
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if "efficiency" in options.parts:
-            for costs in ("equal", "1000 times"):
-                deck = costs_deck(folder, costs, share)
-                print_efficiency(f"low_frequency, costs {costs}", deck, options.exe, options.repeat)
+            # 600 cases of some milliseconds; or 60 that cost 1000 times as much as the other 540.
+            for title, ends in (
+                ("equal", [300.0] * 600),
+                ("1000 times", [3000.0] * 60 + [3.0] * 540),
+            ):
+                (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends[::share])]))
+                deck = folder / "costs.nml"
+                deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
+                print_efficiency(f"low_frequency, costs {title}", deck, repeat)
         if "full" in options.parts:
-            angles = ANGLES[::share]
-            print_efficiency("full", full_deck(folder, angles), options.exe, options.repeat)
-            print_singles(folder, options.exe, options.repeat, angles)
+            print_full(folder, repeat, 40 // share)
         if "million" in options.parts:
-            print_million(folder, options.exe, 1000 // share)
+            print_million(folder, 1000 // share)
+        if "shares" in options.parts:
+            print_shares(options.file or costs(folder, 0.05 if options.short else 2.0))
 
 
-def costs_deck(folder: Path, costs: str, share: int) -> Path:
-    """600 cases of some milliseconds; or 60 that cost 1000 times as much as the other 540; every `share`-th of them."""
-    ends = [300.0] * 600 if costs == "equal" else [3000.0] * 60 + [3.0] * 540
-    ends = ends[::share]
-    (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends)]))
-    deck = folder / "costs.nml"
-    deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
-    return deck
-
-
-ANGLES = [0.5 + 0.25 * i for i in range(40)]
-
-
-def full_deck(folder: Path, angles: list[float]) -> Path:
-    deck = folder / "full.nml"
-    deck.write_text(
-        (INPUTS / "fig3.nml").read_text()
-        + f"&sweep parameter = 'system.misalignment_deg', first = {angles[0]}, last = {angles[-1]}, count = {len(angles)} /\n"
-    )
-    return deck
-
-
-def measure(command: list[str], threads: int) -> tuple[float, float]:
-    """Wall and processor time [s]."""
-    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    environment = os.environ | {"OMP_NUM_THREADS": str(threads)}
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
-    passed, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
-    return passed, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
-def print_efficiency(title: str, deck: Path, exe: str, repeat: int) -> None:
+def print_efficiency(title: str, deck: Path, repeat: int) -> None:
     output = deck.with_suffix(".h5")
-    command = [exe, "run", str(deck), "-o", str(output), "--quiet", "--overwrite"]
     measured: dict[int, list[tuple[float, float, float]]] = {1: [], CORES: []}
     for _ in range(repeat):
         for threads, found in measured.items():
-            wall, cpu = measure(command, threads)
+            wall, cpu = program("run", deck, output, threads=threads)
             with h5py.File(output) as file:
                 in_cases = float(file["sweep/wall_time"][:].sum())
             found.append((wall, cpu, in_cases / wall / threads))
     print(f"{title}: {repeat} runs of each, alternating")
     for threads, found in measured.items():
         pairs = list(zip(measured[1], found, strict=True))
-        cpu_ratio = [one[1] / many[1] for one, many in pairs]
-        wall_ratio = [one[0] / (threads * many[0]) for one, many in pairs]
         print(
             f"{threads} threads: {statistics.median(many[0] for many in found):7.2f} s, busy {spread([many[2] for many in found])}, "
-            f"cpu {spread(cpu_ratio)}, wall {spread(wall_ratio)}",
+            f"cpu {spread([one[1] / many[1] for one, many in pairs])}, "
+            f"wall {spread([one[0] / (threads * many[0]) for one, many in pairs])}",
             flush=True,
         )
 
@@ -112,39 +78,31 @@ def spread(values: list[float]) -> str:
     return f"{statistics.median(values):.3f} [{min(values):.3f}, {max(values):.3f}]"
 
 
-def print_singles(folder: Path, exe: str, repeat: int, angles: list[float]) -> None:
-    """The cases of the map as separate runs that write the same summary, compared with the map in one thread."""
+def print_full(folder: Path, repeat: int, count: int) -> None:
+    """A map of angles, and the same cases as separate runs that write the same summary."""
+    deck, last = folder / "full.nml", 0.25 + 0.25 * count
+    varied = f"&sweep parameter = 'system.misalignment_deg', first = 0.5, last = {last}, count = {count} /\n"
+    deck.write_text(FIG3.read_text() + varied)
+    print_efficiency("full", deck, repeat)
     totals = []
     for _ in range(repeat):
-        total = 0.0
-        for angle in angles:
-            command = [
-                exe,
+        singles = sum(
+            program(
                 "run",
-                str(INPUTS / "fig3.nml"),
-                "-o",
-                str(folder / "single.h5"),
-                "--quiet",
-                "--overwrite",
-            ]
-            settings = ["--set", f"system.misalignment_deg={angle!r}", "--set", "output.interval=10"]
-            total += measure([*command, *settings], 1)[1]
-        command = [
-            exe,
-            "run",
-            str(folder / "full.nml"),
-            "-o",
-            str(folder / "full.h5"),
-            "--quiet",
-            "--overwrite",
-        ]
-        totals.append(measure(command, CORES)[1] / total)
+                FIG3,
+                folder / "single.h5",
+                threads=1,
+                **{"system.misalignment_deg": angle, "output.interval": 10},
+            ).processor
+            for angle in np.linspace(0.5, last, count)
+        )
+        totals.append(program("run", deck, folder / "full.h5", threads=CORES).processor / singles)
     print(
-        f"full: processor time of the map in {CORES} threads over that of {len(angles)} single runs: {spread(totals)}"
+        f"full: processor time of the map in {CORES} threads over that of {count} single runs: {spread(totals)}"
     )
 
 
-def print_million(folder: Path, exe: str, side: int) -> None:
+def print_million(folder: Path, side: int) -> None:
     cases = side**2
     deck, output = folder / "million.nml", folder / "million.h5"
     deck.write_text(
@@ -152,31 +110,40 @@ def print_million(folder: Path, exe: str, side: int) -> None:
         + "&sweep parameter = 'system.misalignment_deg', 'drive.velocity', first = 1.0, 1e-3, last = 8.0, 4e-3, "
         f"count = {side}, {side} /\n"
     )
-    command = [exe, "run", str(deck), "-o", str(output), "--quiet", "--share"]
-    walls, cpus = zip(*(measure([*command, f"{i}/2"], CORES) for i in (1, 2)), strict=True)
-    print(
-        f"{cases} cases: {sum(walls):.1f} s, {1e6 * sum(cpus) / cases:.1f} us of processor time a case, {memory()} MB"
+    walls, cpus = zip(
+        *(program("run", deck, output, "--share", f"{i}/2", threads=CORES) for i in (1, 2)), strict=True
     )
-    wall, cpu = measure([exe, "merge", str(deck), "-o", str(output)], 1)
+    print(
+        f"{cases} cases: {sum(walls):.1f} s, {1e6 * sum(cpus) / cases:.1f} us of processor time a case, {largest_memory():.0f} MB"
+    )
+    wall, cpu = program("merge", deck, output, threads=1)
     with h5py.File(output) as file:
-        values = sum(item.size for name, item in datasets(file["sweep"]) if not name.startswith("failures"))
+        sizes: list[int] = []
+        file["sweep"].visititems(lambda _, item: sizes.append(getattr(item, "size", 0)))
     print(
-        f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {memory()} MB at most so far; "
-        f"{output.stat().st_size / values:.2f} bytes a value"
+        f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {largest_memory():.0f} MB at most so far; "
+        f"{output.stat().st_size / sum(sizes):.2f} bytes a value"
     )
 
 
-def memory() -> int:
-    """Largest memory of any process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
+def costs(folder: Path, t_end: float) -> Path:
+    """A grid of cases, run by one thread."""
+    grid = ("--vary", "system.misalignment_deg=0.5:20:40", "--vary", "drive.velocity=0.5e-3:5e-3:25")
+    program("sweep", FIG3, folder / "costs.h5", *grid, threads=1, **{"scene.t_end": t_end})
+    return folder / "costs.h5"
 
 
-def datasets(group: h5py.Group) -> list[tuple[str, h5py.Dataset]]:
-    found: list[tuple[str, h5py.Dataset]] = []
-    group.visititems(
-        lambda name, item: found.append((name, item)) if isinstance(item, h5py.Dataset) else None
-    )
-    return found
+def print_shares(file: Path) -> None:
+    with h5py.File(file) as opened:
+        seconds = opened["sweep/wall_time"][:][opened["sweep/result_code"][:] >= 0]
+    longest = seconds.max() / seconds.mean()
+    print(f"{seconds.size} cases, {seconds.mean():.1e} s on average, the longest {longest:.1f} times that")
+    print("processes   shares   blocks   more time than ideal dealing [%]")
+    for processes in (4, 8, 16, 32, 64):
+        ideal = max(seconds.sum() / processes, seconds.max())
+        interleaved = max(seconds[i::processes].sum() for i in range(processes))
+        blocks = max(block.sum() for block in np.array_split(seconds, processes))
+        print(f"{processes:9} {100 * (interleaved / ideal - 1):8.1f} {100 * (blocks / ideal - 1):8.1f}")
 
 
 if __name__ == "__main__":

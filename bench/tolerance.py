@@ -1,6 +1,6 @@
 """True error and cost by rtol and method, on random scenes, without leaps over cycles (`cycle_map = 'off'`).
 
-    python bench/tolerance.py [--scenes N] [--seed N] [--methods radau9,...] [--exe PATH] [--short]
+    python bench/tolerance.py [--scenes N] [--seed N] [--methods radau9,...] [--short]
 
 A scene begins at rest, with a random load of the soft spring, and slips for 150 fast periods, or up to ten times as long if it
 then reaches the end of the slow cycle. The true motion is radau13 at rtol = 1e-12. Scenes in which dop853 at 1e-12 (radau9, if
@@ -15,22 +15,17 @@ geometric means over the scenes. Work is in millions of instructions of Newton i
 Fig. 3 (without valgrind: the number of evaluations). It takes about six minutes.
 """
 
-import argparse
 import math
-import re
 import shutil
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import dynstiction as ds
-import h5py
 import numpy as np
-from cycle_map import DECK, random_values
+from common import FIG3, instructions, parser_of, progress, random_values
 from dynstiction.result import Result
 
 STAGES = {"radau5": 3, "radau9": 5, "radau13": 7}
@@ -79,18 +74,10 @@ class Run:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--methods", default=",".join(METHODS))
-    parser.add_argument(
-        "--exe", default=shutil.which("dynstiction") or DECK.parent.parent / ".venv/bin/dynstiction"
-    )
-    parser.add_argument(
-        "--short", action="store_true", help="a short form of some seconds, to check that it runs"
-    )
     options = parser.parse_args()
     methods, numbers = options.methods.split(","), range(options.scenes)
     tolerances = {method: MORE_TOLERANCES if method in STAGES else TOLERANCES for method in methods}
@@ -106,19 +93,9 @@ def main() -> None:
         for rtol in tolerances[method]
     }
     priced = (1e-3, 1e-11) if options.short else (1e-3, 1e-5, 1e-8, 1e-11)
-    prices = {method: price(method, str(options.exe), priced) for method in methods}
+    prices = {method: price(method, priced) for method in methods}
     print_errors(runs, prices)
     print_work(runs, prices, [method for method in methods if method in STAGES])
-
-
-def progress(items: Sequence, what: str):
-    """The items, with a line of progress from time to time."""
-    due = time.monotonic() + 10.0
-    for i, item in enumerate(items):
-        if time.monotonic() > due:
-            due = time.monotonic() + 10.0
-            print(f"{i} of {len(items)} {what}", file=sys.stderr, flush=True)
-        yield item
 
 
 # Scenes
@@ -149,7 +126,7 @@ def draw(seed: int, number: int) -> Scene | None:
 
 def duration(values: dict[str, float], load: float) -> float:
     """Duration of the initial stick, and then of fast periods, or of the remainder of the slow cycle if affordable [s]."""
-    groups = ds.Scene(DECK).groups()
+    groups = ds.Scene(FIG3).groups()
     stiffness_x = float(groups["system"]["stiffness_x"])
     pull = np.array(
         [
@@ -168,15 +145,15 @@ def duration(values: dict[str, float], load: float) -> float:
 
 def limit() -> float:
     """The static limit F_0 [N]."""
-    friction = ds.Scene(DECK).friction
+    friction = ds.Scene(FIG3).friction
     return friction.mu_0 * friction.normal_load
 
 
 def run(scene: Scene, method: str, rtol: float, heavier: float = 1.0) -> Result:
     values = scene.values
-    stiffness_x = ds.Scene(DECK).system.stiffness_x
+    stiffness_x = ds.Scene(FIG3).system.stiffness_x
     return ds.run(
-        DECK,
+        FIG3,
         scene={"t_end": scene.t_end},
         system={
             "mass": heavier * values["mass"],
@@ -232,41 +209,34 @@ class Price:
         return self.iteration * newton + self.step * (rhs - self.stages * newton) / 2.0
 
 
-def price(method: str, exe: str, tolerances: Sequence[float]) -> Price:
+def price(method: str, tolerances: Sequence[float]) -> Price:
     """Cost on Fig. 3 without the start of the program, from runs at these tolerances and two lengths."""
     stages = STAGES.get(method, 0)
     if not shutil.which("valgrind"):
         return Price(stages, iteration=float(stages), step=2.0)
-    counts, instructions = [], []
+    counts, counted = [], []
     for rtol in tolerances:
-        (one, first), (other, second) = (callgrind(exe, method, rtol, t_end) for t_end in (0.01, 0.06))
-        more = Run(None, work={name: other[name] - one[name] for name in one})
+        (one, first), (other, second) = (callgrind(method, rtol, t_end) for t_end in (0.01, 0.06))
+        more = Run(None, work={name: other[name] - one[name] for name in ("newton", "rhs")})
         counts.append([Price(stages, 1.0, 0.0).of(more), Price(stages, 0.0, 1.0).of(more)])
-        instructions.append((second - first) / 1e6)
-    found = np.linalg.lstsq(np.array(counts), np.array(instructions))[0]
+        counted.append((second - first) / 1e6)
+    found = np.linalg.lstsq(np.array(counts), np.array(counted))[0]
     return Price(stages, *found)
 
 
-def callgrind(exe: str, method: str, rtol: float, t_end: float) -> tuple[dict[str, float], float]:
+def callgrind(method: str, rtol: float, t_end: float) -> tuple[dict[str, float], float]:
     """Counts and instructions of the program on Fig. 3."""
+    settings = {
+        "scene.t_end": t_end,
+        "integrator.method": method,
+        "integrator.rtol": rtol,
+        "integrator.cycle_map": "off",
+        "output.interval": t_end,
+    }
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fig3.h5"
-        settings = {
-            "scene.t_end": t_end,
-            "integrator.method": method,
-            "integrator.rtol": rtol,
-            "integrator.cycle_map": "off",
-            "output.interval": t_end,
-        }
-        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/out", exe, "run"]
-        command += [str(DECK), "--overwrite", "--quiet", "-o", str(file)]
-        for key, value in settings.items():
-            command += ["--set", f"{key}={value}"]
-        said = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-        with h5py.File(file) as h5:
-            work = {name: float(h5["statistics"][name][()]) for name in ("newton", "rhs")}
-    # The largest of its processes.
-    return work, max(float(n) for n in re.findall(r"Collected : (\d+)", said))
+        counted = instructions(FIG3, file, settings)
+        return dict(ds.open(file).statistics), counted
 
 
 # Tables

@@ -1,20 +1,18 @@
-"""Measure the numbers of docs/fit.md and draw its figures, so that readers can repeat them.
+"""Measure the numbers of docs/fit.md and draw its figure, so that readers can repeat them.
 
     python docs/fit.py [--short]
 
 Prints a table in Markdown: standard errors of the parameters of a rig from a force trace along the pull, by noise and sampling. Writes
-docs/figures/fit.png, identifiability.png.
+docs/figures/fit.png.
 """
 
 import argparse
-import math
 import warnings
 from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
-from dynstiction.plot.style import BLUE, COLUMN_WIDTH, GREEN, MM, VERMILION, new_figure, write
-from matplotlib.figure import Figure
+from dynstiction.plot.style import write
 
 DOCS = Path(__file__).resolve().parent
 RIG = ds.Scene(DOCS.parent / "inputs" / "fig3.nml").replace(
@@ -75,27 +73,6 @@ def identifiability(short: bool) -> dict[tuple[float, float], ds.Fit]:
     return found
 
 
-def draw_identifiability(found: dict[tuple[float, float], ds.Fit], figure: Figure) -> None:
-    figure.set_size_inches(COLUMN_WIDTH, 75.0 * MM)
-    axis = figure.subplots()
-    for rate, colour, marker in zip(RATES, (BLUE, VERMILION, GREEN), "osv", strict=True):
-        for noise in NOISES:
-            fit = found[rate, noise]
-            errors = [
-                p.error / p.value if p.told else math.nan for p in (fit.parameters[name] for name in FREE)
-            ]
-            size = {0.001: 2.5, 0.01: 4.0, 0.05: 6.0}[noise]
-            axis.plot(range(len(FREE)), errors, marker, color=colour, markersize=size, markerfacecolor="none")
-    axis.set_yscale("log")
-    axis.set_ylabel("standard error, relative")
-    axis.set_xticks(range(len(FREE)), [r"$\varphi$", r"$\mu_0$", r"$\mu_\infty$", "$v_f$", "$m$", "$k_x$"])
-    for rate, colour, marker in zip(RATES, (BLUE, VERMILION, GREEN), "osv", strict=True):
-        axis.plot(
-            [], [], marker, color=colour, markerfacecolor="none", markersize=4.0, label=f"{rate:g} samples/s"
-        )
-    figure.legend(loc="outside upper center", ncols=3, columnspacing=1.0, handletextpad=0.1)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -106,10 +83,6 @@ def main() -> None:
     found = identifiability(short)
     if not short:
         write(found[1e3, 0.01].plot(), DOCS / "figures" / "fit.png")
-        write(
-            new_figure(lambda figure: draw_identifiability(found, figure)),
-            DOCS / "figures" / "identifiability.png",
-        )
 
 
 if __name__ == "__main__":

@@ -23,16 +23,16 @@ page() {
     file) python docs/make_file_page.py "$venv/bin/dynstiction" ;;
     claims) tools/replicate.sh --page ;;
     creep_validation) python -m dynstiction.creep_validation docs/creep_validation.png ;;
-    cycle_map) python docs/cycle_map.py ;;
-    cycles) python bench/sensitivity.py runs ;;
-    figures) (cd "$work" && dynstiction paper && dynstiction run "$checkout/inputs/phi10.nml" && dynstiction plot phi10.h5 --overwrite -o "$figures/phi10.png") ;;
+    cycle_map) dynstiction run inputs/fig3.nml -o "$work/fig3.h5" && draw fig3 cycle_map --kind cycle_map && python bench/cycle_map.py --scenes 0 ;;
+    cycles) python bench/sensitivity.py ;;
+    figures) (cd "$work" && dynstiction paper) ;;
     fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
     fit_creep) python bench/creep_fit.py ;;
     maps)
       sweep map_phi_velocity map && draw map map_phi_velocity
       sweep map_phi_velocity low scene.model=low_frequency && draw low map_phi_velocity_low
       sweep map_lambda lambda && draw lambda map_lambda --kind lambda
-      sweep map_anisotropy rest && draw rest map_anisotropy --quantity sticking_time && draw rest map_anisotropy_swing
+      sweep map_anisotropy rest && draw rest map_anisotropy --quantity sticking_time
       for key in stiffness misalignment velocity; do
         sweep "bifurcation_$key" "$key" && draw "$key" "bifurcation_$key" --kind bifurcation
       done
@@ -42,7 +42,10 @@ page() {
       for map in map_regularity map_regularity_angle; do sweep "$map" "$map" && draw "$map" "$map" --quantity lyapunov_exponent; done
       ;;
     sweeps) python bench/sweep.py ;;
-    tutorial) docs/make_tutorial_figures.sh ;;
+    tutorial)
+      awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' docs/tutorial.md > "$work/commands.sh"
+      (cd "$work" && bash -euo pipefail commands.sh && cp ten.png "$figures/tutorial_ten.png" && cp map.png "$figures/tutorial_map.png")
+      ;;
     validation) python bench/fig3.py ;;
     *) die "no page '$1' has anything to be made: ${pages[*]}" ;;
   esac

@@ -2,7 +2,7 @@
 
     python docs/make_pages.py [EXECUTABLE]
 
-It comes from src/app/command_table.f90, python/dynstiction/_commands.py and src/deck/schema.f90, so every option, key, unit, range
+It comes from src/app/command_table.f90, python/dynstiction/_commands.py and src/deck/schema.f90, so every command, key, unit, range
 and default has one source.
 """
 
@@ -23,7 +23,7 @@ COMMAND_LINE = """\
 
 <!-- Made by docs/make_pages.py: change src/app/command_table.f90, python/dynstiction/_commands.py or the script, not this page. -->
 
-Exit statuses: [errors.md](errors.md). [Options](#options) follow what a heading shows; `dynstiction help COMMAND` lists those of a command.
+Options follow what a heading shows: `dynstiction help COMMAND` explains those of a command, and the manual page (`man dynstiction`) all of them. Exit statuses: [errors.md](errors.md).
 Commands marked *Python* are carried out by the Python package, also as `python -m dynstiction COMMAND`; the executable hands them to
 the interpreter of the environment variable `DYNSTICTION_PYTHON`, else to that in its own folder, else to that of `PATH`.
 
@@ -41,14 +41,10 @@ A deck is a text file of Fortran namelist groups: `&group`, then `key = value` l
 keys come in any order, in upper or lower case. `!` begins a comment. Text is in quotes, numbers are not.
 The values of a list are separated by commas; `3*0.0` means three zeros. Units are SI, angles are in degrees.
 
-```
-dynstiction template > my.nml     # a deck with every key explained; its values are those of Fig. 3
-dynstiction check my.nml          # every key as it will be used, marked user or default; runs nothing
-dynstiction run my.nml            # the same checks, then the run
-```
+`dynstiction template` prints a deck with every key explained, `check` one with every key as it will be used.
 
-* A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)). A deck that passes `check` runs: `check` also reads a list of points, and compares the size of the
-  results (`samples × columns × 8 bytes`; of a [sweep](sweeps.md) its cases) with the free space on the disk, unless `wall_limit` is given.
+* A deck with any fault is refused, and all its faults are reported at once ([errors.md](errors.md)). A deck that passes `check` runs: the size of the results (`samples × columns × 8 bytes`; of a [sweep](sweeps.md) its cases)
+  is compared with the free space on the disk, unless `wall_limit` is given.
 * A key without default must be given if it is used. A key that the chosen model, law, contact or method does
   not use is refused, unless its value is the one that switches it off (the default, or 0 for `step` and `v_smooth`).
 * `--set group.key=value` on the command line replaces a value of the deck; text needs no quotes there. If a setting makes a key of the deck useless, the key
@@ -57,10 +53,8 @@ dynstiction run my.nml            # the same checks, then the run
 * `interval = 'auto'` gives at least 10 samples in a period of the fast oscillation, 2π/√(k_y/m), if the model has it, 100 in a period of the slow oscillation,
   2π/√(k_x/m), and 1000 in a run; for creep in closed form, 500 in the time in which the drive loads the soft spring to the static limit. A run has at most 10⁶
   samples: if these do not show the fast oscillation, `check` and `run` print a note. In a sweep with `keep = 'series'` it follows from the deck itself and is the same in all cases.
-* The column `pull_force` is the force of the springs, and of the dampers parallel to them, on the object along the drive: k_x u_x cos φ +
-  k_y u_y sin φ without dampers, positive if it pulls the object along X. A load cell between drive and springs measures it.
-* `theta_deg` is `theta` in degrees; `u_x_rate` = V cos φ − w_x and `u_y_rate` = V sin φ − w_y are the rates of the elongations (v_x, v_y in the preprint). These three
-  are written if `fields` names them.
+* The column `pull_force` is k_x u_x cos φ + k_y u_y sin φ, plus the force of dampers, positive if it pulls the object along X. `theta_deg` is `theta` in degrees; `u_x_rate` = V cos φ − w_x and
+  `u_y_rate` = V sin φ − w_y (v_x, v_y in the preprint) are written if `fields` names them.
 
 A range without a type is of a real number. The column *of* below names the models that use a key, if not all do: F `full`, L `low_frequency`, H `high_frequency`, C `creep`, A `creep_asymptotic`. `auto` uses what
 `full` uses.
@@ -84,16 +78,11 @@ def main() -> None:
 
 
 def command_line(catalogue: dict[str, Any]) -> list[str]:
-    commands = all_commands(catalogue)
     parts = [COMMAND_LINE]
-    takers: dict[tuple[str, str], list[str]] = {}
-    for command in commands:
-        for option in command["options"]:
-            takers.setdefault(tuple(option), []).append(command["name"])
+    for command in all_commands(catalogue):
         heading = " ".join([f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]])
         parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", *examples(command["examples"])]
-    rows = [f"* `{option}` ({', '.join(names)}): {meaning}" for (option, meaning), names in sorted(takers.items())]
-    return [*parts, "## Options\n", *rows, ""]
+    return parts
 
 
 def examples(text: str) -> list[str]:

@@ -1,18 +1,15 @@
 """Measure this code and its peers on one scene; called by run.sh, which installs and builds.
 
-    python bench/peers/run.py [--rounds N] [--only PEER...] [--long] [--draw] [--short]
+    python bench/peers/run.py [--rounds N] [--only PEER...] [--draw] [--short]
 
-Fig. 3 to 2.5 s, then to 100 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round;
-its time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s,
-of |u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). To 100 s (t = 0.5, 2, 2.5, 10 and 100 s) each peer runs once with the settings that were its fastest at a
-level, if that can be expected to end within a minute. Writes bench/peers/peers.csv and bench/peers/peers.png, prints the tables.
---long measures only the points to 100 s.
+Fig. 3 to 2.5 s. Every point (peer, method, formulation, tolerances) is run in turn, and all of them again in the next round; its
+time is the median of the processor times. Its error of u_x and of w is the largest, over t = 0.02, 0.5, 2 and 2.5 s, of
+|u_x - ref|/|ref| and of |w - ref|/|ref| (Euclidean). Writes bench/peers/peers.csv and bench/peers/peers.png, prints the table.
 --short measures a few points of the peers that are quick to install, writes into build/peers/, and fails if one gives no result.
 """
 
 import argparse
 import csv
-import functools
 import itertools
 import json
 import math
@@ -26,7 +23,8 @@ from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
-from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, GREEN, MM, PURPLE, STYLE, VERMILION
+import scipy
+from dynstiction.plot.style import BLACK, BLUE, DOTS_PER_INCH, GREEN, MM, STYLE, VERMILION
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -34,32 +32,16 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE, WORK = ROOT / "bench" / "peers", ROOT / "build" / "peers"
 OURS = "dynstiction"
 TIMES = (0.02, 0.5, 2.0, 2.5)
-LONG_TIMES, LONG_LIMIT = (0.5, 2.0, 2.5, 10.0, 100.0), 60.0
-LONG = LONG_TIMES[-1]
-# (u_x, u_y, w_x, w_y) at the last two by radau13 at rtol = 1e-13, without the cycle map; radau9 at 1e-12 differs by 3e-11 at most in
-# w and 7e-13 in u_x.
-LONG_STATES = (
-    (0.0017458396313279033, 9.490786586327563e-08, 6.281680945281817e-05, 3.420388648538606e-05),
-    (0.0011763566384492225, 4.1446684283797407e-10, 0.007235324293242327, 1.7313853537260766e-05),
-)
-# Number of sticks to 100 s over that to 2.5 s.
-LONGER = 47974 / 1826
 LEVELS = {"A": (1e-3, 1e-1), "B": (1e-5, 1e-2), "C": (1e-7, 1e-4), "D": (1e-9, 1e-6)}
 FORMULATIONS = ("polar", "smoothed", "printed", "nonsmooth")
 
-PYTHON = str(WORK / "venv" / "bin" / "python")
 PEERS = {
     "odeint": [str(WORK / "odeint")],
     "CVODE": [str(WORK / "sundials")],
     "ARKODE": [str(WORK / "sundials")],
-    "numbalsoda": [PYTHON, str(HERE / "numbalsoda_peer.py")],
-    "pyradau13": [str(WORK / "venv_radau13" / "bin" / "python"), str(HERE / "pyradau13_peer.py")],
-    "SciPy": [PYTHON, str(HERE / "scipy_peer.py")],
+    "SciPy": [sys.executable, str(HERE / "scipy_peer.py")],
     "Siconos": [str(WORK / "siconos")],
-    "nosnoc": [str(WORK / "venv_nosnoc" / "bin" / "python"), str(HERE / "nosnoc_peer.py")],
 }
-# Peers that are started once for several points, and not again in later rounds.
-INTERPRETED = ("numbalsoda", "pyradau13", "SciPy", "nosnoc")
 
 
 @dataclass
@@ -71,8 +53,6 @@ class Point:
     formulation: str
     settings: dict[str, str]
     limit: float = 5.0
-    # All values of the settings' grid: a peer called from Python runs them in one process.
-    grid: tuple[str, ...] = ()
     seconds: list[float] = field(default_factory=list)
     error_u: float = math.nan
     error_w: float = math.nan
@@ -80,14 +60,10 @@ class Point:
     reached: float = 0.0
     status: str = ""
     runs: int = 0
-    t_end: float = TIMES[-1]
 
     def name(self):
         """Name of the method, as in the table."""
         return f"{self.method}, map off" if self.settings.get("cycle_map") == "off" else self.method
-
-    def times(self):
-        return LONG_TIMES if self.t_end == LONG else TIMES
 
     def level(self):
         """Best level reached, or '-'."""
@@ -95,9 +71,7 @@ class Point:
         return held[-1] if held and self.status == "done" else "-"
 
     def worth_another_round(self):
-        return (
-            self.peer not in INTERPRETED and self.status == "done" and statistics.median(self.seconds) < 0.5
-        )
+        return self.peer != "SciPy" and self.status == "done" and statistics.median(self.seconds) < 0.5
 
     def measure(self, reference):
         answer = self.run_ours() if self.peer == OURS else self.run_peer()
@@ -106,7 +80,7 @@ class Point:
         self.runs += 1
         states = np.array(answer["states"]).reshape(-1, 4)
         if len(states):
-            exact = np.array([reference[t] for t in self.times()[: len(states)]])
+            exact = np.array([reference[t] for t in TIMES[: len(states)]])
             w, w_exact = states[:, 2:], exact[:, 2:]
             self.error_u = float(np.max(np.abs(states[:, 0] / exact[:, 0] - 1.0)))
             self.error_w = float(
@@ -118,65 +92,45 @@ class Point:
         begun = time.process_time()
         result = ds.run(
             ROOT / "inputs" / "fig3.nml",
-            scene={"t_end": self.t_end},
+            scene={"t_end": TIMES[-1]},
             integrator={
                 "method": self.method,
                 "rtol": float(self.settings["rtol"]),
                 "cycle_map": self.settings["cycle_map"],
             },
-            output={"interval": self.times()[0], "fields": ["u_x", "u_y", "w_x", "w_y"]},
+            output={"interval": TIMES[0], "fields": ["u_x", "u_y", "w_x", "w_y"]},
         )
         seconds = time.process_time() - begun
-        rows = np.rint(np.array(self.times()) / self.times()[0]).astype(int)
+        rows = np.rint(np.array(TIMES) / TIMES[0]).astype(int)
         states = np.stack([result[name][rows] for name in ("u_x", "u_y", "w_x", "w_y")], axis=1)
         return {
             "status": "done",
             "seconds": seconds,
-            "time": self.t_end,
+            "time": TIMES[-1],
             "stops": result.sticks(),
             "states": states,
         }
 
     def run_peer(self):
         words = [f"{key}={value}" for key, value in self.settings.items()]
-        common = (f"method={self.method}", f"formulation={self.formulation}", f"limit={self.limit}")
-        if self.t_end == LONG:
-            common += (f"t_end={LONG:g}",)
-        if self.peer not in INTERPRETED:
-            return run_process(self.peer, (*common, *words))[0]
-        answers = run_batch(self.peer, (*common, *self.grid))
-        for answer in answers:
-            if self.settings.items() <= answer.get("given", self.settings).items():
-                return answer
-        # An earlier run of the process could not be stopped.
-        return run_process(self.peer, (*common, *words))[0]
-
-
-def run_process(peer, words):
-    """The lines that a peer prints, one for each run."""
-    failed = {"seconds": math.nan, "time": 0.0, "stops": 0, "states": []}
-    try:
-        done = subprocess.run(
-            [*PEERS[peer], *words], capture_output=True, text=True, timeout=1200, check=False
-        )
-    except FileNotFoundError:
-        return [{**failed, "status": "not available"}]
-    except subprocess.TimeoutExpired:
-        return [{**failed, "status": "hangs"}]
-    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
-    if not lines:
-        return [{**failed, "status": f"exit status {done.returncode}"}]
-    return [json.loads(line) for line in lines]
-
-
-run_batch = functools.cache(run_process)
+        words += [f"method={self.method}", f"formulation={self.formulation}", f"limit={self.limit}"]
+        failed = {"seconds": math.nan, "time": 0.0, "stops": 0, "states": []}
+        try:
+            done = subprocess.run(
+                [*PEERS[self.peer], *words], capture_output=True, text=True, timeout=1200, check=False
+            )
+        except FileNotFoundError:
+            return {**failed, "status": "not available"}
+        except subprocess.TimeoutExpired:
+            return {**failed, "status": "hangs"}
+        lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+        return json.loads(lines[0]) if lines else {**failed, "status": f"exit status {done.returncode}"}
 
 
 def grid(peer, method, formulation, limit=5.0, **values):
     """Points with all combinations of values."""
-    words = tuple(f"{key}={','.join(text.split())}" for key, text in values.items())
     for row in itertools.product(*(text.split() for text in values.values())):
-        yield Point(peer, method, formulation, dict(zip(values, row, strict=True)), limit, words)
+        yield Point(peer, method, formulation, dict(zip(values, row, strict=True)), limit)
 
 
 def points():
@@ -197,14 +151,6 @@ def points():
     yield from grid("ARKODE", "dirk", "polar", order="3 5", rtol="1e-5 1e-6 1e-7 1e-8", v_cut="1e-7")
     yield from grid("ARKODE", "dirk", "polar", 20.0, order="5", rtol="1e-9 1e-10", v_cut="1e-7")
     yield from grid("ARKODE", "erk", "polar", order="4 5", rtol="1e-4 1e-6 1e-7 1e-8", v_cut="1e-6 1e-7")
-    yield from grid("numbalsoda", "lsoda", "polar", rtol="1e-5 1e-6 1e-7 1e-8 1e-9 1e-10", v_cut="1e-7")
-    yield from grid("numbalsoda", "lsoda", "polar", rtol="1e-11 1e-12", v_cut="1e-8")
-    yield from grid("numbalsoda", "dop853", "polar", rtol="1e-4 1e-5 1e-6 1e-7 1e-8", v_cut="1e-7")
-    yield from grid("pyradau13", "radau13", "polar", 20.0, rtol="1e-4 1e-5 1e-6 1e-8 1e-9", v_cut="1e-7")
-    yield from grid("pyradau13", "radau13", "polar", 20.0, rtol="1e-10 1e-11", v_cut="1e-8")
-    yield from grid("SciPy", "LSODA", "polar", 60.0, rtol="1e-6 1e-8 1e-10", v_cut="1e-7")
-    yield from grid("SciPy", "Radau", "polar", 60.0, rtol="1e-5 1e-6", v_cut="1e-7")
-    yield from grid("SciPy", "DOP853", "polar", 60.0, rtol="1e-4", v_cut="1e-7")
     # Smoothed.
     yield from grid("odeint", "rosenbrock4", "smoothed", rtol="1e-4 1e-5 1e-6 1e-7", v_s="1e-9 1e-10 1e-11")
     yield from grid("odeint", "rosenbrock4", "smoothed", rtol="1e-8 1e-9", v_s="1e-11 1e-12 1e-13")
@@ -215,10 +161,6 @@ def points():
     yield from grid("ARKODE", "dirk", "smoothed", order="3", rtol="1e-6 1e-7", v_s="1e-10")
     yield from grid("ARKODE", "dirk", "smoothed", order="5", rtol="1e-6", v_s="1e-10")
     yield from grid("ARKODE", "erk", "smoothed", order="5", rtol="1e-4", v_s="1e-8")
-    yield from grid("numbalsoda", "lsoda", "smoothed", rtol="1e-6 1e-7 1e-8 1e-9", v_s="1e-10 1e-11 1e-12")
-    yield from grid("numbalsoda", "lsoda", "smoothed", rtol="1e-12", v_s="1e-13 1e-14")
-    yield from grid("numbalsoda", "dop853", "smoothed", rtol="1e-4", v_s="1e-8")
-    yield from grid("pyradau13", "radau13", "smoothed", 20.0, rtol="1e-6 1e-7", v_s="1e-10 1e-11")
     yield from grid("SciPy", "LSODA", "smoothed", 60.0, rtol="1e-6 1e-7", v_s="1e-10 1e-11")
     yield from grid("SciPy", "Radau", "smoothed", 60.0, rtol="1e-5", v_s="1e-10")
     yield from grid("SciPy", "DOP853", "smoothed", 20.0, rtol="1e-5", v_s="1e-8")
@@ -229,9 +171,6 @@ def points():
     yield from grid("CVODE", "adams", "printed", rtol="1e-6")
     yield from grid("ARKODE", "dirk", "printed", rtol="1e-6")
     yield from grid("ARKODE", "erk", "printed", rtol="1e-6")
-    yield from grid("numbalsoda", "lsoda", "printed", rtol="1e-6")
-    yield from grid("numbalsoda", "dop853", "printed", rtol="1e-6")
-    yield from grid("pyradau13", "radau13", "printed", rtol="1e-6")
     for method in ("Radau", "LSODA", "DOP853"):
         yield from grid("SciPy", method, "printed", 60.0, rtol="1e-6")
     yield from nonsmooth_points()
@@ -241,25 +180,6 @@ def nonsmooth_points():
     """Peers that use the friction law without changes, including rest."""
     yield from grid("Siconos", "fc3d", "nonsmooth", 60.0, h="1e-5 2e-6 1e-6 5e-7 2e-7 1e-7 5e-8")
     yield from grid("Siconos", "kernel", "nonsmooth", 200.0, h="1e-5 2e-6 1e-6 5e-7")
-    yield from grid("nosnoc", "fesd", "nonsmooth", 60.0, n_s="3 4", h="2e-4")
-
-
-def long_points(measured, only):
-    """Points to 100 s for those measured to 2.5 s: all of ours with the map, else the fastest of each method at each level."""
-    polar = [p for p in measured if p.peer in only and p.formulation == "polar" and p.t_end != LONG]
-    chosen = [p for p in polar if p.settings.get("cycle_map") == "auto"]
-    for key in dict.fromkeys((p.peer, p.name()) for p in polar):
-        group = [p for p in polar if (p.peer, p.name()) == key]
-        chosen += [best for level in LEVELS if (best := fastest(group, level))]
-    chosen = [p for p in chosen if LONGER * statistics.median(p.seconds) < LONG_LIMIT]
-    unique = {(p.peer, p.method, str(p.settings)): p for p in chosen}
-    return [
-        Point(
-            p.peer, p.method, p.formulation, p.settings, LONG_LIMIT,
-            tuple(f"{key}={value}" for key, value in p.settings.items()), t_end=LONG,
-        )
-        for p in unique.values()
-    ]  # fmt: skip
 
 
 def main():
@@ -271,9 +191,6 @@ def main():
         "--only", nargs="+", default=[OURS, *PEERS], help="measure only these, keep the other rows"
     )
     parser.add_argument(
-        "--long", action="store_true", help="only to 100 s, with settings from bench/peers/peers.csv"
-    )
-    parser.add_argument(
         "--draw", action="store_true", help="only the figure and the table, from bench/peers/peers.csv"
     )
     parser.add_argument("--short", action="store_true", help="a few seconds: whether it still runs")
@@ -283,48 +200,31 @@ def main():
         return
     measured = read_csv(HERE / "peers.csv")
     if not options.draw:
-        kept = [
-            p for p in measured
-            if p.peer not in options.only or (options.long and p.t_end != LONG)
-        ]  # fmt: skip
-        new = []
-        if not options.long:
-            new = [point for point in points() if point.peer in options.only]
-            measure(new, options.rounds)
-        longer = long_points([*kept, *new], options.only)
-        measure(longer, options.rounds)
-        measured = [*kept, *new, *longer]
-        measured.sort(key=lambda point: (point.t_end, [OURS, *PEERS].index(point.peer)))
+        kept = [p for p in measured if p.peer not in options.only]
+        new = [point for point in points() if point.peer in options.only]
+        measure(new, options.rounds)
+        measured = sorted([*kept, *new], key=lambda point: [OURS, *PEERS].index(point.peer))
         write_csv(HERE / "peers.csv", measured)
-    short = [point for point in measured if point.t_end != LONG]
-    draw(short, HERE / "peers.png")
-    print(table(short))
-    print(f"\n{long_table(short, [point for point in measured if point.t_end == LONG])}")
+    draw(measured, HERE / "peers.png")
+    print(table(measured))
 
 
 def run_short():
     """One point of each kind; SciPy is cut off by its time limit, as most of its points are."""
-    # It is in the environment that this program runs in.
-    PEERS["SciPy"][0] = sys.executable
     measured = [
         Point(OURS, "radau9", "polar", {"cycle_map": "auto", "rtol": "1e-6"}),
         Point(OURS, "radau9", "polar", {"cycle_map": "off", "rtol": "1e-6"}),
         Point("odeint", "rosenbrock4", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}),
         Point("odeint", "dopri5", "smoothed", {"rtol": "1e-5", "v_s": "1e-8"}, 2.0),
         Point("odeint", "rosenbrock4", "printed", {"rtol": "1e-3"}, 2.0),
-        Point("SciPy", "LSODA", "polar", {"rtol": "1e-6", "v_cut": "1e-7"}, 3.0, ("rtol=1e-6", "v_cut=1e-7")),
+        Point("SciPy", "LSODA", "smoothed", {"rtol": "1e-6", "v_s": "1e-10"}, 3.0),
     ]
     measure(measured, 1)
-    longer = long_points(measured[:3], [OURS, "odeint"])
-    measure(longer, 1)
-    write_csv(WORK / "short.csv", [*measured, *longer])
-    draw([p for p in read_csv(WORK / "short.csv") if p.t_end != LONG], WORK / "short.png")
+    write_csv(WORK / "short.csv", measured)
+    draw(read_csv(WORK / "short.csv"), WORK / "short.png")
     print(table(measured))
-    print(f"\n{long_table(measured, longer)}")
     # Even if a peer fails, ours and odeint's polar form end, and SciPy gets past the first sample.
-    for point, reached in zip(
-        [*measured, *longer], (2.5, 2.5, 2.5, 0.0, 0.0, 0.02, *(LONG for _ in longer)), strict=True
-    ):
+    for point, reached in zip(measured, (2.5, 2.5, 2.5, 0.0, 0.0, 0.02), strict=True):
         if point.status not in ("done", "time limit", "step size underflow") or point.reached < reached:
             sys.exit(
                 f"{point.peer} {point.method}, {point.formulation}: {point.status} at t = {point.reached} s"
@@ -343,34 +243,19 @@ def measure(measured, rounds):
 
 
 def reference_states():
-    """(u_x, u_y, w_x, w_y) by time, converged in quadruple precision, and at the last two of LONG_TIMES."""
+    """(u_x, u_y, w_x, w_y) by time, converged in quadruple precision."""
     scenes = json.loads((ROOT / "tests" / "reference" / "fig3.json").read_text())
-    short = {row[0]: row[1:] for row in scenes["scenes"]["fig3"]["states"]}
-    return short | dict(zip(LONG_TIMES[-2:], LONG_STATES, strict=True))
+    return {row[0]: row[1:] for row in scenes["scenes"]["fig3"]["states"]}
 
 
-COLUMNS = [
-    "peer",
-    "method",
-    "formulation",
-    "settings",
-    "t_end",
-    "runs",
-    "seconds",
-    "error_u",
-    "error_w",
-    "level",
-    "stops",
-    "reached",
-    "status",
-]
+COLUMNS = ["peer", "method", "formulation", "settings", "runs", "seconds", "error_u", "error_w", "level", "stops", "reached", "status"]
 
 
 def row_of(point):
     settings = " ".join(f"{key}={value}" for key, value in point.settings.items())
     seconds = statistics.median(point.seconds)
     return [
-        point.peer, point.method, point.formulation, settings, f"{point.t_end:g}", point.runs, f"{seconds:.4g}",
+        point.peer, point.method, point.formulation, settings, point.runs, f"{seconds:.4g}",
         f"{point.error_u:.2g}", f"{point.error_w:.2g}", point.level(), point.stops, f"{point.reached:.4g}", point.status,
     ]  # fmt: skip
 
@@ -393,7 +278,7 @@ def read_csv(path):
             row["peer"], row["method"], row["formulation"],
             dict(word.split("=") for word in row["settings"].split()), seconds=[float(row["seconds"])],
             error_u=float(row["error_u"]), error_w=float(row["error_w"]), stops=int(row["stops"]),
-            reached=float(row["reached"]), status=row["status"], runs=int(row["runs"]), t_end=float(row.get("t_end", TIMES[-1])),
+            reached=float(row["reached"]), status=row["status"], runs=int(row["runs"]),
         )
         for row in rows
     ]  # fmt: skip
@@ -411,21 +296,14 @@ def provenance():
     yield f"compiler of the peers: {output_of(['g++', '--version'])}, -O3 -march=native"
     for package in ("libsundials-dev", "libboost-dev", "libsiconos-kernel-dev"):
         yield f"{package} {output_of(['dpkg-query', '-W', '-f', '${Version}', package])}"
-    for folder in ("venv", "venv_radau13", "venv_nosnoc"):
-        names = output_of(
-            [str(WORK / folder / "bin" / "python"), "-m", "pip", "list", "--format=freeze"], whole=True
-        )
-        wanted = ("numpy", "scipy", "numba", "numbalsoda", "pyradau13", "nosnoc", "casadi")
-        if versions := ", ".join(line for line in names.splitlines() if line.split("==")[0] in wanted):
-            yield versions
+    yield f"scipy {scipy.__version__}, numpy {np.__version__}"
 
 
-def output_of(command, whole=False):
+def output_of(command):
     try:
-        text = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0]
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return text if whole else text.splitlines()[0]
 
 
 def fastest(measured, level):
@@ -477,46 +355,15 @@ def table(measured):
     return "\n".join(lines)
 
 
-def long_table(short, longer):
-    """Time to 100 s with the settings that reach each level at 2.5 s; ours with those that reach it up to 100 s."""
-    lines = ["| peer, method | A | B | C | D |", "| --- | --- | --- | --- | --- |"]
-    polar = [p for p in short if p.formulation == "polar"]
-    ours = {
-        level: fastest([p for p in longer if p.settings.get("cycle_map") == "auto"], level)
-        for level in LEVELS
-    }
-    for peer, name in dict.fromkeys((p.peer, p.name()) for p in polar):
-        cells = []
-        for level in LEVELS:
-            group = [
-                p
-                for p in (longer if (peer, name[-7:] != "map off") == (OURS, True) else polar)
-                if (p.peer, p.name()) == (peer, name)
-            ]
-            best = fastest(group, level)
-            if best is None:
-                cells.append("–")
-                continue
-            here = next(
-                (p for p in longer if (p.peer, p.name(), p.settings) == (peer, best.name(), best.settings)),
-                None,
-            )
-            cells.append(cell(here or best, ours[level], peer, "" if here else "≈ "))
-        lines.append(f"| {peer} {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def cell(best, ours, peer, mark=""):
-    """Time of a point and its ratio to ours; with a mark, the time of a point to 2.5 s multiplied by LONGER."""
-    seconds = statistics.median(best.seconds) * (LONGER if mark else 1.0)
-    if best.status != "done":
-        return f"{best.status} at {best.reached:.3g} s"
+def cell(best, ours, peer):
+    """Time of a point and its ratio to ours."""
+    seconds = statistics.median(best.seconds)
     if peer == OURS and best.settings.get("cycle_map") != "off":
         return f"**{seconds:.3g}**" if best is ours else f"{seconds:.3g}"
     if ours is None:
-        return f"{mark}{seconds:.3g}"
+        return f"{seconds:.3g}"
     ratio = seconds / statistics.median(ours.seconds)
-    return f"{mark}{seconds:.3g} ({ratio:.{0 if ratio >= 10 else 1}f}×)"
+    return f"{seconds:.3g} ({ratio:.{0 if ratio >= 10 else 1}f}×)"
 
 
 def how_it_fails(group):
@@ -531,11 +378,8 @@ CURVES = {
     "odeint": (VERMILION, "s"),
     "CVODE": (BLUE, "v"),
     "ARKODE": (GREEN, "D"),
-    "numbalsoda": (PURPLE, "^"),
-    "pyradau13": ("#E69F00", "P"),
     "SciPy": ("0.5", "X"),
     "Siconos": ("#8C564B", "<"),
-    "nosnoc": ("#17BECF", ">"),
 }
 
 

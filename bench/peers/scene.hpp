@@ -1,5 +1,4 @@
-// The scene that every compiled peer is given: Fig. 3 of Nakano and Popov (2020), inputs/fig3.nml, to 2.5 s
-// or, with t_end=100, to 100 s.
+// The scene that every compiled peer is given: Fig. 3 of Nakano and Popov (2020), inputs/fig3.nml, to 2.5 s.
 //
 // Three formulations, SI units:
 //   printed, smoothed   y = (u_x, u_y, w_x, w_y):  u' = V e - w,  m w' = K u - F(|w|) w/r,  r = |w| or sqrt(|w|^2 + v_s^2)
@@ -24,8 +23,8 @@ constexpr double misalignment = 1.0 * 3.14159265358979323846 / 180.0;        // 
 constexpr double mu_0 = 0.20, mu_inf = 0.15, v_f = 0.010, normal_load = 10;  // -, -, m/s, N
 constexpr double drive_velocity = 1.0e-3, velocity_ratio = 1.0e-6;           // m/s, -
 constexpr double static_limit = mu_0 * normal_load;                          // N
-inline std::vector<double> sample_times = {0.02, 0.5, 2.0, 2.5};             // s
-inline double t_end = sample_times.back();                                   // longer with t_end=100
+const std::vector<double> sample_times = {0.02, 0.5, 2.0, 2.5};              // s
+const double t_end = sample_times.back();
 
 const double drive_x = drive_velocity * std::cos(misalignment), drive_y = drive_velocity * std::sin(misalignment);
 
@@ -195,8 +194,6 @@ struct Options {
       const auto cut = word.find('=');
       given[word.substr(0, cut)] = word.substr(cut + 1);
     }
-    if (number("t_end", t_end) > t_end) sample_times = {0.5, 2.0, 2.5, 10.0, 100.0};
-    t_end = sample_times.back();
   }
   std::string text(const std::string& key, const std::string& fallback) const {
     const auto found = given.find(key);

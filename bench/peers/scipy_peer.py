@@ -1,58 +1,82 @@
-"""SciPy's solve_ivp: scipy_peer.py method=Radau|LSODA|DOP853 formulation=polar|printed|smoothed rtol=… …"""
+"""SciPy's solve_ivp on the scene of scene.hpp, with plain functions of floats, which it calls fastest.
 
-import functools
+scipy_peer.py method=Radau|LSODA|DOP853 formulation=printed|smoothed rtol=… [v_s=…] [limit=…]
+"""
 
-import scene
+import json
+import math
+import sys
+import time
+
+import numpy as np
 from scipy.integrate import solve_ivp
 
+MASS, K_X, K_Y = 0.25, 1.0e3, 1.0e7
+MU_0, MU_INF, V_F, LOAD = 0.20, 0.15, 0.010, 10.0
+DRIVE_X, DRIVE_Y = 1.0e-3 * math.cos(math.radians(1.0)), 1.0e-3 * math.sin(math.radians(1.0))
+START = np.array([0.0, 0.0, 1e-6 * DRIVE_X, 1e-6 * DRIVE_Y])
+SCALE = np.array([1e-7, 1e-7, 1e-5, 1e-5])
+SAMPLE_TIMES = (0.02, 0.5, 2.0, 2.5)
 
-def measure(run):
-    tolerances = {"rtol": max(run.rtol, 3e-14), "atol": run.rtol * run.scale}
-    parameter = run.v_s
 
-    def rhs(t, y):
-        run.steps += 1
-        if run.steps % 64 == 0:
-            run.time = t
-            run.check_clock()
-        return equations(*y.tolist(), parameter)
+def friction(v):
+    return (MU_INF + (MU_0 - MU_INF) * math.exp(-v / V_F)) * LOAD
 
-    equations = scene.polar_rhs if run.polar else scene.cartesian_rhs
-    jacobian = scene.polar_jacobian if run.polar else scene.cartesian_jacobian
-    if run.method != "DOP853":
-        tolerances["jac"] = lambda t, y: jacobian(*y.tolist(), parameter)
 
-    def advance(y, first_step, events):
-        while not run.finished():
-            span = (run.time, scene.SAMPLE_TIMES[run.taken])
-            solution = solve_ivp(
-                rhs, span, y, run.method, events=events,
-                first_step=min(first_step, 0.5 * (span[1] - span[0])), **tolerances,
-            )  # fmt: skip
+def rhs(u_x, u_y, w_x, w_y, v_s):
+    v = math.hypot(w_x, w_y)
+    drag = friction(v) / math.sqrt(v * v + v_s * v_s)
+    return DRIVE_X - w_x, DRIVE_Y - w_y, (K_X * u_x - drag * w_x) / MASS, (K_Y * u_y - drag * w_y) / MASS
+
+
+def jacobian(u_x, u_y, w_x, w_y, v_s):
+    v = math.hypot(w_x, w_y)
+    r = math.sqrt(v * v + v_s * v_s)
+    drag = friction(v) / r
+    slope = -(MU_0 - MU_INF) / V_F * math.exp(-v / V_F) * LOAD
+    change = slope / (v * r) - friction(v) / r**3
+    cross = -change * w_x * w_y / MASS
+    return [
+        [0.0, 0.0, -1.0, 0.0],
+        [0.0, 0.0, 0.0, -1.0],
+        [K_X / MASS, 0.0, -(change * w_x * w_x + drag) / MASS, cross],
+        [0.0, K_Y / MASS, cross, -(change * w_y * w_y + drag) / MASS],
+    ]
+
+
+def main():
+    given = dict(word.split("=", 1) for word in sys.argv[1:])
+    rtol, v_s, limit = (
+        float(given.get(key, default)) for key, default in (("rtol", 1e-6), ("v_s", 0), ("limit", 60))
+    )
+    settings = {"rtol": max(rtol, 3e-14), "atol": rtol * SCALE, "method": given["method"]}
+    if given["method"] != "DOP853":
+        settings["jac"] = lambda t, y: jacobian(*y.tolist(), v_s)
+    begun, calls, now, y, states, status = time.process_time(), 0, 0.0, START, [], "done"
+
+    def rates(t, y):
+        nonlocal calls, now
+        calls += 1
+        if calls % 64 == 0:
+            now = t
+            if time.process_time() - begun > limit:
+                raise TimeoutError("time limit")
+        return rhs(*y.tolist(), v_s)
+
+    try:
+        for end in SAMPLE_TIMES:
+            solution = solve_ivp(rates, (now, end), y, first_step=1e-12, **settings)
             if solution.status < 0:
                 raise ArithmeticError(solution.message)
-            run.time, y = solution.t[-1], solution.y[:, -1]
-            if solution.status == 1:
-                return y
-            run.sample(y)
-        return y
-
-    def slip(y, first_step, cut):
-        nonlocal parameter
-        parameter = scene.FLOOR_SHARE * cut
-
-        def stop(t, y):
-            return y[2] - cut
-
-        stop.terminal, stop.direction = True, -1
-        return advance(y, first_step, [stop])
-
-    if run.polar:
-        run.report(functools.partial(run.follow, slip))
-    else:
-        run.report(lambda: advance(run.initial(), 1e-12, None))
+            now, y = end, solution.y[:, -1]
+            states.append(y.tolist())
+    except Exception as failure:
+        status = str(failure).replace("\n", " ") or type(failure).__name__
+    seconds = time.process_time() - begun
+    print(
+        json.dumps({"status": status, "seconds": seconds, "time": float(now), "stops": 0, "states": states})
+    )
 
 
 if __name__ == "__main__":
-    for each in scene.runs():
-        measure(each)
+    main()

@@ -151,7 +151,6 @@ class Arkode : public Peer {
       ARKStepSetLinearSolver(memory, linear, matrix);
       ARKStepSetJacFn(memory, jacobian);
       ARKStepSetDeduceImplicitRhs(memory, 1);
-      ARKStepSetPredictorMethod(memory, static_cast<int>(options.number("predictor", 0)));
     }
     ARKStepSetMaxNumSteps(memory, -1);
     if (order > 0) ARKStepSetOrder(memory, order);

@@ -16,11 +16,16 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = ("X", "Y", "X_rate", "Y_rate")
-KEYS = (("system", ("mass", "stiffness_x", "stiffness_y", "misalignment_deg")), ("friction", ("mu_0", "normal_load")))
+KEYS = (
+    ("system", ("mass", "stiffness_x", "stiffness_y", "misalignment_deg")),
+    ("friction", ("mu_0", "normal_load")),
+)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--check", action="store_true", help="compare with the files instead of writing them")
     check, wrong = parser.parse_args().check, 0
     for deck in sorted(HERE.glob("*.nml")):
@@ -33,7 +38,9 @@ def main() -> int:
         path = deck.with_suffix(".csv")
         if check:
             known = np.loadtxt(path, delimiter=",", skiprows=3)
-            stated = np.array([0.0, *map(float, path.read_text().splitlines()[1].rpartition(": ")[2].split(", "))])
+            stated = np.array(
+                [0.0, *map(float, path.read_text().splitlines()[1].rpartition(": ")[2].split(", "))]
+            )
             good = bool(np.all(np.abs(known - values) <= 10.0 * stated + 1e-12 * np.abs(values).max(axis=0)))
             wrong += not good
             print(f"{path.name}: {'as stated' if good else 'DIFFERS'}")
@@ -41,10 +48,16 @@ def main() -> int:
         groups = scene.groups()
         keys = ", ".join(f"{key} = {groups[group][key]:g}" for group, names in KEYS for key in names)
         drive = groups["drive"]
-        given = f"time = {list(drive['time'])}, velocity = {list(drive['velocity'])}" if "time" in drive else f"velocity = {drive['velocity']:g}"
+        given = (
+            f"time = {list(drive['time'])}, velocity = {list(drive['velocity'])}"
+            if "time" in drive
+            else f"velocity = {drive['velocity']:g}"
+        )
         head = f"# {keys}; drive: {given}\n# largest error of each column: {', '.join(f'{e:.1e}' for e in errors)}\ntime,{','.join(COLUMNS)}"
         np.savetxt(path, values, fmt="%.15g", delimiter=",", header=head, comments="")
-        print(f"{path.name}: X = {values[-1, 1]:.8g} m at {times[-1]:g} s, errors {', '.join(f'{e:.1e}' for e in errors)}")
+        print(
+            f"{path.name}: X = {values[-1, 1]:.8g} m at {times[-1]:g} s, errors {', '.join(f'{e:.1e}' for e in errors)}"
+        )
     return 1 if wrong else 0
 
 

@@ -18,7 +18,6 @@ from subprocess import PIPE
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction import _sweep_work
 from programs import ROOT, SCRIPT, Program
 from sweeps import GRID, SCENE
 
