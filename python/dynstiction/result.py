@@ -19,6 +19,7 @@ from .record import (
     Table,
     events_between,
     headed,
+    occurrences,
     unit_shown,
 )
 
@@ -116,9 +117,9 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         """Whether the run reached its end."""
         return bool(self.attributes.get("complete", 0))
 
-    def sticks(self) -> int:
-        """Number of sticks that began, including the first one."""
-        return int(self.log["occurs"][self.log["kind"] == STICK_BEGINS].sum())
+    def sticks(self, until: float = np.inf) -> int:
+        """Number of sticks that began up to a time [s], including the first one."""
+        return int(occurrences(self.log[self.log["kind"] == STICK_BEGINS], until).sum())
 
     def to_xarray(self) -> xarray.Dataset:
         """Time series as an `xarray.Dataset` over ``time`` [s], with units and provenance.

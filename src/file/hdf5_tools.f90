@@ -20,8 +20,8 @@ module dst_hdf5_tools
   !> Kinds of identifiers, and of numbers of rows.
   integer, parameter :: hid_t = c_int64_t, hsize_t = c_int64_t
 
-  !> How values are stored, as in hdf5_calls.c.
   enum, bind(c)
+    !> How values are stored, as in hdf5_calls.c.
     enumerator :: as_text, as_double, as_int8, as_int32, as_int64
   end enum
 

@@ -12,10 +12,12 @@ module dst_branch
   implicit none
   private
 
-  public :: branch_t, new_branch
+  public :: branch_t, new_branch, most_parts
 
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
   integer, parameter :: most_halvings = 7
+  !> Parts of a table in which passages are observed: its halves, their halves, and so on, 8 times. Convention.
+  integer, parameter :: most_parts = 2**9 - 1
 
   !> An interval of the variable.
   type :: interval_t
@@ -24,6 +26,8 @@ module dst_branch
     !> Passages that were run in it, and their steps; its halves, 0 if it was not halved.
     integer :: visits = 0, steps = 0, half(2) = 0
     logical :: is_tried = .false., is_known = .false.
+    !> Passages from its table that were followed in each of its parts; the halves of part i are parts 2i and 2i + 1.
+    integer :: visits_of_part(most_parts) = 0
   end type interval_t
 
   !> Where a branch is, and whether the square root of the distance is its variable, not the logarithm.

@@ -53,6 +53,7 @@ module dst_observation
     procedure :: take
     procedure :: settle
     procedure :: test
+    procedure :: is_there
     procedure :: at
     procedure :: tell
   end type observations_t
@@ -66,6 +67,13 @@ contains
 
     allocate (observations%coefficient(points, observed))
   end subroutine new_observations
+
+  !> Whether there are any.
+  pure logical function is_there(self)
+    class(observations_t), intent(in) :: self
+
+    is_there = allocated(self%coefficient)
+  end function is_there
 
   !> Add the passage at point `j`; the first one is any.
   pure subroutine take(self, j, seen, is_first)

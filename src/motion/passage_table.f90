@@ -40,8 +40,9 @@ module dst_passage_table
     real(wp), allocatable, private :: panel_end(:)
     real(wp), allocatable, private :: inside(:, :, :, :)
     type(grid_t), private :: grid
-    !> What a summary wants to know of them.
+    !> What a summary wants to know of them; and, where that is not smooth, of parts of them (dst_branch).
     type(observations_t) :: seen
+    type(observations_t), allocatable :: part(:)
   contains
     procedure :: take
     procedure :: settle

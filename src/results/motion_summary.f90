@@ -11,7 +11,7 @@ module dst_motion_summary
   use dst_load_cell, only: load_cell_t
   use dst_motion, only: motion_t
   use dst_piece, only: piece_t, stick_begins, slips, sticks
-  use dst_passage_summary, only: passage_summary_t
+  use dst_passage_summary, only: follow_leap
   use dst_piece_view, only: piece_view_t, moment_of
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
@@ -56,7 +56,6 @@ module dst_motion_summary
 
   !> The results of a run so far.
   type, extends(summary_t) :: motion_summary_t
-    type(passage_summary_t), private :: leaps
     type(restless_t), private :: restless
     type(load_cell_t), private :: load_cell
   contains
@@ -112,7 +111,7 @@ contains
           else
             call rest(self%restless)
           end if
-          call self%leaps%follow(motion, self%summary_t, self%load_cell)
+          call follow_leap(motion, self%summary_t, self%load_cell)
         end select
         return
       end if
@@ -307,6 +306,5 @@ contains
     call self%summary_t%serialise(archive)
     call archive%serialise(c_loc(self%restless), storage_size(self%restless))
     call archive%serialise(c_loc(self%load_cell), storage_size(self%load_cell))
-    call self%leaps%serialise(archive)
   end subroutine serialise
 end module dst_motion_summary

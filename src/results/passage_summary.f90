@@ -5,8 +5,7 @@
 !> passages that were recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages
 !> is found once.
 module dst_passage_summary
-  use, intrinsic :: iso_c_binding, only: c_loc
-  use dst_archive, only: archive_t
+  use dst_branch, only: most_parts
   use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t
@@ -22,48 +21,20 @@ module dst_passage_summary
   implicit none
   private
 
-  public :: passage_summary_t
+  public :: follow_leap
 
-  !> Points of a part, and between them, at which it is tested, once as many laps in it have been followed; halvings of a table.
-  !> Conventions.
-  integer, parameter :: nodes = 9, most_halvings = 8, most_parts = 2**(most_halvings + 1) - 1
+  !> Points of a part of a table, and between them, at which it is tested, once as many laps in it have been followed. Conventions.
+  integer, parameter :: nodes = 9
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
   !> The last lap is followed if the largest rate of the run might be its own, unless that is known to this relative error. Convention;
   !> ten times: one of 80 random scenes is wrong by 1.6e-6.
   real(wp), parameter :: known_rate = 1.0e-7_wp
 
-  !> A part of a table of the map.
-  type :: part_t
-    logical :: is_tried = .false.
-    type(observations_t) :: seen
-  end type part_t
-
-  !> A table of the map, and how often a lap was in a part of it. Part 1 is all of it, the halves of part i are parts 2i and 2i + 1.
-  type :: visited_t
-    integer :: map = 0, place = 0
-    integer :: visits(most_parts) = 0
-  end type visited_t
-
-  type :: parts_t
-    type(visited_t) :: visited
-    type(part_t), allocatable :: part(:)
-  end type parts_t
-
-  !> The observations so far.
-  type :: passage_summary_t
-    private
-    type(parts_t), allocatable :: tables(:)
-  contains
-    procedure :: follow
-    procedure :: serialise
-  end type passage_summary_t
-
 contains
 
   !> Add the last piece, a leap.
-  subroutine follow(self, map, summary, load_cell)
-    class(passage_summary_t), intent(inout) :: self
+  subroutine follow_leap(map, summary, load_cell)
     class(cycle_map_t), intent(inout), target :: map
     type(summary_t), intent(inout) :: summary
     type(load_cell_t), intent(inout) :: load_cell
@@ -73,13 +44,12 @@ contains
     integer(int64) :: done, times
     real(wp) :: lasting
 
-    if (.not. allocated(self%tables)) allocate (self%tables(0))
     call load_cell%pull(map%piece%drive%velocity)
     if (map%repetitions == 0) then
-      call follow_passages(self, map, 0_int64, map%piece%from, summary, load_cell)
+      call follow_passages(map, 0_int64, map%piece%from, summary, load_cell)
       return
     end if
-    call summarise_block(self, map, block, record)
+    call summarise_block(map, block, record)
     lasting = map%block_duration()
     done = 0
     do while (done < map%repetitions)
@@ -96,15 +66,14 @@ contains
         if (begin%time >= load_cell%from) call load_cell%see_again(record, begin%time, times, lasting)
       else
         times = 1
-        call follow_passages(self, map, done, begin, summary, load_cell)
+        call follow_passages(map, done, begin, summary, load_cell)
       end if
       done = done + times
     end do
-  end subroutine follow
+  end subroutine follow_leap
 
   !> All passages of a repetition, as if they were a run.
-  subroutine summarise_block(self, map, block, record)
-    class(passage_summary_t), intent(inout) :: self
+  subroutine summarise_block(map, block, record)
     class(cycle_map_t), intent(inout), target :: map
     type(contribution_t), intent(out) :: block
     type(load_record_t), intent(out) :: record
@@ -114,7 +83,7 @@ contains
     begin = state_t(u=map%piece%from%u)
     call begin_passage(map, begin%u, summary)
     call record%pull(map%piece%drive%velocity)
-    call follow_passages(self, map, 0_int64, begin, summary, record)
+    call follow_passages(map, 0_int64, begin, summary, record)
     block = summary%contribution()
     block%duration = map%block_duration()
   end subroutine summarise_block
@@ -134,8 +103,7 @@ contains
   end subroutine begin_passage
 
   !> The passages of a repetition of a leap that begins with this state.
-  subroutine follow_passages(self, map, repetition, begin, summary, load_cell)
-    class(passage_summary_t), intent(inout) :: self
+  subroutine follow_passages(map, repetition, begin, summary, load_cell)
     class(cycle_map_t), intent(inout), target :: map
     integer(int64), intent(in) :: repetition
     type(state_t), intent(in) :: begin
@@ -161,7 +129,7 @@ contains
       here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
       is_known = .false.
       if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
-        call look_up(self, map, passage, here%time, u, summary, seen, contribution, is_known)
+        call look_up(map, passage, here%time, u, summary, seen, contribution, is_known)
       if (is_known) then
         call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
         if (here%time >= load_cell%from) then
@@ -200,8 +168,7 @@ contains
   end subroutine take_in_shown
 
   !> The contribution of a passage from observations, if they are smooth there.
-  subroutine look_up(self, map, passage, time, u, summary, seen, contribution, is_known)
-    class(passage_summary_t), intent(inout) :: self
+  subroutine look_up(map, passage, time, u, summary, seen, contribution, is_known)
     class(cycle_map_t), intent(inout), target :: map
     type(passage_t), intent(in) :: passage
     real(wp), intent(in) :: time, u(2, 2)        !! when it begins, s, and u at its ends, m
@@ -215,7 +182,7 @@ contains
     associate (branch => map%maps(map%orbit%current)%branch(passage%table(1)), place => passage%table(2))
       x = branch%x_of(place, passage%from)
       call branch%table(place)%seen%tell(x, passage, map%piece%drive%velocity, seen, is_known)
-      if (.not. is_known .and. branch%table(place)%panels > 0) call look_up_part(self, map, place, x, passage, seen, is_known)
+      if (.not. is_known .and. branch%table(place)%panels > 0) call look_up_part(map, place, x, passage, seen, is_known)
     end associate
     is_known = is_known .and. (summary%has_slipped .or. .not. seen%begins_to_slip)
     ! Rates grow from lap to lap: that of the last one has to be known.
@@ -242,39 +209,34 @@ contains
   end subroutine look_up
 
   !> A lap at `x` of a table from the smallest part that is smooth.
-  subroutine look_up_part(self, map, place, x, passage, seen, is_known)
-    class(passage_summary_t), intent(inout) :: self
+  subroutine look_up_part(map, place, x, passage, seen, is_known)
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place
     real(wp), intent(in) :: x
     type(passage_t), intent(in) :: passage
     type(observation_t), intent(out) :: seen
     logical, intent(out) :: is_known
+    type(observations_t) :: observed
     real(wp) :: position
-    integer :: here, i
+    integer :: i
 
-    here = 0
-    do i = 1, size(self%tables)
-      if (self%tables(i)%visited%map == map%orbit%current .and. self%tables(i)%visited%place == place) here = i
-    end do
-    if (here == 0) then
-      self%tables = [self%tables, parts_t(visited_t(map=map%orbit%current, place=place))]
-      here = size(self%tables)
-    end if
-    if (.not. allocated(self%tables(here)%part)) allocate (self%tables(here)%part(most_parts))
-    associate (part => self%tables(here)%part, visits => self%tables(here)%visited%visits)
+    associate (branch => map%maps(map%orbit%current)%branch(1))
+      if (.not. allocated(branch%table(place)%part)) allocate (branch%table(place)%part(most_parts))
       ! From -1 to 1 in each part.
       position = x
       i = 1
       is_known = .false.
       do while (i <= most_parts)
-        if (.not. part(i)%is_tried) then
-          visits(i) = visits(i) + 1
-          if (visits(i) <= nodes + size(test_at)) return
-          call try_part(map, place, i, part(i))
-        end if
-        call part(i)%seen%tell(position, passage, map%piece%drive%velocity, seen, is_known)
-        if (is_known) exit
+        associate (part => branch%table(place)%part(i), visits => branch%intervals(place)%visits_of_part(i))
+          if (.not. part%is_there()) then
+            visits = visits + 1
+            if (visits <= nodes + size(test_at)) return
+            call try_part(map, place, i, observed)
+            part = observed
+          end if
+          call part%tell(position, passage, map%piece%drive%velocity, seen, is_known)
+          if (is_known) exit
+        end associate
         i = 2*i + merge(0, 1, position <= 0.0_wp)
         position = 2.0_wp*position + merge(1.0_wp, -1.0_wp, position <= 0.0_wp)
       end do
@@ -282,22 +244,21 @@ contains
   end subroutine look_up_part
 
   !> Observe laps in a part of a table.
-  subroutine try_part(map, place, number, part)
+  subroutine try_part(map, place, number, observed)
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place, number
-    type(part_t), intent(inout) :: part
+    type(observations_t), intent(out) :: observed
     real(wp) :: points(nodes)
     integer :: i
 
-    part%is_tried = .true.
     points = chebyshev_points(nodes)
-    call new_observations(nodes, part%seen)
+    call new_observations(nodes, observed)
     do i = 1, nodes
-      call part%seen%take(i, lap_at(points(i)), i == 1)
+      call observed%take(i, lap_at(points(i)), i == 1)
     end do
-    call part%seen%settle(map%rtol, map%slider%law%static_limit/map%slider%stiffness(1))
+    call observed%settle(map%rtol, map%slider%law%static_limit/map%slider%stiffness(1))
     do i = 1, size(test_at)
-      if (part%seen%are_smooth) call part%seen%test(test_at(i), lap_at(test_at(i)))
+      if (observed%are_smooth) call observed%test(test_at(i), lap_at(test_at(i)))
     end do
 
   contains
@@ -323,23 +284,4 @@ contains
       end associate
     end function lap_at
   end subroutine try_part
-
-  !> Save or load, without the observations: they can be made again.
-  subroutine serialise(self, archive)
-    class(passage_summary_t), intent(inout), target :: self
-    type(archive_t), intent(inout) :: archive
-    integer, target :: n
-    integer :: i
-
-    if (.not. allocated(self%tables)) allocate (self%tables(0))
-    n = size(self%tables)
-    call archive%serialise(c_loc(n), storage_size(n))
-    if (archive%is_loading()) then
-      deallocate (self%tables)
-      allocate (self%tables(n))
-    end if
-    do i = 1, n
-      call archive%serialise(c_loc(self%tables(i)%visited), storage_size(self%tables(i)%visited))
-    end do
-  end subroutine serialise
 end module dst_passage_summary

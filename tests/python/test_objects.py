@@ -210,7 +210,7 @@ def test_a_forked_process_has_its_own_copy(fig3_text: str) -> None:
     ("powers", "time"),
     [
         *(({"mass": p, "stiffness_x": p, "stiffness_y": p, "normal_load": p}, 0) for p in (-200, -100, 100, 200)),
-        *(({"stiffness_x": 2 * p, "stiffness_y": 2 * p, "normal_load": p}, p) for p in (-100, 100)),
+        *(({"stiffness_x": 2 * p, "stiffness_y": 2 * p, "normal_load": p}, p) for p in (-50, 100)),
     ],
 )
 def test_eigenvalues_depend_on_no_unit(powers: dict[str, int], time: int) -> None:
@@ -243,7 +243,7 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "creep_velocity": (ds.creep_velocity, {"t": 0.5, **CREEP}),
     "creep_frequency": (ds.creep_frequency, {"t": 0.5, "mass": 0.25, **CREEP}),
     "oscillation_frequency": (ds.oscillation_frequency, {"theta": 0.3, "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}),
-    "spectrogram": (ds.spectrogram, {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2, "count": 20}),
+    "spectrogram": (ds.spectrogram, {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2}),
     "ridge": (ds.ridge, {"spectrum": ds.spectrogram(np.arange(99) * 0.01, np.sin(np.arange(99)), 0.2), "above": 1.0}),
 }
 

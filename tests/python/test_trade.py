@@ -70,9 +70,7 @@ def test_a_row_is_the_run_of_its_settings(fig3: ds.Scene, creep: ds.Trade) -> No
 
 
 def test_why_a_candidate_has_no_result(fig3: ds.Scene) -> None:
-    """An explicit method on the exact contact does not start from rest without friction; Eq. (8) has a range."""
-    trade = ds.trade(fig3, BUDGET, normal_load=0.0, velocity_ratio=0.0, t_end=0.01)
-    assert "slip does not start smoothly enough" in row(trade, "full, dopri5, rtol 1e-06").outcome
+    """Eq. (8) has a range."""
     trade = ds.trade(fig3, BUDGET, t_end=2.1)
     assert "V t/l_x < 1" in row(trade, "creep_asymptotic, printed").outcome
 
