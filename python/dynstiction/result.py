@@ -118,7 +118,13 @@ class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
         return bool(self.attributes.get("complete", 0))
 
     def sticks(self, until: float = np.inf) -> int:
-        """Number of sticks that began up to a time [s], including the first one."""
+        """Number of sticks that began, including the first one.
+
+        Parameters
+        ----------
+        until : float
+            Time [s] after which sticks are not counted.
+        """
         return int(occurrences(self.log[self.log["kind"] == STICK_BEGINS], until).sum())
 
     def to_xarray(self) -> xarray.Dataset:
