@@ -60,8 +60,8 @@ module dst_cycle_map
     real(wp), private :: alpha = 0.0_wp
     !> The last piece, if it is one passage.
     type(passage_t), private :: passage
-    !> Place of the next passage in the slow cycles that repeat.
-    integer, private :: following(2) = 1
+    !> Place of the next passage in the slow cycles that repeat; and of the last one: its slow cycle, and its number in it.
+    integer, private :: following(2) = 1, place(2) = 1
     !> Whether they are without a rest; what is known of such a motion.
     logical :: is_restless = .false.
     type(recurrence_t), private :: recurrence
@@ -85,6 +85,8 @@ module dst_cycle_map
     type(recording_t) :: shown
     type(state_t) :: shown_from
     logical, private :: is_shown = .false.
+    !> When it ends [s].
+    real(wp), private :: shown_end = 0.0_wp
     !> Its piece that `show` was asked for last, and its number, 0 if there is none.
     type(piece_t), private :: shown_piece
     integer, private :: shown_number = 0
@@ -457,6 +459,7 @@ contains
         passage = slow%passage(following(2))
         found = passage%measure(duration) <= longest
         if (found) then
+          self%orbit%place = [block_place(self, following(1)), following(2)]
           following(2) = following(2) + 1
           if (following(2) > slow%sum%count) following = [1 + modulo(following(1), self%orbit%repeats), 1]
           if (passage%table(1) == 0) self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + 1
@@ -581,7 +584,7 @@ contains
     passage = self%orbit%passage
     begin = 0.0_wp
     if (self%repetitions == 0) then
-      if (present(place)) place = last_place(self)
+      if (present(place)) place = self%orbit%place
       return
     end if
     n = k
@@ -599,23 +602,13 @@ contains
     end do
   end subroutine passage_number
 
-  !> The place of the passage before the following one of those that repeat.
-  pure function last_place(self) result(place)
-    class(cycle_map_t), intent(in) :: self
-    integer :: place(2)
-
-    place = [self%orbit%following(1), self%orbit%following(2) - 1]
-    if (place(2) == 0) place(1) = 1 + modulo(place(1) - 2, max(1, self%orbit%repeats))
-    place(1) = block_place(self, place(1))
-    if (place(2) == 0) place(2) = self%slow(place(1))%sum%count
-  end function last_place
-
   !> Show passage number `k` of a repetition of the leap (0: the first one).
   subroutine show_passage(self, repetition, k)
     class(cycle_map_t), intent(inout) :: self
     integer(int64), intent(in) :: repetition
     integer, intent(in) :: k
     type(passage_t) :: passage
+    type(state_t) :: end
     real(wp) :: begin
     integer :: place(2)
     logical :: found
@@ -636,9 +629,10 @@ contains
         call self%shown%copy(slow%recording(slow%recorded(place(2))))
       end associate
     else
-      call self%maps(self%orbit%current)%describe(passage, found)
-      call self%shown%copy(self%maps(self%orbit%current)%recording)
+      call self%maps(self%orbit%current)%describe(passage, self%shown, found)
     end if
+    call end%later(self%shown_from, self%shown%duration())
+    self%shown_end = end%time
   end subroutine show_passage
 
   !> The elongation of the springs [m] where a passage of the last piece, a leap, begins or ends: with this angle alpha [rad], or as
@@ -659,33 +653,22 @@ contains
   subroutine show(self, time)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: time
+    real(wp) :: elapsed
     integer :: number
 
     if (.not. self%leapt .or. time >= self%piece%to%time) return
-    if (.not. shows(self, time)) call show_passage_at(self, time)
-    number = self%shown%place_of(self%shown_from%until(time))
+    if (.not. self%is_shown .or. time >= self%shown_end .or. self%shown_from%until(time) < 0.0_wp) call show_passage_at(self, time)
+    elapsed = self%shown_from%until(time)
+    if (self%shown_number > 0) then
+      associate (now => self%shown%kept(self%shown_number))
+        if (elapsed >= now%from%time .and. elapsed < now%to%time) return
+      end associate
+    end if
+    number = self%shown%place_of(elapsed)
     if (number == self%shown_number) return
     self%shown_number = number
     call self%shown%get(number, self%shown_from, self%shown_piece)
   end subroutine show
-
-  !> Whether the passage that is shown contains a time [s].
-  pure logical function shows(self, time)
-    class(cycle_map_t), intent(in) :: self
-    real(wp), intent(in) :: time
-
-    shows = self%is_shown
-    if (shows) shows = self%shown_from%until(time) >= 0.0_wp .and. time < shown_end(self)
-  end function shows
-
-  !> When the passage that is shown ends [s].
-  pure real(wp) function shown_end(self)
-    class(cycle_map_t), intent(in) :: self
-    type(state_t) :: end
-
-    call end%later(self%shown_from, self%shown%duration())
-    shown_end = end%time
-  end function shown_end
 
   !> Show the passage of the last piece, a leap, that contains a time [s].
   subroutine show_passage_at(self, time)
@@ -715,7 +698,7 @@ contains
       end do
     end if
     call self%show_passage(repetition, k)
-    if (time < shown_end(self)) return
+    if (time < self%shown_end) return
     ! Within roundoff of its end the next one begins.
     k = k + 1
     if (k > self%passages()) then

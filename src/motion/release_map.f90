@@ -285,11 +285,12 @@ contains
     end do
   end subroutine look_up
 
-  !> The motion of a passage, into `recording`: from its table if that has it, else by steps. In slips, and in laps at tight
-  !> tolerances, the motion between the ends of steps is not accurate enough for a table.
-  subroutine describe(self, passage, found)
+  !> The motion of a passage: from its table if that has it, else by steps. In slips, and in laps at tight tolerances, the motion
+  !> between the ends of steps is not accurate enough for a table.
+  subroutine describe(self, passage, recording, found)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
+    type(recording_t), intent(inout) :: recording
     logical, intent(out) :: found
     type(error_t), allocatable :: error
     type(passage_t) :: again
@@ -298,13 +299,14 @@ contains
     associate (slider => self%steps%slider, place => passage%table(2), branch => self%branch(passage%table(1)))
       if (branch%table(place)%panels == 0) then
         call self%run(passage%from, self%longest, again, found, error)
+        call recording%copy(self%recording)
         return
       end if
       found = .true.
       u(:, 1) = self%elongation(passage%from)
       u(:, 2) = self%elongation(passage%to)
       call branch%table(place)%describe(branch%x_of(place, passage%from), passage, slider, u, self%theta(passage%from), &
-        self%unused%piece, self%recording)
+        self%unused%piece, recording)
     end associate
   end subroutine describe
 

@@ -351,9 +351,8 @@ contains
 
     call self%slider%law%evaluate(1, [hypot(instant%velocity(1), instant%velocity(2))], magnitude, slope)
     instant%friction = magnitude(1)
-    associate (theta => instant%state%y(2))
-      instant%theta = theta - 2.0_wp*pi*anint(theta/(2.0_wp*pi))
-    end associate
+    instant%theta = instant%state%y(2)
+    if (abs(instant%theta) > pi) instant%theta = instant%theta - 2.0_wp*pi*anint(instant%theta/(2.0_wp*pi))
   end subroutine friction_in
 
   !> A stretch at rest, the end of slip in closed form, or a step.

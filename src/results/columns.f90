@@ -138,7 +138,7 @@ contains
         value = instant%theta
       case (c_psi)
         value = instant%theta - atan2(e(2), e(1))
-        value = value - 2.0_wp*pi*anint(value/(2.0_wp*pi))
+        if (abs(value) > pi) value = value - 2.0_wp*pi*anint(value/(2.0_wp*pi))
       case (c_sticking)
         value = merge(1.0_wp, 0.0_wp, instant%sticking)
       case (c_zeta)

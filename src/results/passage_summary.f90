@@ -15,6 +15,7 @@ module dst_passage_summary
   use dst_passage, only: passage_t, duration, slip_duration, exchanged
   use dst_piece, only: piece_t, stick_begins
   use dst_piece_view, only: piece_view_t
+  use dst_recording, only: recording_t
   use dst_state, only: state_t
   use dst_stretch, only: moment_t
   use dst_summary, only: summary_t, contribution_t
@@ -248,6 +249,7 @@ contains
     class(cycle_map_t), intent(inout), target :: map
     integer, intent(in) :: place, number
     type(observations_t), intent(out) :: observed
+    type(recording_t) :: recording
     real(wp) :: points(nodes)
     integer :: i
 
@@ -279,8 +281,8 @@ contains
       end do
       associate (here => map%maps(map%orbit%current))
         call here%look_up(here%branch(1)%angle(place, x), passage, found)
-        call here%describe(passage, found)
-        call observe(here%steps, here%recording, seen)
+        call here%describe(passage, recording, found)
+        call observe(here%steps, recording, seen)
       end associate
     end function lap_at
   end subroutine try_part
