@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# tools/test.sh [--release | --standard | --full | --sanitize] [--cluster] [--package] [--bench] [--mutation]
+# tools/test.sh [--release | --standard | --full | --sanitize] [--cluster] [--package] [--bench]
 #
 # Installs what is missing, builds and tests. Says first how long that takes; the last line is "all passed", or lists what failed.
 # Without an option it tests an installation: unit tests, reference results, models, decks, the Python package and a figure.
@@ -15,7 +15,6 @@
 #   --package    wheel, source archive, library, lowest versions, other compilers, manual and notebooks;
 #                with --full also recipes of distributors, and every compiler
 #   --bench      the short forms of all benchmarks
-#   --mutation   2 small changes of the core that the tests must notice, with --full 25
 #
 # The output of each set of tests is in build/tests. See tests/README.md.
 
@@ -27,7 +26,7 @@ for argument in "$@"; do
   case $argument in
     --release | --standard | --full | --sanitize) level=${argument#--} ;;
     --quick) level=proof ;;
-    --cluster | --package | --bench | --mutation) extras+=("${argument#--}") ;;
+    --cluster | --package | --bench) extras+=("${argument#--}") ;;
     -h | --help) help_if_wanted --help ;;
     *) die "unknown option $argument; see tools/test.sh --help" ;;
   esac
@@ -48,7 +47,7 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
   "$checkout/tests/python/test_plots.py::test_command_draws_a_file")
 
 # Minutes on two idle cores.
-declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3 [mutation]=4)
+declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3)
 
 say_how_long() {
   local part total first=0 second=0
@@ -194,13 +193,6 @@ manual_tests() {
     python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,documented}.py
 }
 
-# The two of a bounded run are in modules that unit tests reach and that seldom change: which changes are drawn depends on the source,
-# and it takes minutes to look for those that only the slowest tests notice.
-mutation_tests() {
-  run_tests 'Small changes of the core that the tests notice' '^[0-9]+ passed, [0-9]+ failed$' \
-    python "$checkout/tests/mutation/mutate.py" $([[ $level == full ]] && printf -- '--count 25' || printf -- '--count 2 --seed 4 --modules roots bernstein linear_solve radau step_control') --jobs "$(nproc)"
-}
-
 tests_with_checks() {
   configure "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
   compile_in "$debug"
@@ -243,7 +235,6 @@ checks_more() { [[ $level == standard || $level == full || $level == sanitize ]]
 # Sweeps on a cluster use little processor time, but need it at once. Compilations have a lower priority.
 first_list() {
   ! is_wanted cluster || cluster_tests
-  ! is_wanted mutation || mutation_tests
   ! is_wanted bench || benchmarks
   ! checks_more || tests_with_other_builds
 }
