@@ -60,11 +60,3 @@ def same(a, b):
     return a.keys() == b.keys() and all(
         list(x) == list(b[name]) if x.dtype == object else x.tobytes() == b[name].tobytes() for name, x in a.items()
     )
-
-
-def cases_in(path):
-    """Numbers of the finished cases in a file, which need not exist."""
-    if not path.exists():
-        return []
-    with opened(path) as file:
-        return file["sweep/case"][:][file["sweep/result_code"][:] >= 0].tolist()

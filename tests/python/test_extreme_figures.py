@@ -1,4 +1,4 @@
-"""Every kind of figure, and the report, of results whose numbers are extreme: drawn or refused, and soon."""
+"""Figures of results whose numbers are extreme: drawn or refused, and soon."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import numpy as np
 import dynstiction as ds
 from dynstiction import plot
 from dynstiction.record import Described
-from dynstiction.report import report
 warnings.simplefilter("ignore")
 text, wanted = sys.stdin.read(), sys.argv[1:]
 def short(t_end):
@@ -51,16 +50,12 @@ for name in wanted:
     begun = time.perf_counter()
     outcome = "drawn"
     try:
-        if kind_of == "report":
-            report(result, "x")
-        else:
-            plot.draw(result, kind_of).savefig(io.BytesIO(), dpi=100)
+        plot.draw(result, kind_of).savefig(io.BytesIO(), dpi=100)
     except ds.UsageError as error:
         outcome = f"refused: {error}"
     print(json.dumps([name, outcome, time.perf_counter() - begun]), flush=True)
 """
 
-KINDS = ["history", "velocities", "spectrogram", "damping", "creep", "path", "columns", "cycle_map", "report"]
 SCENES = [
     "1e-12", "1e-11", "1e-10", "1e-09", "1e-06", "zeros", "minus one", "spike", "last bit", "times tiny", "times huge", "times equal",
     "times late", "times clustered", "one sample", "two samples", "no events",
@@ -90,9 +85,3 @@ def test_the_path_of_a_moment_is_drawn(fig3_text):
 def test_extreme_numbers_are_drawn_or_refused(fig3_text, kind):
     some = SCENES if kind == "path" else ["zeros", "spike", "times huge", "times tiny", "alternating 1e+20", "two samples"]
     draw(fig3_text, [f"{kind} in {scene}" for scene in some])
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("scene", SCENES)
-def test_every_kind_of_every_extreme_scene(fig3_text, scene):
-    draw(fig3_text, [f"{kind} in {scene}" for kind in KINDS])

@@ -31,7 +31,7 @@ NOTE = "0.35"
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
 MOST_DEGREE_TICKS = 6
 
-# Okabe & Ito's palette, and a brown, which colour-blind readers can distinguish (tests/python/test_colours.py).
+# Okabe & Ito's palette, and a brown, which colour-blind readers can distinguish.
 BLUE, VERMILION, GREEN, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000"
 ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#661100"
 PALETTE = (BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, BROWN)
