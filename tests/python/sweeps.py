@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import h5py
-from programs import INPUTS, Program, executable, opened
+from programs import INPUTS, Program, executable
 
 # By steps, so that a case lasts as long as its t_end says.
 SCENE = (INPUTS / "low_frequency.nml").read_text().replace("&integrator", "&integrator\n  cycle_map = 'off'")

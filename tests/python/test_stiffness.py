@@ -12,7 +12,7 @@ from programs import INPUTS, Program
 
 FIG3 = INPUTS / "fig3.nml"
 SLOW = ("--set", "scene.model=low_frequency")
-SMALL = ("--set", "system.misalignment_deg=0.1")
+SMALL = ("--set", "system.misalignment_deg=0.05")
 
 
 def notes(program: Program, *arguments: object) -> list[str]:
@@ -21,8 +21,9 @@ def notes(program: Program, *arguments: object) -> list[str]:
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_a_stiff_scene_has_a_note(method: str, program: Program, tmp_path: Path) -> None:
-    (note,) = notes(program, FIG3, *SMALL, "--set", f"integrator.method={method}")
-    assert "radau13" in note and "rodas4p" not in note
+    found = notes(program, FIG3, *SMALL, "--set", f"integrator.method={method}")
+    assert len(found) == (method == "dopri5")
+    assert all("radau13" in note and "rodas4p" not in note for note in found)
     deck = tmp_path / "sweep.nml"
     deck.write_text(FIG3.read_text() + "&sweep parameter='system.misalignment_deg' first=1.0 last=8.0 count=2000 /\n")
     (note,) = notes(program, deck, *SLOW, "--set", f"integrator.method={method}")

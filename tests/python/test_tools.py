@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
-from programs import ROOT, Program, wait_until
+from programs import ROOT, Program
 
 NOT_STARTED = {"tools/setup.sh", "tests/package/checks.sh"}
 """Sourced."""
@@ -150,15 +148,3 @@ def test_a_build_that_was_not_configured_to_the_end_is_configured_again(checkout
     (half / "kept").touch()
     assert in_setup(checkout, meson + "configure build/debug", status=0).stderr == ""
     assert (half / "kept").exists()
-
-
-def test_ctrl_c_says_what_to_do(checkout: Path) -> None:
-    """Also if a running command then ends on its own, as compilers' drivers do."""
-    lines = "busy build/x.log '' bash -c 'trap \"exit 1\" INT; echo begun > begun; sleep 30 & wait' || die failed"
-    script = f"source tools/setup.sh\n{lines}"
-    process = Program(("bash", "-c", script), checkout).start(start_new_session=True)
-    wait_until((checkout / "begun").exists)
-    os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=20)[1]
-    assert process.returncode == 130
-    assert said == "bash: interrupted; start the same command again to continue\n"
