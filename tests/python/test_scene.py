@@ -266,7 +266,7 @@ def values(key: Any) -> st.SearchStrategy[Any]:
             return st.lists(numbers(key), min_size=1, max_size=40)
         case "integer":
             bounds = dict(re.findall(r"([<>]=) (\d+)", key.range))
-            return st.integers(int(bounds[">="]), int(bounds.get("<=", 2**62)))
+            return st.integers(int(bounds[">="]), int(bounds.get("<=", 2**53 - 1)))
         case "choice":
             return st.sampled_from(key.choices)
         case "texts":
