@@ -64,7 +64,7 @@ module dst_cycle_map
     integer, private :: following(2) = 1, place(2) = 1
     !> Whether they are without a rest; what is known of such a motion.
     logical :: is_restless = .false.
-    type(recurrence_t), private :: recurrence
+    type(recurrence_t) :: recurrence
     type(work_count_t), private :: own
   end type orbit_t
 

@@ -2,8 +2,9 @@
 !>
 !> Such a motion has no releases by which a repetition would be known. It is looked at once in a period instead. What the difference
 !> between two looks has along the flow is an error of the period, which the next look no longer has; what it has across shrinks as
-!> the motion settles. The first period is the time between two peaks of the load. A look ends a step; so where differences shrink
-!> slowly, it is looked again after half of the time in which they would be small enough, or as much time as has passed.
+!> the motion settles. The first period is the time between two peaks of the load; where differences do not shrink, between every
+!> second, every third one, and so on. A look ends a step; so where differences shrink slowly, it is looked again after half of the
+!> time in which they would be small enough, or as much time as has passed.
 module dst_recurrence
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
@@ -23,21 +24,25 @@ module dst_recurrence
   real(wp), parameter :: few = 4.0_wp
   !> Differences that do not shrink are taken for such that shrink by this factor. Convention.
   real(wp), parameter :: slowest = 0.99_wp
+  !> A period has so many slow cycles at most. Convention.
+  integer, parameter :: most_in_period = 8
 
   !> What is known of the motion since its last rest. Plain data.
   type :: recurrence_t
     !> Whether the motion is looked at; its period [s], 0 as long as it is not known; and the motion at the last look.
     logical :: is_watched = .false.
     real(wp), private :: period = 0.0_wp
+    !> The number of slow cycles in a period.
+    integer :: in_period = 1
     type(state_t) :: last = state_t()
     !> How far two looks were apart across the flow, as dst_tangent measures it.
     real(wp), private :: apart = huge(1.0_wp)
     !> Whether the load rises; its highest value since it began to, or its lowest since it began to fall [N], and when [s].
     logical, private :: rises = .true.
     real(wp), private :: extreme = -huge(1.0_wp), extreme_at = 0.0_wp
-    !> When the last peak was [s], how long after the one before [s]; the number of peaks, and that with which the motion is watched
+    !> When the last peaks were [s], at places modulo their number; the number of peaks, and that with which the motion is watched
     !> again; whether there was a peak after the last look.
-    real(wp), private :: peaked_at = 0.0_wp, peaks_apart = 0.0_wp
+    real(wp), private :: peaked_at(0:most_in_period) = 0.0_wp
     integer, private :: peaks = 0, watched_from = 2
     logical, private :: has_peaked = .false.
   contains
@@ -65,10 +70,9 @@ contains
     if (self%rises) then
       self%has_peaked = .true.
       self%peaks = self%peaks + 1
-      self%peaks_apart = self%extreme_at - self%peaked_at
-      self%peaked_at = self%extreme_at
+      self%peaked_at(modulo(self%peaks, size(self%peaked_at))) = self%extreme_at
       if (self%peaks == self%watched_from) then
-        if (.not. self%period > 0.0_wp) self%period = self%peaks_apart
+        if (.not. self%period > 0.0_wp) self%period = peaks_apart(self)
         call take_look(self, piece%to)
       end if
     end if
@@ -76,6 +80,15 @@ contains
     self%extreme = load
     self%extreme_at = piece%to%time
   end subroutine see
+
+  !> The time between as many peaks as there are in a period [s].
+  pure real(wp) function peaks_apart(self)
+    class(recurrence_t), intent(in) :: self
+
+    associate (n => size(self%peaked_at))
+      peaks_apart = self%peaked_at(modulo(self%peaks, n)) - self%peaked_at(modulo(self%peaks - self%in_period, n))
+    end associate
+  end function peaks_apart
 
   !> When to look again [s].
   pure real(wp) function next_look(self)
@@ -111,13 +124,17 @@ contains
     if (repeats) repeats = self%apart*max(1.0_wp, shrinks/(1.0_wp - shrinks)) <= allowed
     missing = 0.0_wp
     if (before < huge(1.0_wp) .and. self%apart > 0.0_wp) missing = log(allowed/self%apart)/log(min(shrinks, slowest))
-    self%period = merge(self%peaks_apart, self%period - shorter, abs(shorter) > correctable*self%period)
+    self%period = merge(peaks_apart(self), self%period - shorter, abs(shorter) > correctable*self%period)
     if (self%has_peaked .and. missing <= few) then
       call take_look(self, piece%to)
     else
       self%is_watched = .false.
       self%apart = huge(1.0_wp)
       self%watched_from = self%peaks + max(1, min(self%peaks, int(0.5_wp*missing)))
+      if (shrinks < slowest) return
+      self%in_period = 1 + modulo(self%in_period, most_in_period)
+      self%period = 0.0_wp
+      if (self%in_period > 1) self%watched_from = max(self%peaks, self%in_period) + 1
     end if
   end subroutine look
 

@@ -184,9 +184,11 @@ contains
       call map%show_passage(0_int64, 1)
       call cycle_growth(map%shown, system, map%slider, velocity, grown, is_known)
     end associate
-    do i = 1, min(map%repetitions, most_told)
-      call known%divergence%come_back(grown, is_known)
-    end do
+    associate (cycles => map%orbit%recurrence%in_period)
+      do i = 1, min(cycles*map%repetitions, most_told)
+        call known%divergence%come_back(grown/real(cycles, wp), is_known)
+      end do
+    end associate
   end subroutine follow_repeated
 
   !> Process a sample of a motion in closed form, which has no steps.
