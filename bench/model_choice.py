@@ -68,7 +68,7 @@ def exceeds(
     if error > accuracy:
         choice = result.attributes["model_choice"]
         print(f"{quantities} {column} {lengths} {accuracy}: {error:.3g}", scene, choice)
-    return error > accuracy
+    return bool(error > accuracy)
 
 
 def judge() -> None:
@@ -96,7 +96,7 @@ def judge() -> None:
         median, mean = statistics.median(values), statistics.mean(values)
         print(f"Newton iterations, {name}: median {median:.0f}, mean {mean:.0f}")
     print(f"{JUDGED_SCENES} scenes, {exceeded} errors above the accuracy asked for")
-    sys.exit(exceeded > 0)
+    sys.exit(bool(exceeded > 0))
 
 
 def main() -> None:
@@ -128,7 +128,7 @@ def main() -> None:
             full = full or ds.run(deck(scene, "full", lengths))
             exceeded += exceeds(result, full, (scene, quantities, lengths), accuracy, column)
     print(f"{scenes} scenes, {exceeded} errors above the accuracy asked for; chosen: {dict(chosen)}")
-    sys.exit(exceeded > 0)
+    sys.exit(bool(exceeded > 0))
 
 
 if __name__ == "__main__":

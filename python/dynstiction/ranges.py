@@ -76,7 +76,7 @@ class StickSlipRange(NamedTuple):
         return self.swing >= self.least
 
     def __str__(self) -> str:
-        share = 100 * self.swing / self.limit
+        share = 100 * self.swing / self.limit if self.limit else np.inf
         motion = f"no stick-slip (swing {self.swing:.2g} N, {share:.2g} % of mu_0 W)"
         if self.has_stick_slip:
             motion = f"stick-slip with a swing of {self.swing:.4g} N ({share:.0f} % of mu_0 W)"

@@ -112,7 +112,9 @@ contains
       text = 'whether there is stick-slip is not known ('//unsettled%text//')'
     else
       text = trim(merge('stick-slip   ', 'no stick-slip', motion%stick_slips()))//' (the load swings by '// &
-        number_text(motion%swing, 4)//' N, '//number_text(100.0_wp*motion%swing/motion%limit, 2)//' % of mu_0 W)'
+        number_text(motion%swing, 4)//' N'
+      if (motion%limit > 0.0_wp) text = text//', '//number_text(100.0_wp*motion%swing/motion%limit, 2)//' % of mu_0 W'
+      text = text//')'
     end if
     call page%line(text//'; steady sliding is '//trim(merge('stable    ', 'not stable', stable)))
     call page%line('')

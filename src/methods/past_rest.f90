@@ -143,7 +143,9 @@ contains
       call self%near%accept()
     else
       call self%away%accept()
-      call self%near%restart(self%away%end_rate(), [0.0_wp, 0.0_wp])
+      associate (rate => self%away%end_rate())
+        call self%near%restart(rate, 0.0_wp*rate)
+      end associate
     end if
   end subroutine accept
 
