@@ -76,7 +76,7 @@ class StickSlipRange(NamedTuple):
         return self.swing >= self.least
 
     def __str__(self) -> str:
-        share = 100 * self.swing / self.limit if self.limit else np.inf
+        share = 100 * self.swing / self.limit
         motion = f"no stick-slip (swing {self.swing:.2g} N, {share:.2g} % of mu_0 W)"
         if self.has_stick_slip:
             motion = f"stick-slip with a swing of {self.swing:.4g} N ({share:.0f} % of mu_0 W)"
@@ -149,6 +149,8 @@ def stick_slip_range(
     wanted = [rig.name(key) for key in names_in("keys", keys)]
     starts = {name: rig.start(name) for name in wanted}
     own, sliding = rig.own, rig.growth({}) < 0.0
+    if not own.limit > 0.0:
+        raise UsageError("without friction there is no stick-slip: give mu_0 and normal_load that are > 0")
     sides = [(name, side) for name in wanted for side in (-1, 1)]
     found: dict[tuple[str, int], _Side] = {}
     pool = ThreadPoolExecutor(os.cpu_count() or 1)
