@@ -793,11 +793,11 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Fetch the waiting samples (row, column).
-  subroutine run_samples(handle, n_rows, n_columns, samples)
+  !> Fetch the waiting samples (row, column) into the rows after the first `before` ones.
+  subroutine run_samples(handle, before, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n_rows, n_columns
-    real(c_double), intent(out) :: samples(n_rows, n_columns)
+    integer(c_int), intent(in) :: before, n_rows, n_columns
+    real(c_double), intent(inout) :: samples(n_rows, n_columns)   !! f2py would clear one that is made here, which takes as long
     type(holder_t), pointer :: held
     !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
     !> Python's work.
@@ -805,9 +805,9 @@ contains
     integer :: from, to
 
     held => holder_of(handle)
-    do from = 1, n_rows, block_rows
-      to = min(from + block_rows - 1, int(n_rows))
-      samples(from:to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
+    do from = 1, n_rows - before, block_rows
+      to = min(from + block_rows - 1, int(n_rows - before))
+      samples(before + from:before + to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
     end do
     held%run%writer%rows = 0
   end subroutine run_samples

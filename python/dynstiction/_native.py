@@ -221,11 +221,20 @@ class Run(Session):
         self.sampling_note, self.stiffness_note = notes
         """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
-    def advance(self, seconds: float, until: float = np.inf) -> Advance:
-        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock."""
+    def advance(
+        self, seconds: float, until: float = np.inf, before: NDArray[np.float64] | None = None
+    ) -> Advance:
+        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock; the samples follow
+        those `before`.
+        """
         handle, n_columns = self.handle, len(self.columns)
         finished, reached, n_rows, n_events, time, status = _core.run_advance(handle, seconds, until)
-        samples = _core.run_samples(handle, n_rows, n_columns).T if n_rows > 0 else np.empty((n_columns, 0))
+        first = 0 if before is None else before.shape[1]
+        samples = np.empty((n_columns, first + n_rows))
+        if first > 0:
+            samples[:, :first] = before
+        if n_rows > 0:
+            _core.run_samples(handle, first, samples.T)
         events = _table(handle, "events")[1].T if n_events > 0 else np.empty((0, 4))
         text = _named_text(handle, "message") if status != 0 else "done"
         return Advance((status, text) if finished else None, bool(reached), time, samples, events)

@@ -24,6 +24,8 @@ from .scene import DeckLike, Scene
 
 __all__ = ["Simulation"]
 
+SHORT = 1000
+"""Fewer samples in a row are copied in front of the next ones."""
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 
@@ -275,7 +277,9 @@ class Simulation(_native.Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                done = self._core.advance(_native.CHUNK_SECONDS, aim)
+                is_short = self._samples and self._samples[-1].shape[1] < SHORT
+                before = self._samples.pop() if is_short else None
+                done = self._core.advance(_native.CHUNK_SECONDS, aim, before)
                 self._samples.append(done.samples)
                 self._log.append(done.events)
                 self._reached, self._outcome = done.time, done.outcome
