@@ -30,6 +30,8 @@ module dst_observation
   integer, parameter :: most_pulls = 512
   !> A pull force turns back otherwise if it does so by more than this share of its size. Convention.
   real(wp), parameter :: flat = 1.0e-7_wp
+  !> Error of a pull force that is not smooth, over the largest one that was seen. Convention.
+  real(wp), parameter :: doubtful = 10.0_wp
 
   !> A passage as it is seen from outside. Times and X count from its beginning.
   type :: observation_t
@@ -37,13 +39,17 @@ module dst_observation
     integer :: turns = 0
     !> Whether all of it is creep or rest, and whether the load exceeds F(v) in it.
     logical :: is_creep = .true., begins_to_slip = .false.
-    !> Error of the largest rate [m/s].
+    !> Error of the largest rate [m/s]; whether the pull force is as exact as the other numbers; if not, its error, and by how much it
+    !> turns back otherwise [N], huge if its extremes are elsewhere.
     real(wp) :: rate_error = 0.0_wp
+    logical :: pull_is_exact = .true.
+    real(wp) :: pull_error = 0.0_wp, ripple = 0.0_wp
   end type observation_t
 
   !> Passages at Chebyshev points of a variable x in [-1, 1], as polynomials in it.
   type :: observations_t
-    !> Whether they are smooth, so far as is known: all but the time in creep; and that, which has a kink where creep ends.
+    !> Whether they are smooth, so far as is known: all but the time in creep and the pull force; and the former, which has a kink where
+    !> creep ends. (The latter has one where another of its peaks becomes the highest.)
     logical :: are_smooth = .true., creep_is_smooth = .true.
     !> One of them; the coefficients (point, number) in Chebyshev polynomials, and the permitted errors.
     type(observation_t), private :: like
@@ -95,6 +101,7 @@ contains
 
     self%are_smooth = self%are_smooth .and. seen%turns == self%like%turns .and. seen%turns <= most_turns
     self%creep_is_smooth = self%creep_is_smooth .and. (seen%is_creep .eqv. self%like%is_creep)
+    self%like%ripple = max(self%like%ripple, seen%ripple)
   end subroutine compare
 
   !> Convert them to polynomials, at a tolerance; X is found from elongations up to `length` [m].
@@ -107,6 +114,7 @@ contains
     self%like%rate_error = self%permitted(largest_rate)
     self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
     self%permitted(pull + 1:pull + 3:2) = rough*maxval(abs(self%coefficient(:, pull + 1:pull + 3:2)))
+    self%like%pull_is_exact = self%like%ripple <= flat*maxval(abs(self%coefficient(:, pull:pull + 2:2)))
     self%coefficient = chebyshev_coefficients(self%coefficient)
   end subroutine settle
 
@@ -119,9 +127,13 @@ contains
 
     expected = self%at(x)
     call compare(self, seen)
-    associate (right => abs(expected%value - seen%value) <= self%permitted)
-      self%are_smooth = self%are_smooth .and. all(right(creep_time + 1:))
-      self%creep_is_smooth = self%creep_is_smooth .and. right(creep_time)
+    associate (wrong => abs(expected%value - seen%value))
+      associate (right => wrong <= self%permitted, like => self%like)
+        self%are_smooth = self%are_smooth .and. right(largest_rate) .and. all(right(first_turn:))
+        self%creep_is_smooth = self%creep_is_smooth .and. right(creep_time)
+        like%pull_is_exact = like%pull_is_exact .and. all(right(pull:pull + 3))
+        like%pull_error = max(like%pull_error, doubtful*maxval(wrong(pull:pull + 2:2)))
+      end associate
     end associate
   end subroutine test
 
@@ -218,7 +230,7 @@ contains
       integer :: top, peak, valley
 
       if (pulls > most_pulls) then
-        seen%turns = most_turns + 1
+        seen%ripple = huge(1.0_wp)
         return
       end if
       force(:pulls) = sign(1.0_wp, view%last%drive_velocity)*force(:pulls)
@@ -232,8 +244,9 @@ contains
         valley = k
       end do
       seen%value(pull:pull + 3) = [force(peak), time(peak), force(valley), time(valley)]
-      if (max(way_back(force(:peak)), way_back(-force(peak:valley)), way_back(force(valley:pulls))) &
-        > flat*maxval(abs(force(:pulls)))) seen%turns = most_turns + 1
+      seen%ripple = max(way_back(force(:peak)), way_back(-force(peak:valley)), way_back(force(valley:pulls)))
+      if (maxval(force(:pulls)) > max(force(1), force(peak), force(pulls)) .or. &
+        minval(force(:pulls)) < min(force(1), force(valley), force(pulls))) seen%ripple = huge(1.0_wp)
     end subroutine tell_pull
 
     !> The largest fall of a force that rises.

@@ -18,6 +18,8 @@ module dst_load_cell
   !> A movement counts if it is larger than this share of the swing so far; what was counted before the swing grew by this factor is
   !> forgotten. Conventions.
   real(wp), parameter :: counted = 0.5_wp, grown = 1.5_wp
+  !> Movements that are surely not counted are smaller than this share. Convention.
+  real(wp), parameter :: small = 0.25_wp
 
   !> The movement of the force in a part of the run. Plain data.
   type :: movement_t
@@ -52,6 +54,7 @@ module dst_load_cell
     procedure :: begin_cycle
     procedure :: pull
     procedure :: see
+    procedure :: may_hang_on
     procedure :: see_again
   end type load_cell_t
 
@@ -152,6 +155,18 @@ contains
     call self%movement%go_to(self%side*force, time)
     if (self%may_settle) call self%recent%go_to(self%side*force, time)
   end subroutine see
+
+  !> Whether the extremes of the run or its peaks may hang on a passage of which is only known that its pull force is between these two
+  !> along X [N], and turns back by no more than `ripple` [N] but for its largest fall.
+  pure logical function may_hang_on(self, forces, ripple)
+    class(load_cell_t), intent(in) :: self
+    real(wp), intent(in) :: forces(2), ripple
+
+    associate (seen => self%side*forces, movement => self%movement)
+      may_hang_on = maxval(seen) > movement%highest .or. minval(seen) < movement%lowest
+      if (.not. may_hang_on) may_hang_on = ripple > small*(movement%highest - movement%lowest)
+    end associate
+  end function may_hang_on
 
   subroutine see_and_keep(self, force, time)
     class(load_record_t), intent(inout) :: self

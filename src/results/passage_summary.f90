@@ -131,6 +131,9 @@ contains
       is_known = .false.
       if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
         call look_up(map, passage, here%time, u, summary, seen, contribution, is_known)
+      if (is_known .and. here%time >= load_cell%from .and. .not. seen%pull_is_exact) is_known = &
+        .not. load_cell%may_hang_on(sign(1.0_wp, map%piece%drive%velocity) &
+        *(seen%value([pull, pull + 2]) + [seen%pull_error, -seen%pull_error]), seen%ripple)
       if (is_known) then
         call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
         if (here%time >= load_cell%from) then

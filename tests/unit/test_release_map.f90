@@ -5,7 +5,7 @@ program test_release_map
   use dst_errors, only: error_t
   use dst_full_cycles, only: map_of
   use dst_kinds, only: wp, pi, int64
-  use dst_observation, only: observation_t, observe
+  use dst_observation, only: observation_t, observe, pull, first_turn
   use dst_passage, only: passage_t, loss_t, duration, turn, measures
   use dst_passage_table, only: passage_table_t, new_passage_table, values
   use dst_release_map, only: release_map_t
@@ -172,7 +172,11 @@ contains
         call observe(map%steps, map%recording, right)
         n = n + 1
         call check('as many turns of the load', seen%turns == right%turns)
-        call check('the same observations', all(abs(seen%value - right%value) <= 1.0e-7_wp*abs(right%value) + 1.0e-12_wp))
+        associate (same => abs(seen%value - right%value) <= 1.0e-7_wp*abs(right%value) + 1.0e-12_wp, &
+          error => maxval(abs(seen%value(pull:pull + 2:2) - right%value(pull:pull + 2:2))))
+          call check('the same observations', all(same(:pull - 1)) .and. all(same(first_turn:)))
+          call check('the pull force, within its error', merge(all(same), error <= seen%pull_error, seen%pull_is_exact))
+        end associate
       end do
     end do
     call check('slips in tables', n >= 10)
