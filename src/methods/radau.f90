@@ -42,7 +42,7 @@ module dst_radau
   real(wp), parameter :: samples_share = 10.0_wp, result_share = 0.15_wp
   !> Its bounds. Above the upper one, longer steps need more Newton iterations, and cost as much: twice gives 0 to 10 % less work
   !> with 3 or 5 stages, 5 to 10 % more with 7, and twice the error. Below the lower one, the estimate is roundoff if a spring has a
-  !> scale far below that of the slip (tests/python/test_own_scale.py); half: too small there.
+  !> scale far below that of the slip; half: too small there.
   real(wp), parameter :: largest_tolerance = 5.0e-4_wp, least_tolerance = 2.0e4_wp*epsilon(1.0_wp)
   !> Error of a step in exp(z) that affects no growth. Convention; twice: no change.
   real(wp), parameter :: harmless_error = 1.0e-6_wp
