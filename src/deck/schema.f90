@@ -91,7 +91,7 @@ module dst_schema
   type(condition_t), parameter :: fixed_step(2) = [condition_t('method', fixed_step_methods), none]
   type(condition_t), parameter :: adaptive(2) = [condition_t('method', adaptive_methods), none]
   type(condition_t), parameter :: leaping(2) = &
-    [condition_t('method', adaptive_methods), condition_t('model', plane_models//' low_frequency auto')]
+    [condition_t('method', adaptive_methods), condition_t('model', plane_models//' low_frequency high_frequency auto')]
 
   type(condition_t), parameter :: keeping_cycles(2) = [condition_t('keep', 'cycles'), none]
 

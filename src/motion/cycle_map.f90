@@ -99,6 +99,7 @@ module dst_cycle_map
     procedure :: passages
     procedure :: passage_number
     procedure :: elongation
+    procedure :: moved
     procedure :: show_passage
     procedure :: block_duration
     procedure :: lasted
@@ -178,7 +179,8 @@ contains
       if (.not. self%orbit%begins_passage) return
       if (self%orbit%in_passage) then
         passage = passage_of(self%orbit%alpha, self%recording, self%slider, velocity)
-        if (self%orbit%like == 0) call set_slope(self%recording, self%steps%system, self%slider, passage)
+        if (self%orbit%like == 0 .and. self%slider%direction_free) &
+          call set_slope(self%recording, self%steps%system, self%slider, passage)
         call arrive(self, passage)
       else
         call take_map(self, velocity)
@@ -531,8 +533,7 @@ contains
         end select
       end if
       associate (there => self%steps%piece%to)
-        there%position = from%position + self%piece%drive%velocity*times*value(duration) &
-          - dot_product(there%u - from%u, self%slider%along)
+        there%position = self%moved(from%position, self%piece%drive%velocity*times*value(duration), there%u - from%u)
         self%piece%to = there
         self%orbit%recurrence%last = there
       end associate
@@ -619,8 +620,7 @@ contains
       self%shown_from = from
       call self%shown_from%later(from, begin)
       self%shown_from%u = self%elongation(passage%from)
-      self%shown_from%position = from%position + self%piece%drive%velocity*begin &
-        - dot_product(self%shown_from%u - from%u, self%slider%along)
+      self%shown_from%position = self%moved(from%position, self%piece%drive%velocity*begin, self%shown_from%u - from%u)
     end associate
     self%is_shown = .true.
     self%shown_number = 0
@@ -648,6 +648,28 @@ contains
       u = self%maps(self%orbit%current)%elongation(alpha)
     end if
   end function elongation
+
+  !> X [m] from a position on, after a way of the drive [m] in which the springs have been stretched by so much [m]. Slip along a line may
+  !> turn back in another direction: what repeats then has been seen to advance by so much.
+  pure real(wp) function moved(self, position, way, stretched)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: position, way, stretched(2)
+
+    associate (system => self%steps%system)
+      if (system%components == size(stretched)) then
+        moved = position + way - dot_product(stretched, self%slider%along)
+      else if (self%steps%may_rest) then
+        associate (once => self%slow(block_place(self, 1)))
+          associate (inside => once%recording(1), lasting => once%sum%whole%measure(duration))
+            moved = position + way/(self%piece%drive%velocity*lasting)*inside%kept(inside%count)%to%position
+          end associate
+        end associate
+      else
+        moved = position + way*system%advance_by_drive &
+          + dot_product(system%advance_by_slip, way*system%drive_coupling - stretched)
+      end if
+    end associate
+  end function moved
 
   !> Show the passage that contains a time [s] of the last piece: `instant` reads the motion there.
   subroutine show(self, time)

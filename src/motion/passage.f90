@@ -157,7 +157,8 @@ contains
     passage = measured(recording)
     n = recording%count
     associate (value => passage%measure, from => recording%kept(1)%from, to => recording%kept(n)%to)
-      value(turn) = turn_of(slider, velocity, from%u, to%u, velocity*value(duration) - (to%position - from%position))
+      if (slider%direction_free) &
+        value(turn) = turn_of(slider, velocity, from%u, to%u, velocity*value(duration) - (to%position - from%position))
       passage%from = alpha
       passage%to = alpha + value(turn)
     end associate

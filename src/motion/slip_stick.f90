@@ -282,7 +282,7 @@ contains
     type(state_t), intent(in) :: at
 
     self%piece%to = at
-    self%piece%to%u = self%slider%elongation_at_limit(theta, self%drive_velocity())
+    where (self%slider%free > 0.0_wp) self%piece%to%u = self%slider%elongation_at_limit(theta, self%drive_velocity())
     self%piece%to%y = 0.0_wp
     call self%set_off(start_at_release(self%slider, self%piece%to%u, self%drive_velocity(), self%piece%drive%acceleration))
   end subroutine place_at_release

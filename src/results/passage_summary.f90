@@ -95,10 +95,10 @@ contains
     real(wp), intent(in) :: u(2)
     type(summary_t), intent(out) :: summary
 
-    associate (slider => map%slider, velocity => map%piece%drive%velocity)
-      call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
+    associate (slider => map%slider, velocity => map%piece%drive%velocity, along => map%slider%along(1)*map%slider%free(1))
+      call summary%cycles%begin(along, slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
       summary%cycles%keeps_turns = .true.
-      call summary%begin(moment_t(force=slider%stiffness(1)*u(1), elongation_rate=velocity*slider%along(1), &
+      call summary%begin(moment_t(force=slider%stiffness(1)*u(1), elongation_rate=velocity*along, &
         drive_velocity=velocity), 0.0_wp, 0.0_wp)
     end associate
   end subroutine begin_passage
@@ -127,7 +127,7 @@ contains
       u(:, 1) = u(:, 2)
       u(:, 2) = map%elongation(passage%to)
       here%u = u(:, 1)
-      here%position = begin%position + map%piece%drive%velocity*elapsed - dot_product(here%u - begin%u, map%slider%along)
+      here%position = map%moved(begin%position, map%piece%drive%velocity*elapsed, here%u - begin%u)
       is_known = .false.
       if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
         call look_up(map, passage, here%time, u, summary, seen, contribution, is_known)
@@ -208,7 +208,7 @@ contains
         end associate
       end do
       contribution%turns(seen%turns + 1) = extremum_t(map%slider%stiffness(1)*u(1, 2), lasting, &
-        map%piece%drive%velocity*lasting - dot_product(u(:, 2) - u(:, 1), map%slider%along))
+        map%moved(0.0_wp, map%piece%drive%velocity*lasting, u(:, 2) - u(:, 1)))
     end associate
   end subroutine look_up
 

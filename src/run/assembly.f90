@@ -80,8 +80,8 @@ contains
     end if
     call move_alloc(stepper, first%stepper)
     call start_motion(scene, first)
-    ! A release along a line is no angle, and one under a limit that ages more than an angle.
-    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model /= 'full') &
+    ! A release under a limit that ages is more than an angle; the rigid spring of the slow motion has no elongation at the limit.
+    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model == 'low_frequency') &
       .or. slider%law%ageing > 0.0_wp) then
       call move_alloc(first, motion)
     else
