@@ -183,8 +183,10 @@ def test_frequency_of_the_fast_oscillation() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_fast_oscillation_sticks_and_slips(method: str) -> None:
-    result = run("high_frequency", integrator={"method": method})
-    assert 150 < result.sticks() < 200
+    result, stepped = (run("high_frequency", integrator={"method": method, "cycle_map": how}) for how in ("auto", "off"))
+    assert 150 < result.sticks() == stepped.sticks() < 200
+    assert 10 * result.statistics["steps"] < stepped.statistics["steps"]
+    np.testing.assert_allclose(result["X"], stepped["X"], rtol=1e-7)
     assert np.all(result["u_x"] == 1e-3)
     assert np.all(result["w_y"] >= 0.0)
     slipping = result["sticking"] == 0.0
