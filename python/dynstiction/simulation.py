@@ -277,10 +277,10 @@ class Simulation(_native.Closing):
             aim = until if until < self._t_end else np.inf
             # Ctrl-C is raised after the results of the core have been stored.
             with held_back():
-                is_short = self._samples and self._samples[-1].shape[1] < SHORT
-                before = self._samples.pop() if is_short else None
-                done = self._core.advance(_native.CHUNK_SECONDS, aim, before)
-                self._samples.append(done.samples)
+                # Another thread may read the samples meanwhile: the list is changed at the end.
+                short = [piece for piece in self._samples[-1:] if piece.shape[1] < SHORT]
+                done = self._core.advance(_native.CHUNK_SECONDS, aim, *short)
+                self._samples[len(self._samples) - len(short) :] = [done.samples]
                 self._log.append(done.events)
                 self._reached, self._outcome = done.time, done.outcome
             reached = done.reached
