@@ -4,7 +4,8 @@
 !> slow cycle before, the motion repeats after m slow cycles. Other orbits, which begin with releases of all directions, come to the
 !> other stable cycles. Cycles that no motion comes to are zeros of the map of n slow cycles minus identity, which the orbits have
 !> already: between two releases next to each other of which one was followed by a larger one n slow cycles later, the other by a
-!> smaller one. Because of rest no motion need be followed backwards.
+!> smaller one. Because of rest no motion need be followed backwards. A search is less accurate than the cycles that it finds: these
+!> are found once more, by Newton's method, in an accurate map.
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
   use dst_assembly, only: new_motion
@@ -30,10 +31,11 @@ module dst_full_cycles
   private
 
   public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
-  public :: settle, map_of, steady, extremes_of, measures_of, share_out, measure_cycle, most_repeats
+  public :: settle, sharpen, map_of, steady, extremes_of, measures_of, share_out, measure_cycle, most_repeats
 
-  !> Accuracy of the motion. Ten times: the cycle of Fig. 3 changes by 1e-10, relative to it.
-  real(wp), parameter :: rtol = 1.0e-11_wp
+  !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the cycle of Fig. 3 changes by
+  !> 1e-10, relative to it.
+  real(wp), parameter :: rtol = 1.0e-11_wp, searching = 1.0e-8_wp
   !> Two releases are the same if their angles differ by no more than this [rad]. Convention.
   real(wp), parameter :: same = 1.0e-10_wp
   !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
@@ -141,15 +143,59 @@ contains
     end do
     ! The cycle to which it settles determines its regularity.
     n = place_of_end(orbit, cycles)
+    call sharpen(steady(scene, velocity), cycles, map, error)
+    if (allocated(error)) return
     if (n > 0) then
       regularity%verdict = regular
       regularity%repeats = cycles(n)%repeats
       regularity%exponent = cycles(n)%log_multiplier/real(cycles(n)%repeats, wp)
       regularity%error = 0.0_wp
     else if (orbit%goes_on .and. orbit%repeats == 0) then
-      call measure_scatter(steady(scene, velocity), regularity, error)
+      call measure_scatter(rough(steady(scene, velocity)), regularity, error)
     end if
   end subroutine find_full_cycles
+
+  !> Find cycles once more, in an accurate map, but for unstable ones of several slow cycles, of which there may be very many. Where the
+  !> map has no such cycle nearby, it is left as it is.
+  subroutine sharpen(scene, cycles, map, error)
+    type(scene_t), intent(in) :: scene
+    type(full_cycle_t), intent(inout) :: cycles(:)
+    type(release_map_t), intent(inout) :: map
+    type(error_t), allocatable, intent(out) :: error
+    !> Newton's steps, of which the last one is no longer than this [rad]. Conventions.
+    integer, parameter :: most_steps = 5
+    real(wp), parameter :: short = 1.0e-8_wp
+    type(release_map_t) :: exact
+    type(full_cycle_t) :: one
+    type(passage_t) :: whole
+    real(wp) :: step
+    logical :: found
+    integer :: i, iteration
+
+    call map_of(scene, exact, error)
+    if (allocated(error)) return
+    exact%slips_expected = unknown
+    exact%watch => map%watch
+    do i = 1, size(cycles)
+      one = cycles(i)
+      if (.not. one%has_multiplier .or. one%release(1) > pi .or. (one%repeats > 1 .and. .not. one%is_stable())) cycle
+      do iteration = 1, most_steps
+        call exact%power(one%release(1), one%repeats, whole, found, error)
+        if (allocated(error)) deallocate (error)
+        if (.not. (found .and. whole%has_slope .and. abs(1.0_wp - whole%slope) > 0.0_wp)) exit
+        step = (whole%to - one%release(1))/(1.0_wp - whole%slope)
+        if (abs(step) > alike) exit
+        one%release(1) = one%release(1) + step
+        if (abs(step) > short) cycle
+        one%log_multiplier = whole%log_slope
+        call measure_cycle(exact, one%release(1), one%repeats, one%release, one%measure, found, error)
+        if (allocated(error)) return
+        if (found) cycles(i) = one
+        exit
+      end do
+    end do
+    map = exact
+  end subroutine sharpen
 
   !> The place of the stable cycle to which an orbit comes, 0 if there is none or it is not known: it repeats it, or its distance
   !> decreases by the multiplier each time.
@@ -190,7 +236,7 @@ contains
     allocate (cycles(0), orbit%release(0), orbit%log_slope(0))
     regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
     regularity%error = regularity%exponent
-    call map_of(steady(scene, velocity), map, error)
+    call map_of(rough(steady(scene, velocity)), map, error)
     map%slips_expected = unknown
     if (present(watch)) map%watch => watch
     if (.not. allocated(error)) call map%first(start, orbit%goes_on, error)
@@ -243,6 +289,15 @@ contains
     changed%t_end = lengths*(scene%mu_0*scene%normal_load/(scene%stiffness_x*abs(velocity)) &
       + 2.0_wp*pi*sqrt(scene%mass/scene%stiffness_x))
   end function steady
+
+  !> The scene as accurate as a search needs it.
+  pure function rough(scene) result(changed)
+    type(scene_t), intent(in) :: scene
+    type(scene_t) :: changed
+
+    changed = scene
+    changed%rtol = searching
+  end function rough
 
   !> The orbit from a release [rad] until it repeats, over so many slow cycles at most: no further than to a known stable cycle, or
   !> into a range of releases [rad].

@@ -12,7 +12,8 @@ module dst_sensitivity
   use dst_dense_output, only: column_u
   use dst_deck_values, only: deck_t
   use dst_errors, only: error_t, raise, deck_error, usage_error
-  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, steady, extremes_of, measures_of, share_out
+  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, sharpen, steady, extremes_of, measures_of, &
+    share_out
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
@@ -66,6 +67,8 @@ contains
         'an irregular motion have one, by runs at both values')
       return
     end if
+    call sharpen(steady(scene, pull), cycles, map, error)
+    if (allocated(error)) return
     if (size(cycles) > 0) then
       if (cycles(1)%has_multiplier) then
         call differentiate(map, cycles(1)%release(1), cycles(1)%repeats, variation, sensitivity, error)

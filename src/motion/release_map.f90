@@ -49,9 +49,6 @@ module dst_release_map
   integer, parameter :: most_refused = 2
   !> Points between those of a table at which it is tested: near both ends and in the middle.
   real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
-  !> Remaining error of Newton's method in the passages of a table, over rtol, as far as roundoff permits: it would be noise in the
-  !> table. Convention; twice: no change.
-  real(wp), parameter :: exact_share = 1.0e-6_wp, roundoff = 1.0e-14_wp
   !> Newton's steps to a fixed point, which turns the force by no more than this [rad]. Conventions.
   integer, parameter :: most_steps = 20
   real(wp), parameter :: at_rest = 1.0e-12_wp
@@ -145,7 +142,6 @@ contains
 
     allocate (map%steps, source=steps)
     map%steps%stepper%count = work_count_t()
-    map%steps%stepper%newton_share = min(map%steps%stepper%newton_share, max(exact_share, roundoff/rtol))
     map%steps%t_end = huge(1.0_wp)**0.25_wp
     map%steps%segment = 1
     map%steps%drive%segment = [drive_segment_t(velocity=velocity)]
