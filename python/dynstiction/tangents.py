@@ -125,7 +125,7 @@ def derivatives(
     Parameters
     ----------
     scene : str, PathLike or Scene
-        A deck or a scene of model 'full' with an adaptive method.
+        A deck or a scene of model 'full' or 'low_frequency' with an adaptive method.
     keys : str or iterable of str, optional
         Parameters of &system, &friction, &drive or &initial, as for `dynstiction.sweep`; by default all that the deck gives and
         that are not 0.

@@ -33,7 +33,7 @@ contains
     class(motion_t), allocatable :: motion, other
     type(scene_t) :: plain
 
-    if (scene%model == 'full') then
+    if (scene%model == 'full' .or. scene%model == 'low_frequency') then
       plain = scene
       plain%cycle_map = 'off'
       call new_motion(plain, motion, other, error)
@@ -46,7 +46,7 @@ contains
       end select
     end if
     if (.not. allocated(steps)) call raise(error, deck_error, &
-      "scene.model: derivatives are those of model 'full' with an adaptive method: give these", 'scene.model')
+      "scene.model: derivatives are those of models 'full' and 'low_frequency' with an adaptive method: give these", 'scene.model')
   end subroutine steps_of
 
   !> The values of the keys GROUP.KEY in a list, and the motions of a scene with a little more and a little less of them.

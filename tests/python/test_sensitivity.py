@@ -142,6 +142,7 @@ RUNS = {
         "t_end": 0.35, "damping_x": 0.3, "damping_y": 20.0, "stiffness_y": 1e5, "mu_static": 0.21, "ageing": 0.01, "ageing_time": 2e-3,
         "time": (0.0, 0.1, 0.2, 0.2), "velocity": (8e-3, 8e-3, 2e-2, 5e-3),
     },
+    "low_frequency": {"t_end": 1.2, "model": "low_frequency", "misalignment_deg": 3.0},
     "smoothed": {"t_end": 0.3, "contact": "smoothed", "v_smooth": 1e-5, "velocity": 1e-2},
 }  # fmt: skip
 COLUMNS = ("u_x", "u_y", "w_x", "w_y", "X", "theta", "friction", "pull_force")
@@ -149,7 +150,7 @@ KEYS_OF_RUNS = ("mass", "stiffness_y", "misalignment_deg", "normal_load")
 
 
 def run_of(name: str) -> ds.Scene:
-    settings = {"rtol": 1e-12} if name == "smoothed" else {"rtol": 1e-12, "cycle_map": "off"}
+    settings = {"rtol": 1e-12, "cycle_map": "off"}
     output = {"interval": 3.3e-3, "fields": COLUMNS}
     return FIG3.replace(**RUNS[name]).replace(integrator=settings, output=output)
 
@@ -159,14 +160,15 @@ def run_of(name: str) -> ds.Scene:
 def test_derivatives_are_those_of_the_run(name: str) -> None:
     """Samples and events by differences of fourth order: of runs that are near where they magnify changes."""
     scene = run_of(name)
-    found = ds.derivatives(scene, KEYS_OF_RUNS + (("ageing", "ageing_time") if scene.friction.ageing else ()))
+    keys = [key for key in KEYS_OF_RUNS if scene.scene.model == "full" or key != "stiffness_y"]
+    found = ds.derivatives(scene, keys + (["ageing", "ageing_time"] if scene.friction.ageing else []))
     run = ds.run(scene)
     np.testing.assert_array_equal(found.time, run.time)
     np.testing.assert_array_equal(found.events, run.events)
     for place, (key, value) in enumerate(found.parameters.items()):
         changes = {column: found.derivatives[column][:, place] * value for column in COLUMNS}
-        size = {column: np.abs(run[column]).max() for column in COLUMNS}
-        magnified = max(np.abs(changes[c]).max() / size[c] for c in ("u_x", "u_y", "w_x", "w_y"))
+        size = {column: np.abs(run[column]).max() or 1.0 for column in COLUMNS}
+        magnified = max(1.0, *(np.abs(changes[c]).max() / size[c] for c in ("u_x", "u_y", "w_x", "w_y")))
         step = min(1e-4, 1e-3 / magnified)
         near = [ds.run(scene.replace(**{key: value * (1.0 + i * step)})) for i in (-2, -1, 1, 2)]
         assert all(len(one.events) == len(run.events) for one in near)
@@ -249,7 +251,7 @@ def test_conditioning() -> None:
 @pytest.mark.parametrize(
     ("groups", "arguments", "kind"),
     [
-        ({"scene": {"model": "low_frequency"}}, {}, ds.DeckError),
+        ({"scene": {"model": "high_frequency"}}, {}, ds.DeckError),
         ({}, {"times": [0.1, 0.1]}, ds.UsageError),
         ({}, {"times": [1.0, 20.0]}, ds.DeckError),
         ({"output": {"interval": 0.0}}, {}, ds.DeckError),
