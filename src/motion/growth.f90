@@ -101,7 +101,7 @@ contains
   end subroutine tell
 
   !> The logarithm of the growth in a slow cycle without a rest that ends as it began, and whether it is known: that of its largest
-  !> multiplier, besides that of a shift of the time, which is 1.
+  !> multiplier, besides that of a shift of the time, which is 1. If that is too small it is known no better.
   subroutine cycle_growth(recording, system, slider, velocity, logarithm, is_known)
     type(recording_t), intent(in) :: recording
     class(slip_system_t), intent(in) :: system
@@ -117,6 +117,7 @@ contains
     real(wp) :: change(size(tangent), size(tangent))
     integer :: i, k
 
+    logarithm = 0.0_wp
     call recording%get(1, state_t(), piece)
     call growth%begin(system, slider, velocity, piece%is_polar)
     tangent = tangent_t(rests=.false., is_polar=piece%is_polar)
@@ -146,7 +147,7 @@ contains
     multiplier(minloc(abs(multiplier - 1.0_wp), 1)) = 0.0_wp
     associate (largest => maxval(abs(multiplier)))
       is_known = largest > least_growth
-      if (is_known) logarithm = log(largest)
+      logarithm = log(max(least_growth, largest))
     end associate
   end subroutine cycle_growth
 end module dst_growth

@@ -5,12 +5,14 @@ module dst_motion_summary
   use dst_archive, only: archive_t
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_cycle_map, only: cycle_map_t
+  use dst_cycles, only: period
   use dst_divergence, only: divergence_t, regular, undecided
   use dst_growth, only: growth_t, cycle_growth
   use dst_kinds, only: wp, int64
   use dst_load_cell, only: load_cell_t
   use dst_motion, only: motion_t
   use dst_piece, only: piece_t, stick_begins, slips, sticks
+  use dst_passage, only: passage_t, duration, turn
   use dst_passage_summary, only: follow_leap
   use dst_piece_view, only: piece_view_t, moment_of
   use dst_slider, only: slider_t
@@ -163,7 +165,9 @@ contains
       if (.not. ends_cycle) return
       if (known%growth%is_followed) then
         call known%growth%tell(grown, is_known)
-        call known%divergence%come_back(grown, is_known)
+        associate (last => self%cycles%last_cycles(1))
+          call complete_cycles(known%divergence, last(period, 1), grown, is_known, 1_int64)
+        end associate
       else if (.not. known%has_rested) then
         call known%growth%begin(system, slider, piece%drive%velocity, piece%is_polar)
       end if
@@ -177,7 +181,6 @@ contains
     type(cycle_map_t), intent(inout) :: map
     real(wp) :: grown
     logical :: is_known
-    integer(int64) :: i
 
     associate (velocity => map%piece%drive%velocity, system => map%steps%system)
       if (.not. known%growth%is_followed) call known%growth%begin(system, map%slider, velocity, map%piece%is_polar)
@@ -185,11 +188,29 @@ contains
       call cycle_growth(map%shown, system, map%slider, velocity, grown, is_known)
     end associate
     associate (cycles => map%orbit%recurrence%in_period)
-      do i = 1, min(cycles*map%repetitions, most_told)
-        call known%divergence%come_back(grown/real(cycles, wp), is_known)
-      end do
+      call complete_cycles(known%divergence, map%block_duration()/real(cycles, wp), grown/real(cycles, wp), is_known, &
+        cycles*map%repetitions)
     end associate
   end subroutine follow_repeated
+
+  !> So many slow cycles without a rest, of this duration [s], are complete, in each of which a small difference grows by exp(grown).
+  !> Relative to the motion, its size changes the duration as much.
+  pure subroutine complete_cycles(divergence, lasting, grown, is_known, times)
+    type(divergence_t), intent(inout) :: divergence
+    real(wp), intent(in) :: lasting, grown
+    logical, intent(in) :: is_known
+    integer(int64), intent(in) :: times
+    type(passage_t) :: one
+    integer(int64) :: i
+
+    do i = 1, min(times, most_told)
+      call divergence%come_back(grown, is_known)
+    end do
+    one%measure(duration) = lasting
+    one%measure(turn) = 1.0_wp
+    call one%take_slope(exp(grown), lasting)
+    call divergence%lose(one, times)
+  end subroutine complete_cycles
 
   !> Process a sample of a motion in closed form, which has no steps.
   subroutine see(self, motion, instant)
@@ -253,7 +274,10 @@ contains
         end if
       end if
     end select
-    if (self%restless%growth%is_followed) call self%restless%divergence%estimate(exponent, exponent_error, told)
+    if (self%restless%growth%is_followed) then
+      call put('conditioning', self%restless%divergence%conditioning())
+      call self%restless%divergence%estimate(exponent, exponent_error, told)
+    end if
     if (repeats > 0) then
       verdict = regular
     else if (verdict == undecided .and. .not. ieee_is_nan(exponent)) then

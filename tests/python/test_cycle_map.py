@@ -263,6 +263,21 @@ def test_conditioning_bounds_the_error_of_the_last_events(name: str) -> None:
     assert min(found) >= 1.0
 
 
+@pytest.mark.parametrize("changes", [{"velocity": 1e-2}, {"velocity": 3e-2}, {"velocity": 1e-2, "model": "low_frequency"}])
+@pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
+def test_conditioning_without_rest(changes: dict) -> None:
+    """Slow cycles without a rest count as passages; their error is a shift of the time at the end."""
+    scene = ds.Scene(INPUTS / "fig3.nml").replace(output={"interval": 20.0, "fields": ["u_x", "u_x_rate"]}, t_end=20.0, **changes)
+    truth = ds.run(scene, integrator={"rtol": 1e-12, "cycle_map": "off"})
+    found = []
+    for settings in ({"rtol": 1e-6}, {"rtol": 1e-6, "cycle_map": "off"}, {"rtol": 1e-8, "method": "radau5"}):
+        run = ds.run(scene, integrator=settings)
+        found.append(run.summary["conditioning"])
+        shift = abs((run["u_x"][-1] - truth["u_x"][-1]) / truth["u_x_rate"][-1])
+        assert shift <= settings["rtol"] * found[-1] * 20.0, settings
+    assert 1.0 <= min(found) <= max(found) <= 2.0
+
+
 @pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
 def test_conditioning_grows_as_differences_do() -> None:
     """By the exponent in each slow cycle of an irregular motion, and not at all in one that repeats, however long."""
