@@ -40,8 +40,8 @@ module dst_cycle_map
   real(wp), parameter :: alike = 1.0e-10_wp
   !> Differences of this size are roundoff [rad]. Convention.
   real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp)
-  !> Of repetitions with so many events each is listed. Convention.
-  integer, parameter :: most_listed = 100000
+  !> Of repetitions with so many events each is listed; and so many of their passages are described once and for all. Conventions.
+  integer, parameter :: most_listed = 100000, most_described = 1000
 
   !> Where the motion stands among its passages and slow cycles.
   type :: orbit_t
@@ -87,6 +87,8 @@ module dst_cycle_map
     logical, private :: is_shown = .false.
     !> When it ends [s].
     real(wp), private :: shown_end = 0.0_wp
+    !> The motion in passages of the slow cycles that repeat, as far as it has been described.
+    type(recording_t), allocatable, private :: described(:)
     !> Its piece that `show` was asked for last, and its number, 0 if there is none.
     type(piece_t), private :: shown_piece
     integer, private :: shown_number = 0
@@ -246,6 +248,7 @@ contains
     self%orbit%in_passage = .false.
     call self%recording%clear()
     self%orbit%repeats = 0
+    if (allocated(self%described)) deallocate (self%described)
     self%orbit%is_restless = .false.
     self%orbit%slow_cycles = 0
     self%orbit%like = 0
@@ -628,8 +631,12 @@ contains
       associate (slow => self%slow(place(1)))
         call self%shown%copy(slow%recording(slow%recorded(place(2))))
       end associate
-    else
+    else if (self%repetitions == 0 .or. k > most_described) then
       call self%maps(self%orbit%current)%describe(passage, self%shown, found)
+    else
+      if (.not. allocated(self%described)) allocate (self%described(min(self%passages(), most_described)))
+      if (self%described(k)%count == 0) call self%maps(self%orbit%current)%describe(passage, self%described(k), found)
+      call self%shown%copy(self%described(k))
     end if
     call end%later(self%shown_from, self%shown%duration())
     self%shown_end = end%time

@@ -4,9 +4,11 @@ module dst_recording
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
   use dst_dense_output, only: n_columns, column_position
+  use dst_drive, only: drive_segment_t
   use dst_interpolation, only: grid_t, max_degree, last_begun
   use dst_kinds, only: wp, int64
   use dst_piece, only: piece_t, no_event
+  use dst_slip_system, only: max_components
   use dst_state, only: state_t
   implicit none
   private
@@ -25,18 +27,25 @@ module dst_recording
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   end type kept_piece_t
 
-  !> The data that all pieces share: drive and system are those of this piece; polynomials are on one of the grids: that of steps, that
-  !> of steps near rest, or that of closed forms.
+  !> What all pieces have of drive and system.
   type :: shared_t
-    type(piece_t) :: like
-    type(grid_t) :: grid(3)
-    integer :: grids = 0
+    type(drive_segment_t) :: drive
+    real(wp) :: drive_coupling(max_components) = 0.0_wp
+    integer :: held = 0
+    logical :: is_polar = .false.
   end type shared_t
+
+  !> The grids of polynomials: that of steps, that of steps near rest, and that of closed forms.
+  type :: grids_t
+    integer :: count = 0
+    type(grid_t) :: grid(3)
+  end type grids_t
 
   !> Consecutive pieces.
   type :: recording_t
     integer :: count = 0
     type(shared_t), private :: shared
+    type(grids_t), private :: grids
     type(kept_piece_t), allocatable :: kept(:)     !! valid up to `count`
     real(wp), allocatable, private :: begin(:)     !! when each begins, side by side for `place_of`, s
   contains
@@ -73,12 +82,7 @@ contains
       call move_alloc(larger, self%kept)
       call move_alloc(longer, self%begin)
     end if
-    if (self%count == 0) then
-      self%shared%like%drive = piece%drive
-      self%shared%like%drive_coupling = piece%drive_coupling
-      self%shared%like%held = piece%held
-      self%shared%like%is_polar = piece%is_polar
-    end if
+    if (self%count == 0) self%shared = shared_t(piece%drive, piece%drive_coupling, piece%held, piece%is_polar)
     self%count = self%count + 1
     associate (kept => self%kept(self%count))
       kept%from = piece%from
@@ -88,13 +92,13 @@ contains
       kept%step = piece%path%step
       kept%nodal = piece%path%nodal
       kept%grid = 0
-      do i = 1, self%shared%grids
-        if (same_grid(self%shared%grid(i), piece%path%grid)) kept%grid = i
+      do i = 1, self%grids%count
+        if (same_grid(self%grids%grid(i), piece%path%grid)) kept%grid = i
       end do
       if (kept%grid == 0) then
-        self%shared%grids = min(size(self%shared%grid), self%shared%grids + 1)
-        kept%grid = self%shared%grids
-        self%shared%grid(kept%grid) = piece%path%grid
+        self%grids%count = min(size(self%grids%grid), self%grids%count + 1)
+        kept%grid = self%grids%count
+        self%grids%grid(kept%grid) = piece%path%grid
       end if
       ! From its beginning on.
       if (self%count == 1) then
@@ -129,11 +133,11 @@ contains
       piece%to%position = begin%position + kept%to%position
       piece%contact = kept%contact
       piece%event = kept%event
-      piece%drive = self%shared%like%drive
-      piece%drive_coupling = self%shared%like%drive_coupling
-      piece%held = self%shared%like%held
-      piece%is_polar = self%shared%like%is_polar
-      if (.not. same_grid(piece%path%grid, self%shared%grid(kept%grid))) piece%path%grid = self%shared%grid(kept%grid)
+      piece%drive = self%shared%drive
+      piece%drive_coupling = self%shared%drive_coupling
+      piece%held = self%shared%held
+      piece%is_polar = self%shared%is_polar
+      if (.not. same_grid(piece%path%grid, self%grids%grid(kept%grid))) piece%path%grid = self%grids%grid(kept%grid)
       piece%path%step = kept%step
       piece%path%nodal = kept%nodal
       piece%path%nodal(:, column_position) = kept%nodal(:, column_position) + begin%position
@@ -144,9 +148,15 @@ contains
   pure subroutine copy(self, other)
     class(recording_t), intent(inout) :: self
     type(recording_t), intent(in) :: other
+    integer :: i
 
     self%count = other%count
     self%shared = other%shared
+    self%grids%count = other%grids%count
+    ! They are large, and mostly the same.
+    do i = 1, other%grids%count
+      if (.not. same_grid(self%grids%grid(i), other%grids%grid(i))) self%grids%grid(i) = other%grids%grid(i)
+    end do
     self%kept = other%kept(:other%count)
     self%begin = other%begin(:other%count)
   end subroutine copy
@@ -191,6 +201,7 @@ contains
 
     call archive%serialise(c_loc(self%count), storage_size(self%count))
     call archive%serialise(c_loc(self%shared), storage_size(self%shared))
+    call archive%serialise(c_loc(self%grids), storage_size(self%grids))
     if (self%count == 0) return
     if (archive%is_loading()) allocate (self%kept(self%count), self%begin(self%count))
     call archive%serialise(c_loc(self%kept(1)), storage_size(self%kept), self%count)
