@@ -45,8 +45,6 @@ module dst_branch
     procedure :: interval_count
     procedure :: place_of
     procedure :: distance
-    procedure :: has_table
-    procedure :: halvings
     procedure :: visit
     procedure :: angle
     procedure :: depth
@@ -123,21 +121,6 @@ contains
 
     distance = self%limits%side*(at - self%limits%end)
   end function distance
-
-  !> Whether any interval is tabulated.
-  pure logical function has_table(self)
-    class(branch_t), intent(in) :: self
-
-    has_table = .false.
-    if (self%interval_count() > 0) has_table = any(self%intervals%is_known)
-  end function has_table
-
-  !> How often an interval was halved.
-  pure integer function halvings(self)
-    class(branch_t), intent(in) :: self
-
-    halvings = self%interval_count()/2
-  end function halvings
 
   !> Note that a passage was run in an interval, in so many steps.
   pure subroutine visit(self, place, steps)

@@ -45,8 +45,6 @@ module dst_release_map
   !> all. So much dearer than without tables is a motion at worst. Convention.
   real(wp), parameter :: in_vain = 0.15_wp
   integer, parameter :: first_passages = 8, many = 3
-  !> Halvings of slips without any table after which none is foreseen. Convention.
-  integer, parameter :: most_refused = 2
   !> Points between those of a table at which it is tested: near both ends and in the middle.
   real(wp), parameter :: test_at(3) = [-0.985_wp, 0.02_wp, 0.985_wp]
   !> Newton's steps to a fixed point, which turns the force by no more than this [rad]. Conventions.
@@ -346,7 +344,7 @@ contains
       if (.not. known%is_parted .and. steps_left(self) >= real(points(self), wp)*steps_each(self)) then
         if (passage%turns_back()) then
           if ((known%passages >= many*points(self) .and. known%expected - real(known%passages, wp) >= enough .or. &
-            known%slips >= first_passages .and. will_tabulate(self, slips)) .and. &
+            known%slips >= first_passages .and. slips >= 0.5_wp*enough) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
         else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
@@ -359,16 +357,6 @@ contains
       call tabulate(self, i, before, passage, rest, slips)
     end do
   end subroutine learn
-
-  !> Whether slips will be tabulated, of which so many are expected, as far as can be foreseen.
-  pure logical function will_tabulate(self, slips)
-    class(release_map_t), intent(in) :: self
-    real(wp), intent(in) :: slips
-
-    will_tabulate = slips >= profit*real(points(self), wp)
-    if (self%branch(2)%interval_count() > 0) will_tabulate = will_tabulate .and. &
-      (self%branch(2)%has_table() .or. self%branch(2)%halvings() < most_refused)
-  end function will_tabulate
 
   !> Count a passage that was run in so many steps.
   pure subroutine count_steps(self, steps)
