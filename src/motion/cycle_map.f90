@@ -60,9 +60,9 @@ module dst_cycle_map
     real(wp), private :: alpha = 0.0_wp
     !> The last piece, if it is one passage.
     type(passage_t), private :: passage
-    !> Place of the next passage in the slow cycles that repeat; and of the last one: its slow cycle, and its number in it.
-    integer, private :: following(2) = 1, place(2) = 1
-    !> Whether they are without a rest; what is known of such a motion.
+    !> Numbers of the next passage and of the last one among those that repeat.
+    integer, private :: following = 1, number = 1
+    !> Whether these are without a rest; what is known of such a motion.
     logical :: is_restless = .false.
     type(recurrence_t) :: recurrence
     type(work_count_t), private :: own
@@ -95,6 +95,8 @@ module dst_cycle_map
     !> The last slow cycles, at places modulo their number, and the present one. Allocatable, as gfortran 12 frees wrong addresses
     !> of fixed arrays of such a type (tests/python/test_fortran_comments.py).
     type(slow_cycle_t), allocatable :: slow(:)
+    !> What repeats, once: one slow cycle or several.
+    type(slow_cycle_t) :: block
   contains
     procedure :: go_on
     procedure :: show
@@ -222,12 +224,10 @@ contains
     real(wp), intent(in) :: shorter
 
     call forget(self)
-    associate (slow => self%slow(place_of(-1_int64)))
-      call slow%clear(.true.)
-      call slow%append(measured(self%since_look), self%since_look)
-      if (.not. slow%sum%is_complete) return
-      call slow%lengthen(-shorter)
-    end associate
+    call self%block%clear(.true.)
+    call self%block%append(measured(self%since_look), self%since_look)
+    if (.not. self%block%sum%is_complete) return
+    call self%block%lengthen(-shorter)
     self%orbit%repeats = 1
     self%orbit%following = 1
     self%orbit%is_restless = .true.
@@ -346,10 +346,14 @@ contains
     do m = 1, int(min(self%orbit%slow_cycles - 1, int(most_repeats, int64)))
       call look_for_cycle(self, m, longer, found)
       if (.not. found) cycle
-      if (.not. all([(self%slow(place_of(self%orbit%slow_cycles - i))%sum%is_complete, i=1, m)])) return
+      call self%block%clear(.true.)
+      do i = m, 1, -1
+        call self%block%join(self%slow(place_of(self%orbit%slow_cycles - i)))
+      end do
+      if (.not. self%block%sum%is_complete) return
+      call self%block%lengthen(longer)
       self%orbit%repeats = m
       self%orbit%following = 1
-      call self%slow(place_of(self%orbit%slow_cycles - 1))%lengthen(longer)
       return
     end do
   end subroutine look_for_repetition
@@ -434,43 +438,30 @@ contains
     returned = self%orbit%last_returned(modulo(self%orbit%slow_cycles - ago, size(self%orbit%last_returned, kind=int64)))
   end function returned
 
-  !> The slow cycle number `i` of those that repeat: its place.
-  pure integer function block_place(self, i)
-    class(cycle_map_t), intent(in) :: self
-    integer, intent(in) :: i
-
-    block_place = place_of(self%orbit%slow_cycles - self%orbit%repeats + int(i - 1, int64))
-  end function block_place
-
   !> A leap from the present release, if there is one that takes no longer than `longest` [s].
   subroutine leap(self, longest)
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: longest
     type(passage_t) :: passage
-    real(wp) :: lasting
     integer(int64) :: times
     logical :: found
 
     if (self%orbit%repeats > 0) then
-      lasting = self%block_duration()
       times = 0
-      if (all(self%orbit%following == 1)) times = int(min(longest/lasting, 1.0e15_wp), int64)
-      if (real(times, wp)*lasting > longest) times = times - 1
+      associate (lasting => self%block_duration())
+        if (self%orbit%following == 1) times = int(min(longest/lasting, 1.0e15_wp), int64)
+        if (real(times, wp)*lasting > longest) times = times - 1
+      end associate
       if (times > 0) then
         call repeat_block(self, times)
         return
       end if
-      associate (following => self%orbit%following, slow => self%slow(block_place(self, self%orbit%following(1))))
-        passage = slow%passage(following(2))
-        found = passage%measure(duration) <= longest
-        if (found) then
-          self%orbit%place = [block_place(self, following(1)), following(2)]
-          following(2) = following(2) + 1
-          if (following(2) > slow%sum%count) following = [1 + modulo(following(1), self%orbit%repeats), 1]
-          if (passage%table(1) == 0) self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + 1
-        end if
-      end associate
-      if (found) call take_passage(self, passage)
+      passage = self%block%passage(self%orbit%following)
+      if (passage%measure(duration) > longest) return
+      self%orbit%number = self%orbit%following
+      self%orbit%following = 1 + modulo(self%orbit%following, self%block%sum%count)
+      if (passage%table(1) == 0) self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + 1
+      call take_passage(self, passage)
       return
     end if
     call self%maps(self%orbit%current)%look_up(self%orbit%alpha, passage, found)
@@ -496,21 +487,15 @@ contains
     class(cycle_map_t), intent(inout) :: self
     integer(int64), intent(in) :: times
     type(passage_t) :: whole
-    integer :: i, slips
 
-    slips = 0
-    whole = self%slow(block_place(self, 1))%sum%whole
-    do i = 1, self%orbit%repeats
-      associate (slow => self%slow(block_place(self, i)))
-        if (i > 1) call whole%go_on(slow%sum%whole)
-        slips = slips + count(slow%passage(:slow%sum%count)%table(1) == 0)
-      end associate
-    end do
-    call self%orbit%divergence%lose(whole, times)
-    self%repetitions = times
-    self%orbit%own%cycles_leapt = self%orbit%own%cycles_leapt + times*self%passages()
-    if (.not. self%orbit%is_restless) self%orbit%own%events = self%orbit%own%events + 2*times*self%passages()
-    self%orbit%own%excursions_reused = self%orbit%own%excursions_reused + times*slips
+    associate (own => self%orbit%own, sum => self%block%sum)
+      self%repetitions = times
+      own%cycles_leapt = own%cycles_leapt + times*sum%count
+      own%excursions_reused = own%excursions_reused + times*sum%recordings
+      if (.not. self%orbit%is_restless) own%events = own%events + 2*times*sum%count
+      call self%orbit%divergence%lose(sum%whole, times)
+      whole = sum%whole
+    end associate
     whole%to = self%orbit%alpha
     call make_piece(self, whole, real(times, wp))
   end subroutine repeat_block
@@ -550,60 +535,31 @@ contains
   end subroutine make_piece
 
   !> Duration of the slow cycles that repeat [s].
-  pure real(wp) function block_duration(self) result(lasting)
+  pure real(wp) function block_duration(self)
     class(cycle_map_t), intent(in) :: self
-    integer :: i
 
-    lasting = 0.0_wp
-    do i = 1, self%orbit%repeats
-      associate (whole => self%slow(block_place(self, i))%sum%whole)
-        lasting = lasting + whole%measure(duration)
-      end associate
-    end do
+    block_duration = self%block%sum%whole%measure(duration)
   end function block_duration
 
   !> Number of passages in a leap, or in one of its repetitions.
-  pure integer function passages(self) result(n)
+  pure integer function passages(self)
     class(cycle_map_t), intent(in) :: self
-    integer :: i
 
-    n = 1
-    if (self%repetitions == 0) return
-    n = 0
-    do i = 1, self%orbit%repeats
-      n = n + self%slow(block_place(self, i))%sum%count
-    end do
+    passages = merge(self%block%sum%count, 1, self%repetitions > 0)
   end function passages
 
-  !> Passage number `k` of a leap, and when it begins [s] after the leap, or after its repetition; the number of its slow cycle, and
-  !> its number in it.
-  pure subroutine passage_number(self, k, passage, begin, place)
+  !> Passage number `k` of a leap, and when it begins [s] after the leap, or after its repetition.
+  pure subroutine passage_number(self, k, passage, begin)
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: k
     type(passage_t), intent(out) :: passage
     real(wp), intent(out) :: begin
-    integer, intent(out), optional :: place(2)
-    integer :: i, n
 
     passage = self%orbit%passage
     begin = 0.0_wp
-    if (self%repetitions == 0) then
-      if (present(place)) place = self%orbit%place
-      return
-    end if
-    n = k
-    do i = 1, self%orbit%repeats
-      associate (slow => self%slow(block_place(self, i)))
-        if (n <= slow%sum%count) then
-          passage = slow%passage(n)
-          begin = begin + slow%begin(n)
-          if (present(place)) place = [block_place(self, i), n]
-          return
-        end if
-        n = n - slow%sum%count
-        begin = begin + slow%sum%whole%measure(duration)
-      end associate
-    end do
+    if (self%repetitions == 0) return
+    passage = self%block%passage(k)
+    begin = self%block%begin(k)
   end subroutine passage_number
 
   !> Show passage number `k` of a repetition of the leap (0: the first one).
@@ -614,10 +570,9 @@ contains
     type(passage_t) :: passage
     type(state_t) :: end
     real(wp) :: begin
-    integer :: place(2)
     logical :: found
 
-    call self%passage_number(k, passage, begin, place)
+    call self%passage_number(k, passage, begin)
     associate (from => self%piece%from)
       if (repetition > 0) begin = begin + real(repetition, wp)*self%block_duration()
       self%shown_from = from
@@ -628,9 +583,7 @@ contains
     self%is_shown = .true.
     self%shown_number = 0
     if (passage%table(1) == 0) then
-      associate (slow => self%slow(place(1)))
-        call self%shown%copy(slow%recording(slow%recorded(place(2))))
-      end associate
+      call self%shown%copy(self%block%recording(self%block%recorded(merge(k, self%orbit%number, self%repetitions > 0))))
     else if (self%repetitions == 0 .or. k > most_described) then
       call self%maps(self%orbit%current)%describe(passage, self%shown, found)
     else
@@ -650,7 +603,7 @@ contains
     real(wp) :: u(2)
 
     if (self%orbit%is_restless) then
-      u = self%slow(block_place(self, 1))%recording(1)%kept(1)%from%u
+      u = self%block%recording(1)%kept(1)%from%u
     else
       u = self%maps(self%orbit%current)%elongation(alpha)
     end if
@@ -666,10 +619,8 @@ contains
       if (system%components == size(stretched)) then
         moved = position + way - dot_product(stretched, self%slider%along)
       else if (self%steps%may_rest) then
-        associate (once => self%slow(block_place(self, 1)))
-          associate (inside => once%recording(1), lasting => once%sum%whole%measure(duration))
-            moved = position + way/(self%piece%drive%velocity*lasting)*inside%kept(inside%count)%to%position
-          end associate
+        associate (inside => self%block%recording(1))
+          moved = position + way/(self%piece%drive%velocity*self%block_duration())*inside%kept(inside%count)%to%position
         end associate
       else
         moved = position + way*system%advance_by_drive &
@@ -704,27 +655,15 @@ contains
     class(cycle_map_t), intent(inout) :: self
     real(wp), intent(in) :: time
     integer(int64) :: repetition
-    real(wp) :: elapsed, lasting
-    integer :: i, k
+    real(wp) :: elapsed
+    integer :: k
 
     repetition = 0
     k = 1
     if (self%repetitions > 0) then
       elapsed = max(0.0_wp, self%piece%from%until(time))
-      lasting = self%block_duration()
-      repetition = min(int(elapsed/lasting, int64), self%repetitions - 1)
-      elapsed = elapsed - real(repetition, wp)*lasting
-      k = 0
-      do i = 1, self%orbit%repeats
-        associate (slow => self%slow(block_place(self, i)))
-          if (elapsed < slow%sum%whole%measure(duration) .or. i == self%orbit%repeats) then
-            k = k + slow%place_of(elapsed)
-            exit
-          end if
-          elapsed = elapsed - slow%sum%whole%measure(duration)
-          k = k + slow%sum%count
-        end associate
-      end do
+      repetition = min(int(elapsed/self%block_duration(), int64), self%repetitions - 1)
+      k = self%block%place_of(elapsed - real(repetition, wp)*self%block_duration())
     end if
     call self%show_passage(repetition, k)
     if (time < self%shown_end) return
@@ -859,6 +798,7 @@ contains
     do i = 0, most_repeats
       call self%slow(i)%serialise(archive)
     end do
+    call self%block%serialise(archive)
     call self%recording%serialise(archive)
     call self%since_look%serialise(archive)
   end subroutine serialise

@@ -34,6 +34,7 @@ module dst_slow_cycle
   contains
     procedure :: clear
     procedure :: append
+    procedure :: join
     procedure :: lengthen
     procedure :: place_of
     procedure :: serialise
@@ -71,6 +72,23 @@ contains
     call self%recording(self%sum%recordings)%copy(recording)
     self%sum%pieces = self%sum%pieces + recording%count
   end subroutine append
+
+  !> Append the passages of another one.
+  pure subroutine join(self, other)
+    class(slow_cycle_t), intent(inout) :: self
+    type(slow_cycle_t), intent(in) :: other
+    type(passage_t) :: whole
+    integer :: i
+
+    ! Slow cycles like one before know their slope only as a whole.
+    whole = self%sum%whole
+    call whole%go_on(other%sum%whole)
+    self%sum%is_complete = self%sum%is_complete .and. other%sum%is_complete
+    do i = 1, other%sum%count
+      call self%append(other%passage(i), other%recording(max(1, other%recorded(i))))
+    end do
+    self%sum%whole = whole
+  end subroutine join
 
   !> Its last rest takes longer by this [s]; of one without a rest, its last piece.
   pure subroutine lengthen(self, by)
