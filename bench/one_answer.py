@@ -1,6 +1,6 @@
 """How many random scenes give one answer, whatever the method, the tolerance and the cycle map.
 
-python bench/one_answer.py [turns | summaries | near_fig3] [--scenes N] [--first 0] [--seed 31] [--report FILE] [--short]
+python bench/one_answer.py [turns] [summaries] [near_fig3] [--scenes N] [--first 0] [--seed 31] [--report FILE] [--short]
 
 turns
     Scenes of the family `turning` of tests/audit (strong weakening and a static limit above the kinetic one: many a slip nearly stops,
@@ -41,7 +41,7 @@ import invariance as iv
 import motions as mo
 import numpy as np
 import truth as tr
-from common import parser_of
+from common import options_of
 from fig3 import Groups, changed
 from scenes import log_uniform
 
@@ -217,21 +217,16 @@ COMMANDS = {"turns": (turns, 1000), "summaries": (summaries, 1500), "near_fig3":
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("what", choices=COMMANDS, nargs="?", help="all if none is named")
-    parser.add_argument("--scenes", type=int)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--report", type=Path, help="file for the decks of what is wrong")
-    arguments = parser.parse_args()
+    options = options_of(__doc__, *COMMANDS, scenes=(0, 2), first=0, seed=31, report="")
     tally = Tally()
-    for what in [arguments.what] if arguments.what else COMMANDS:
+    for what in options.words:
         judge, usual = COMMANDS[what]
-        count = 2 if arguments.short else arguments.scenes or usual
-        numbers = range(arguments.first, arguments.first + count)
-        right = sum(judge(number, arguments.seed, tally) for number in numbers)
+        count = options.scenes or usual
+        right = sum(
+            judge(number, options.seed, tally) for number in range(options.first, options.first + count)
+        )
         print(f"{what}: {count - right} of {count} scenes wrong")
-    tally.report(arguments.report)
+    tally.report(Path(options.report) if options.report else None)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ page() {
     cycle_map) dynstiction run inputs/fig3.nml -o "$work/fig3.h5" && draw fig3 cycle_map --kind cycle_map && python bench/cycle_map.py --scenes 0 ;;
     cycles) python bench/sensitivity.py ;;
     figures) (cd "$work" && dynstiction paper) ;;
-    fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
+    fit) python bench/fit.py errors && python bench/creep_test.py --count 10 ;;
     fit_creep) python bench/creep_fit.py ;;
     maps)
       sweep map_phi_velocity map && draw map map_phi_velocity

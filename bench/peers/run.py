@@ -248,7 +248,20 @@ def reference_states():
     return {row[0]: row[1:] for row in scenes["scenes"]["fig3"]["states"]}
 
 
-COLUMNS = ["peer", "method", "formulation", "settings", "runs", "seconds", "error_u", "error_w", "level", "stops", "reached", "status"]
+COLUMNS = [
+    "peer",
+    "method",
+    "formulation",
+    "settings",
+    "runs",
+    "seconds",
+    "error_u",
+    "error_w",
+    "level",
+    "stops",
+    "reached",
+    "status",
+]
 
 
 def row_of(point):
