@@ -31,8 +31,8 @@ wanted() {
 }
 
 debian_packages+=(g++ libboost-dev)
-! wanted CVODE ARKODE || debian_packages+=(libsundials-dev)
-! wanted Siconos || debian_packages+=(libsiconos-kernel-dev libsiconos-numerics-dev)
+! wanted CVODE || debian_packages+=(libsundials-dev)
+! wanted Siconos || debian_packages+=(libsiconos-numerics-dev)
 work=$checkout/build/peers
 
 compile() {
@@ -45,11 +45,11 @@ prepare test
 build_program -Dtests=false
 mkdir -p "$work"
 compile g++ odeint
-if wanted CVODE ARKODE; then
+if wanted CVODE; then
   # Debian's SUNDIALS headers need those of MPI.
-  compile mpicxx sundials -lsundials_cvode -lsundials_arkode -lsundials_nvecserial -lsundials_sunlinsoldense -lsundials_sunmatrixdense
+  compile mpicxx cvode -lsundials_cvode -lsundials_nvecserial -lsundials_sunlinsoldense -lsundials_sunmatrixdense
 fi
 if wanted Siconos; then
-  compile g++ siconos -isystem /usr/include/siconos/kernel -isystem /usr/include/siconos/numerics -isystem /usr/include/siconos -lsiconos_kernel -lsiconos_numerics
+  compile g++ siconos -isystem /usr/include/siconos/numerics -isystem /usr/include/siconos -lsiconos_numerics
 fi
 exec "$venv/bin/python" "$here/run.py" "$@"
