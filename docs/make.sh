@@ -46,7 +46,7 @@ page() {
       awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' docs/tutorial.md > "$work/commands.sh"
       (cd "$work" && bash -euo pipefail commands.sh && cp ten.png "$figures/tutorial_ten.png" && cp map.png "$figures/tutorial_map.png")
       ;;
-    validation) python bench/fig3.py ;;
+    validation) python bench/fig3.py && python bench/limit_cycles.py ;;
     *) die "no page '$1' has anything to be made: ${pages[*]}" ;;
   esac
 }
