@@ -87,7 +87,7 @@ def rates(u: np.ndarray, w: np.ndarray, velocity: float, angle: float) -> np.nda
 
 
 class Orbit:
-    """A cycle as rises from the valley of the load to its peak and falls from there, each over its own duration."""
+    """A cycle: the rise of the load from its valley to its peak, and its fall, each over its own duration."""
 
     def __init__(self, velocity: float, angle_deg: float, cycle: ds.LimitCycle) -> None:
         """A first guess, by an integration from the valley of a cycle near by."""
@@ -106,7 +106,7 @@ class Orbit:
         )
 
     def solve(self, free: str, **given: float) -> "Orbit":
-        """The cycle with given values of two of velocity, angle and swing, the third one free."""
+        """The cycle with given values of the velocity and of angle or swing, the other one free."""
         fixed = {name: value for name, value in (self.values | given).items() if name != free}
 
         def of_halves(_: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
