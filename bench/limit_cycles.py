@@ -144,14 +144,14 @@ class Orbit:
         self.solution = found.sol
         return self
 
-    def fold(self, free: str) -> float:
-        """The largest value of the free one over the swings near by."""
-        swing = self.values["swing"]
-        return -minimize_scalar(
-            lambda it: -self.solve(free, swing=it).values[free],
-            bounds=(0.9 * swing, 1.1 * swing),
-            method="bounded",
-        ).fun
+    def fold(self) -> float:
+        """The largest angle over the swings near by."""
+        least, most = 0.9 * self.values["swing"], 1.1 * self.values["swing"]
+
+        def fallen(swing: float) -> float:
+            return -self.solve("angle", swing=swing).values["angle"]
+
+        return -minimize_scalar(fallen, bounds=(least, most), method="bounded").fun
 
     def measures(self) -> dict[str, float]:
         """Valley and peak over F_0, period [s], and the multiplier, e to the integral of dw'/dw, by Gauss quadrature."""
@@ -181,7 +181,7 @@ def compared(velocity: float) -> float:
     end, is_fold = end_of_stick_slip(velocity, 0.5, 25.0)
     near = 0.9999 * end if is_fold else end
     orbit = Orbit(velocity, near, slow(velocity, near).stable[-1])
-    angle = orbit.fold("angle") if is_fold else orbit.solve("angle", swing=LEAST).values["angle"]
+    angle = orbit.fold() if is_fold else orbit.solve("angle", swing=LEAST).values["angle"]
     return row(velocity, f"{'fold' if is_fold else 'swing of 5 %'} at φ [deg]", end, np.degrees(angle))
 
 
