@@ -8,14 +8,12 @@ are too near each other for such a search: it is found as the value at which the
 relative differences and the cost.
 """
 
-from __future__ import annotations
-
-import argparse
 import random
 import time
 
 import dynstiction as ds
 import numpy as np
+from common import options_of
 from dynstiction import _native
 from scipy.optimize import brentq, minimize_scalar
 
@@ -104,18 +102,11 @@ def again(scene: ds.Scene, slow_cycles: int, point: ds.BranchPoint) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rigs", type=int, default=10)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--model", choices=("full", "low_frequency"), default="full")
-    parser.add_argument("--short", action="store_true", help="20 rigs of the slow motion")
-    arguments = parser.parse_args()
-    if arguments.short:
-        arguments.rigs, arguments.model = 20, "low_frequency"
-    rng = random.Random(arguments.seed)
+    options = options_of(__doc__, rigs=(10, 20), seed=1, model=("full", "low_frequency"))
+    rng = random.Random(options.seed)
     differences, unseen, seconds, branches = [], 0, [], 0
-    for number in range(arguments.rigs):
-        scene = rig(rng, arguments.model)
+    for number in range(options.rigs):
+        scene = rig(rng, options.model)
         own = scene.system.misalignment_deg
         begun = time.perf_counter()
         found = ds.branch(scene, "misalignment_deg", 0.5 * own, 4.0 * own, slow_cycles=1, most_branches=3)
@@ -126,15 +117,22 @@ def main() -> None:
                 if point.kind not in ("fold", "doubling"):
                     continue
                 if point.kind == "fold":
-                    other = touching(scene, arguments.model, each.slow_cycles, point)
+                    other = touching(scene, options.model, each.slow_cycles, point)
                 else:
                     other = again(scene, each.slow_cycles, point)
                 unseen += np.isnan(other)
                 differences.append(other / point.value - 1.0)
-                print(f"rig {number}: {point.kind} at {point.value:.10g} deg, again {other:.10g}: {differences[-1]:.1e}", flush=True)
+                print(
+                    f"rig {number}: {point.kind} at {point.value:.10g} deg, again {other:.10g}: {differences[-1]:.1e}",
+                    flush=True,
+                )
     size = np.abs([each for each in differences if np.isfinite(each)])
-    print(f"{arguments.rigs} rigs, {branches} branches in {np.median(seconds):.2g} s a rig (median), at most {max(seconds):.2g} s")
-    print(f"{len(differences)} folds and doublings, {unseen} of them not found again; largest difference {size.max(initial=0.0):.1e}")
+    print(
+        f"{options.rigs} rigs, {branches} branches in {np.median(seconds):.2g} s a rig (median), at most {max(seconds):.2g} s"
+    )
+    print(
+        f"{len(differences)} folds and doublings, {unseen} of them not found again; largest difference {size.max(initial=0.0):.1e}"
+    )
 
 
 if __name__ == "__main__":

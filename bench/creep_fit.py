@@ -1,6 +1,6 @@
 """Misalignment and creep length from the displacement of the first stick of Fig. 3 (docs/howto/fit_creep.md).
 
-    python bench/creep_fit.py [--rigs N] [--short]
+    python bench/creep_fit.py [--rigs 100] [--short]
 
 For each noise of the sensor and each form of the creep: what the fit finds, with its standard errors, and its misfit. Then the errors
 of the misalignment for N random rigs (100), with a noise of 1e-5 l_x, where the misfit is below 1.1, and where it is not.
@@ -11,7 +11,7 @@ from typing import Any
 
 import dynstiction as ds
 import numpy as np
-from common import FIG3, parser_of
+from common import FIG3, options_of
 
 NOISES = {"10 nm": 1e-8, "100 nm": 1e-7, "1 µm": 1e-6}
 
@@ -30,13 +30,10 @@ FORMS: dict[str, dict[str, Any]] = {
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--rigs", type=int, default=100)
-    options = parser.parse_args()
-    short = options.short
+    options = options_of(__doc__, rigs=(100, 3))
     warnings.simplefilter("ignore", ds.FitWarning)
     run = ds.run(FIG3, times=np.arange(0.0, 1.85, 1e-3), output={"fields": ["X"]})
-    for name, noise in list(NOISES.items())[: 1 if short else None]:
+    for name, noise in list(NOISES.items())[: 1 if options.short else None]:
         noisy = run["X"] + noise * np.random.default_rng(1).standard_normal(run.time.size)
         for form, how in FORMS.items():
             fit = ds.fit_creep(run.time, noisy, velocity=1e-3, **how)
@@ -44,7 +41,7 @@ def main() -> None:
                 f"| {name} | {form} | {fit.misalignment_deg:.4f} ± {fit.misalignment_error:.1g} "
                 f"| {1e3 * fit.length:.4f} ± {1e3 * fit.length_error:.1g} | {fit.misfit:.3g} |"
             )
-    random_rigs(3 if short else options.rigs)
+    random_rigs(options.rigs)
 
 
 def random_rigs(count: int) -> None:

@@ -1,6 +1,6 @@
 """Speed and accuracy on Fig. 3 by method and tolerance, without the cycle map, for readers to repeat.
 
-    python bench/fig3.py [--runs N] [--short]
+    python bench/fig3.py [--runs 5] [--short]
 
 Prints the error of the slip velocity at t = 10 s (relative to |w|), the number of sticks, the solver's wall time (median of N runs),
 Newton iterations and the time of one; then time and memory of the whole process with the map, for t_end = 10 s and 1000 s.
@@ -13,19 +13,17 @@ from pathlib import Path
 
 import dynstiction as ds
 import numpy as np
-from common import FIG3, ROOT, largest_memory, parser_of, program
+from common import FIG3, ROOT, largest_memory, options_of, program
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
 METHODS = ("radau5", "radau9", "radau13", "dopri5", "dop853")
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--runs", type=int, default=5, help="number of runs for a median")
-    options = parser.parse_args()
+    options = options_of(__doc__, runs=(5, 1))
     runs, tolerances, lengths = options.runs, TOLERANCES, (10.0, 1000.0)
     if options.short:
-        runs, tolerances, lengths = 1, (1e-4, 1e-6), (1.0,)
+        tolerances, lengths = (1e-4, 1e-6), (1.0,)
     print("method     rtol  error of w sticks  solver s   Newton  us each       rhs")
     for method in METHODS:
         for rtol in tolerances:

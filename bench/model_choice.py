@@ -1,28 +1,26 @@
 """Whether `model = 'auto'` is as accurate as requested on random scenes, and the cost of its choice; for readers to repeat.
 
-    python bench/model_choice.py [--seconds S] [--seed N] [--short]
-    python bench/model_choice.py --judge
+    python bench/model_choice.py [--scenes 300] [--seed 20261123] [--short]
 
-Draws scenes log-uniformly over several decades of every parameter, asks for several accuracies, and compares the chosen model
-with the full one, in the quantities or in one column. Prints the cases in which the error exceeds the requested accuracy,
-and the counts by model; it fails if there is such a case.
+Draws scenes log-uniformly over several decades of every parameter, asks for several accuracies, and compares the chosen model with the
+full one, in the quantities and in a random column. Prints the cases in which the error exceeds the requested accuracy, the counts by
+model, and the Newton iterations of the choice at accuracy 1e-2 and of the run of the chosen model together, and those of the full model
+alone: a low-frequency run for the choice counts; closed forms need no iterations. It fails if an error is too large.
 
-With --judge it uses 300 scenes that were drawn before the rule was made, and their quantities. It then also prints the Newton
-iterations of the choice at accuracy 1e-2 and of the run of the chosen model together, and those of the full model alone. A low-frequency run for the choice counts; closed forms need no iterations.
+The 300 scenes of the usual seed were drawn before the rule was made. Do not tune a rule on them.
 """
 
 import re
-import statistics
 import sys
-import time
 from collections import Counter
 from pathlib import Path
+from statistics import mean, median
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "python"))
 import dynstiction as ds
-from common import parser_of, progress
+from common import options_of, progress
 from test_model_choice import (
     COLUMNS,
     chosen_for,
@@ -33,12 +31,12 @@ from test_model_choice import (
     random_scene,
 )
 
-# The scenes for the assessment of a rule, drawn before the rule was made: 300 of this seed. Do not tune a rule on them.
-JUDGED_SEED, JUDGED_SCENES = 20261123, 300
 # The accuracy for which the cost is printed.
 COMMON = 1e-2
 ACCURACIES = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-5)
 MOST_CYCLES = 3e4
+LENGTHS = {"creep": (0.1, 0.3, 0.6, 0.9, 1.2, 2.6), "stick_slip": (0.5, 2.6, 4.0)}
+"""Distances of the drive in l_x."""
 
 
 def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
@@ -46,89 +44,44 @@ def drawn(random: np.random.Generator) -> tuple[dict[str, float], str, float]:
     while True:
         scene = random_scene(random)
         quantities = str(random.choice(["creep", "stick_slip"]))
-        lengths = float(
-            random.choice([0.1, 0.3, 0.6, 0.9, 1.2, 2.6] if quantities == "creep" else [0.5, 2.6, 4.0])
-        )
+        lengths = float(random.choice(LENGTHS[quantities]))
         if fast_cycles(scene, lengths) <= MOST_CYCLES:
             return scene, quantities, lengths
 
 
-Drawn = tuple[dict[str, float], str, float]
-
-
-def exceeds(
-    result: ds.Result, full: ds.Result, asked: Drawn, accuracy: float, column: str = "default"
-) -> bool:
-    """Whether the error is larger than requested; then the scene is printed."""
-    scene, quantities, lengths = asked
-    if column == "default":
-        error = (error_in_creep if quantities == "creep" else error_in_stick_slip)(result, full)
-    else:
-        error = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
-    if error > accuracy:
-        choice = result.attributes["model_choice"]
-        print(f"{quantities} {column} {lengths} {accuracy}: {error:.3g}", scene, choice)
-    return bool(error > accuracy)
-
-
-def judge() -> None:
-    """Errors and costs on the 300 scenes."""
+def main() -> None:
+    options = options_of(__doc__, scenes=(300, 10), seed=20261123)
     exceeded = 0
     costs: dict[str, list[float]] = {"always full": [], "auto": []}
-    chosen: dict[float, Counter[str]] = {accuracy: Counter() for accuracy in ACCURACIES}
-    random = np.random.default_rng(JUDGED_SEED)
-    for _ in progress(range(JUDGED_SCENES), "scenes"):
-        scene, quantities, lengths = asked = drawn(random)
+    chosen = {accuracy: Counter() for accuracy in ACCURACIES}
+    random, of_columns = np.random.default_rng(options.seed), np.random.default_rng(options.seed + 1)
+    for _ in progress(range(options.scenes), "scenes"):
+        scene, quantities, lengths = drawn(random)
         full = ds.run(deck(scene, "full", lengths))
         costs["always full"].append(full.statistics["newton"])
+        error_of = error_in_creep if quantities == "creep" else error_in_stick_slip
+        column = str(of_columns.choice(COLUMNS))
         for accuracy in ACCURACIES:
+            errors = {}
             result = ds.run(deck(scene, "auto", lengths, f"quantities='{quantities}', accuracy={accuracy}"))
-            model = str(result.attributes["model"])
-            chosen[accuracy][model] += 1
+            chosen[accuracy][str(result.attributes["model"])] += 1
             if accuracy == COMMON:
                 spent = re.search(r"the choice took (\d+) Newton", str(result.attributes["model_choice"]))
                 costs["auto"].append(result.statistics["newton"] + (float(spent[1]) if spent else 0.0))
-            if model != "full":
-                exceeded += exceeds(result, full, asked, accuracy)
+            if result.attributes["model"] != "full":
+                errors["default"] = error_of(result, full)
+            if result := chosen_for(column, scene, quantities, lengths, accuracy):
+                errors[column] = np.abs(result[column] - full[column]).max() / np.abs(full[column]).max()
+            for name, error in errors.items():
+                if error > accuracy:
+                    exceeded += 1
+                    print(f"{quantities} {name} {lengths} {accuracy}: {error:.3g}", scene)
     for accuracy, models in chosen.items():
         print(f"accuracy {accuracy:g}: {dict(models)}")
     for name, values in costs.items():
-        median, mean = statistics.median(values), statistics.mean(values)
-        print(f"Newton iterations, {name}: median {median:.0f}, mean {mean:.0f}")
-    print(f"{JUDGED_SCENES} scenes, {exceeded} errors above the accuracy asked for")
-    sys.exit(bool(exceeded > 0))
-
-
-def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument(
-        "--judge", action="store_true", help="the 300 scenes drawn before the rule, and what it costs"
-    )
-    options = parser.parse_args()
-    if options.judge:
-        judge()
-    if options.short:
-        options.seconds = 5.0
-    random = np.random.default_rng(options.seed)
-    chosen: Counter[str] = Counter()
-    scenes = exceeded = 0
-    end = time.monotonic() + options.seconds
-    while time.monotonic() < end:
-        scene, quantities, lengths = drawn(random)
-        column = str(random.choice(["default", "default", *COLUMNS]))
-        scenes += 1
-        full = None
-        for accuracy in ACCURACIES:
-            result = chosen_for(column, scene, quantities, lengths, accuracy)
-            chosen["full" if result is None else str(result.attributes["model"])] += 1
-            if result is None:
-                break
-            full = full or ds.run(deck(scene, "full", lengths))
-            exceeded += exceeds(result, full, (scene, quantities, lengths), accuracy, column)
-    print(f"{scenes} scenes, {exceeded} errors above the accuracy asked for; chosen: {dict(chosen)}")
-    sys.exit(bool(exceeded > 0))
+        print(f"Newton iterations, {name}: median {median(values):.0f}, mean {mean(values):.0f}")
+    print(f"{options.scenes} scenes, {exceeded} errors above the accuracy asked for")
+    sys.exit(int(exceeded > 0))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,6 @@
 """How many random scenes give one answer, whatever the method, the tolerance and the cycle map.
 
-python bench/one_answer.py [turns | summaries | near_fig3] [--scenes N] [--first 0] [--seed 31] [--report FILE] [--short]
-
-turns
-    Scenes of the family `turning` of tests/audit (strong weakening and a static limit above the kinetic one: many a slip nearly stops,
-    turns and goes on) by radau13 at 1e-8 and 1e-6, with the cycle map, against the independent reference. Wrong is more than
-    30 rtol (1 + C). Runs whose spring force is off by more than 1 % of the static limit are counted, too: such a scene may magnify
-    everything, so also how many of them are wrong.
+python bench/one_answer.py [summaries] [near_fig3] [--scenes N] [--first 0] [--seed 31] [--report FILE] [--short]
 
 summaries
     Every summary value by radau13 at 1e-6 and at 1e-8, map on and off, against radau5 at 1e-9 with the map off: random scenes of the
@@ -17,13 +11,12 @@ near_fig3
     t_end, the balance closed, and every mean as with the map off. Means are compared with those of 40 s without the map, and if they
     differ, with those of the whole length. Irregular means may differ by 6 standard errors.
 
-What is allowed in the last two, and when a value is not judged: tests/invariance/motions.py.
+What is allowed, and when a value is not judged: tests/invariance/motions.py.
 """
 
 from __future__ import annotations
 
 import collections
-import functools
 import math
 import random
 import sys
@@ -35,24 +28,17 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "audit"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "python"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "invariance"))
 
-import audit
 import dynstiction as ds
 import invariance as iv
 import motions as mo
-import numpy as np
-import truth as tr
-from common import parser_of
+from common import options_of
 from fig3 import Groups, changed
 from scenes import log_uniform
 
-LARGE = 0.01
-"""Error of the spring force, over the static limit, that is counted by itself."""
 SETTLED = 40.0
 """Length of the first run without the map [s]: some forty slow cycles."""
 STANDARD_ERRORS = 6.0
 """Of a thousand scenes with six means each, none by chance. Twice: a mean that is off by a scatter passes with 100 cycles."""
-
-reference = functools.cache(tr.Reference)
 
 
 class Tally:
@@ -78,37 +64,6 @@ class Tally:
         print(f"{time.time() - self.began:.0f} s")
         if file is not None:
             file.write_text("\n".join(text for _, text in sorted(self.wrong, key=lambda row: -row[0])))
-
-
-def turns(number: int, seed: int, tally: Tally) -> bool:
-    """Whether a scene is right."""
-    [(name, scene)] = audit.random_scenes("turning", seed, range(number, number + 1)).items()
-    try:
-        case = audit.Case(reference(), name, scene, cycle_map="auto")
-    except tr.ReferenceFailed as error:
-        tally.counts[f"no reference: {error}"] += 1
-        return True
-    right = True
-    for rtol in (1e-8, 1e-6):
-        verdict = audit.compare(case, "radau13", rtol)
-        large = verdict.sticks < 0 or load_error(case, rtol) > LARGE
-        tally.counts[f"{rtol:.0e}, excused"] += verdict.excused
-        tally.counts[f"{rtol:.0e}, spring force off by more than {LARGE:.0%} of F_s"] += large
-        if not verdict.good:
-            tally.counts[
-                f"{rtol:.0e}, wrong by more than 30 rtol (1 + C)" + large * ", spring force, too"
-            ] += 1
-            tally.wrong.append((verdict.error, audit.shown(case, verdict)))
-            print(f"{name}, {rtol:.0e}: {verdict.fault or verdict.column}", flush=True)
-            right = False
-    return right
-
-
-def load_error(case: audit.Case, rtol: float) -> float:
-    """Largest error of the spring force at the samples, over F_s."""
-    result = audit.run(case.scene, "radau13", rtol, case.cycle_map)
-    gaps = [result[name] - case.columns[name] for name in ("spring_force_x", "spring_force_y")]
-    return float(np.hypot(*gaps).max()) / case.scene.static_limit
 
 
 def with_settings(groups: Groups, method: str, rtol: float, cycle_map: str) -> Groups:
@@ -212,26 +167,21 @@ def mean_faults(off: Groups, result: ds.Result, rtol: float, tally: Tally) -> li
     return said.faults
 
 
-COMMANDS = {"turns": (turns, 1000), "summaries": (summaries, 1500), "near_fig3": (near_fig3, 1000)}
+COMMANDS = {"summaries": (summaries, 1500), "near_fig3": (near_fig3, 1000)}
 """What judges a scene, and the number of scenes."""
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("what", choices=COMMANDS, nargs="?", help="all if none is named")
-    parser.add_argument("--scenes", type=int)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--report", type=Path, help="file for the decks of what is wrong")
-    arguments = parser.parse_args()
+    options = options_of(__doc__, *COMMANDS, scenes=(0, 2), first=0, seed=31, report="")
     tally = Tally()
-    for what in [arguments.what] if arguments.what else COMMANDS:
+    for what in options.words:
         judge, usual = COMMANDS[what]
-        count = 2 if arguments.short else arguments.scenes or usual
-        numbers = range(arguments.first, arguments.first + count)
-        right = sum(judge(number, arguments.seed, tally) for number in numbers)
+        count = options.scenes or usual
+        right = sum(
+            judge(number, options.seed, tally) for number in range(options.first, options.first + count)
+        )
         print(f"{what}: {count - right} of {count} scenes wrong")
-    tally.report(arguments.report)
+    tally.report(Path(options.report) if options.report else None)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Cases per second and core of sweeps, for readers to repeat.
 
-    python bench/sweep.py [--runs N] [--cases N] [--short]
+    python bench/sweep.py [--runs 5] [--cases 3200] [--short]
 
 (a) low_frequency at a measured error: 64 angles from 1 to 8 degrees, repeated, otherwise Fig. 3 for 10 s. The error is the largest
 relative error of the final u_x compared with radau13 at rtol 1e-12; the time is the best processor time of N runs with one thread,
@@ -14,7 +14,7 @@ import time
 
 import dynstiction as ds
 import numpy as np
-from common import FIG3, INPUTS, parser_of
+from common import FIG3, INPUTS, options_of
 
 DECK = INPUTS / "low_frequency.nml"
 ANGLES = np.linspace(1.0, 8.0, 64)
@@ -31,12 +31,7 @@ SETTINGS = [
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("--runs", type=int, default=5, help="number of runs, of which the best counts")
-    parser.add_argument("--cases", type=int, default=3200, help="number of cases in a run")
-    options = parser.parse_args()
-    if options.short:
-        options.runs, options.cases = 1, 64
+    options = options_of(__doc__, runs=(5, 1), cases=(3200, 64))
     angles = np.resize(ANGLES, options.cases)
     exact = final(ANGLES, "radau13", 1e-12)
     best = dict.fromkeys(SETTINGS, np.inf)

@@ -1,6 +1,6 @@
 """How well sweeps use the cores, and the needs of a large one, for readers to repeat.
 
-    python bench/sweep_scaling.py [efficiency] [full] [million] [shares] [--file FILE.h5] [--repeat N] [--short]
+    python bench/sweep_scaling.py [efficiency] [full] [million] [shares] [--file FILE.h5] [--repeat 3] [--short]
 
 efficiency: two threads compared with one; cases with equal costs, and with costs that differ by a factor of 1000, the expensive
 ones in a row. full: a map of model `full` compared with single runs. million: a summary sweep of a million cases, in two shares,
@@ -13,49 +13,58 @@ cores that was spent in cases, from the start of the program to its end, and `cp
 all. `wall` is the plain ratio of wall times over the cores, which needs a quiet machine. Medians, and the range in brackets.
 """
 
-import statistics
 import tempfile
 from pathlib import Path
+from statistics import median
 
 import h5py
 import numpy as np
-from common import FIG3, INPUTS, largest_memory, parser_of, program
+from common import FIG3, INPUTS, largest_memory, options_of, program
 
 SCENE = (INPUTS / "low_frequency.nml").read_text()
 CORES = 2
-PARTS = ("efficiency", "full", "million", "shares")
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("parts", nargs="*", default=PARTS)
-    parser.add_argument("--file", type=Path)
-    parser.add_argument("--repeat", type=int, default=3)
-    options = parser.parse_args()
-    share = 20 if options.short else 1
-    repeat = 1 if options.short else options.repeat
+    options = options_of(
+        __doc__,
+        "efficiency",
+        "full",
+        "million",
+        "shares",
+        file="",
+        repeat=(3, 1),
+        part=(1, 20),
+        t_end=(2.0, 0.05),
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if "efficiency" in options.parts:
+        deck, output = folder / "deck.nml", folder / "deck.h5"
+        if "efficiency" in options.words:
             # 600 cases of some milliseconds; or 60 that cost 1000 times as much as the other 540.
-            for title, ends in (
-                ("equal", [300.0] * 600),
-                ("1000 times", [3000.0] * 60 + [3.0] * 540),
-            ):
-                (folder / "points.csv").write_text("\n".join(["scene.t_end", *map(str, ends[::share])]))
-                deck = folder / "costs.nml"
+            for title, ends in (("equal", [300.0] * 600), ("1000 times", [3000.0] * 60 + [3.0] * 540)):
+                (folder / "points.csv").write_text(
+                    "\n".join(["scene.t_end", *map(str, ends[:: options.part])])
+                )
                 deck.write_text(SCENE + "&sweep points = 'points.csv' /\n")
-                print_efficiency(f"low_frequency, costs {title}", deck, repeat)
-        if "full" in options.parts:
-            print_full(folder, repeat, 40 // share)
-        if "million" in options.parts:
-            print_million(folder, 1000 // share)
-        if "shares" in options.parts:
-            print_shares(options.file or costs(folder, 0.05 if options.short else 2.0))
+                print_efficiency(f"low_frequency, costs {title}", deck, output, options.repeat)
+        if "full" in options.words:
+            print_full(deck, output, options.repeat, 40 // options.part)
+        if "million" in options.words:
+            print_million(deck, output, 1000 // options.part)
+        if "shares" in options.words:
+            if not options.file:
+                grid = (
+                    "--vary",
+                    "system.misalignment_deg=0.5:20:40",
+                    "--vary",
+                    "drive.velocity=0.5e-3:5e-3:25",
+                )
+                program("sweep", FIG3, output, *grid, threads=1, **{"scene.t_end": options.t_end})
+            print_shares(Path(options.file or output))
 
 
-def print_efficiency(title: str, deck: Path, repeat: int) -> None:
-    output = deck.with_suffix(".h5")
+def print_efficiency(title: str, deck: Path, output: Path, repeat: int) -> None:
     measured: dict[int, list[tuple[float, float, float]]] = {1: [], CORES: []}
     for _ in range(repeat):
         for threads, found in measured.items():
@@ -67,44 +76,40 @@ def print_efficiency(title: str, deck: Path, repeat: int) -> None:
     for threads, found in measured.items():
         pairs = list(zip(measured[1], found, strict=True))
         print(
-            f"{threads} threads: {statistics.median(many[0] for many in found):7.2f} s, busy {spread([many[2] for many in found])}, "
-            f"cpu {spread([one[1] / many[1] for one, many in pairs])}, "
-            f"wall {spread([one[0] / (threads * many[0]) for one, many in pairs])}",
+            f"{threads} threads: {median(many[0] for many in found):7.2f} s, busy {spread([many[2] for many in found])}, "
+            f"cpu {spread([one[1] / many[1] for one, many in pairs])}, wall {spread([one[0] / (threads * many[0]) for one, many in pairs])}",
             flush=True,
         )
 
 
 def spread(values: list[float]) -> str:
-    return f"{statistics.median(values):.3f} [{min(values):.3f}, {max(values):.3f}]"
+    return f"{median(values):.3f} [{min(values):.3f}, {max(values):.3f}]"
 
 
-def print_full(folder: Path, repeat: int, count: int) -> None:
+def print_full(deck: Path, output: Path, repeat: int, count: int) -> None:
     """A map of angles, and the same cases as separate runs that write the same summary."""
-    deck, last = folder / "full.nml", 0.25 + 0.25 * count
-    varied = f"&sweep parameter = 'system.misalignment_deg', first = 0.5, last = {last}, count = {count} /\n"
+    angles = np.linspace(0.5, 0.25 + 0.25 * count, count)
+    varied = (
+        f"&sweep parameter = 'system.misalignment_deg', first = 0.5, last = {angles[-1]}, count = {count} /\n"
+    )
     deck.write_text(FIG3.read_text() + varied)
-    print_efficiency("full", deck, repeat)
+    print_efficiency("full", deck, output, repeat)
     totals = []
     for _ in range(repeat):
-        singles = sum(
+        singles = [
             program(
-                "run",
-                FIG3,
-                folder / "single.h5",
-                threads=1,
-                **{"system.misalignment_deg": angle, "output.interval": 10},
+                "run", FIG3, output, threads=1, **{"system.misalignment_deg": angle, "output.interval": 10}
             ).processor
-            for angle in np.linspace(0.5, last, count)
-        )
-        totals.append(program("run", deck, folder / "full.h5", threads=CORES).processor / singles)
+            for angle in angles
+        ]
+        totals.append(program("run", deck, output, threads=CORES).processor / sum(singles))
     print(
         f"full: processor time of the map in {CORES} threads over that of {count} single runs: {spread(totals)}"
     )
 
 
-def print_million(folder: Path, side: int) -> None:
+def print_million(deck: Path, output: Path, side: int) -> None:
     cases = side**2
-    deck, output = folder / "million.nml", folder / "million.h5"
     deck.write_text(
         SCENE.replace("t_end = 10.0", "t_end = 0.02")
         + "&sweep parameter = 'system.misalignment_deg', 'drive.velocity', first = 1.0, 1e-3, last = 8.0, 4e-3, "
@@ -124,13 +129,6 @@ def print_million(folder: Path, side: int) -> None:
         f"merge: {wall:.1f} s ({cpu:.1f} s of processor time), {largest_memory():.0f} MB at most so far; "
         f"{output.stat().st_size / sum(sizes):.2f} bytes a value"
     )
-
-
-def costs(folder: Path, t_end: float) -> Path:
-    """A grid of cases, run by one thread."""
-    grid = ("--vary", "system.misalignment_deg=0.5:20:40", "--vary", "drive.velocity=0.5e-3:5e-3:25")
-    program("sweep", FIG3, folder / "costs.h5", *grid, threads=1, **{"scene.t_end": t_end})
-    return folder / "costs.h5"
 
 
 def print_shares(file: Path) -> None:

@@ -9,11 +9,12 @@ layer is not used, the script prints this and draws nothing. So the picture alwa
 import argparse
 import re
 import sys
+import textwrap
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parent.parent
-WIDTH, MARGIN, GAP, CHIP = 1000, 16, 8, 24
+WIDTH, MARGIN, GAP, LETTER, LINE = 1000, 16, 8, 7.2, 17
 TONES = ["#e9e9e9", "#f6e7cf", "#d9ead8", "#d6e4f2", "#e2dcef", "#f3dcd8", "#eef0d2"]
 GENERATED = {"precision", "build_info", "error_page"}
 
@@ -76,50 +77,8 @@ def floors(rooms: dict[str, Path]) -> list[list[str]]:
     return found
 
 
-def wrapped(names: list[str], width: float) -> list[list[tuple[str, float]]]:
-    """Names in lines of at most `width`, each with its own width."""
-    lines: list[list[tuple[str, float]]] = [[]]
-    for name in names:
-        wide = 7.2 * len(name) + 12
-        if lines[-1] and sum(w + GAP for _, w in lines[-1]) + wide > width:
-            lines.append([])
-        lines[-1].append((name, wide))
-    return lines
-
-
 def text(content: str, x: float, y: float, size: float, style: str = "") -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" {style}>{escape(content)}</text>'
-
-
-def draw_room(
-    name: str, folder: Path, x: float, y: float, width: float, height: float, tone: str
-) -> list[str]:
-    what, uses = promised(folder)
-    parts = [
-        f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="8" fill="{tone}" stroke="#888">'
-        f"<title>{escape(what)}</title></rect>",
-        text(name, x + 10, y + 19, 13, 'font-weight="bold"'),
-        text("uses " + " ".join(sorted(uses)) if uses else "", x + 10, y + height - 8, 10.5, 'fill="#555"'),
-    ]
-    for row, line in enumerate(wrapped(list(modules_of(folder)), width - 2 * GAP)):
-        left = x + GAP
-        for module, wide in line:
-            top = y + 27 + row * (CHIP + 4)
-            parts.append(
-                f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{CHIP}" rx="4" fill="white" stroke="#999"/>'
-            )
-            parts.append(text(module, left + wide / 2, top + 16, 11.5, 'text-anchor="middle"'))
-            left += wide + GAP
-    return parts
-
-
-def share_out(floor: list[str], rooms: dict[str, Path]) -> list[float]:
-    """Widths of the layers of a level, by the lengths of the names in them."""
-    sizes = [max(260.0, sum(7.2 * len(m) + 20 for m in modules_of(rooms[room]))) for room in floor]
-    room_left = WIDTH - 2 * MARGIN - GAP * (len(floor) - 1)
-    least = min(260.0, room_left / len(floor))
-    spare = room_left - least * len(floor)
-    return [least + spare * size / sum(sizes) for size in sizes]
 
 
 def picture(source: Path) -> str:
@@ -127,15 +86,27 @@ def picture(source: Path) -> str:
     parts: list[str] = []
     y = 56.0
     for number, floor in reversed(list(enumerate(floors(rooms)))):
-        widths = share_out(floor, rooms)
-        lines = max(
-            len(wrapped(list(modules_of(rooms[r])), w - 2 * GAP)) for r, w in zip(floor, widths, strict=True)
-        )
-        height = 27 + lines * (CHIP + 4) + 20
-        x = float(MARGIN)
-        for room, width in zip(floor, widths, strict=True):
-            parts += draw_room(room, rooms[room], x, y, width, height, TONES[number % len(TONES)])
-            x += width + GAP
+        width = (WIDTH - 2 * MARGIN - GAP * (len(floor) - 1)) / len(floor)
+        modules = {
+            room: textwrap.wrap(", ".join(modules_of(rooms[room])), int(width / LETTER)) for room in floor
+        }
+        height = 48.0 + LINE * max(map(len, modules.values()))
+        for place, room in enumerate(floor):
+            what, uses = promised(rooms[room])
+            x = MARGIN + place * (width + GAP)
+            parts += [
+                f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="8" fill="{TONES[number % len(TONES)]}" stroke="#888">'
+                f"<title>{escape(what)}</title></rect>",
+                text(room, x + 10, y + 19, 13, 'font-weight="bold"'),
+                *(text(line, x + 10, y + 38 + LINE * row, 11.5) for row, line in enumerate(modules[room])),
+                text(
+                    "uses " + " ".join(sorted(uses)) if uses else "",
+                    x + 10,
+                    y + height - 8,
+                    10.5,
+                    'fill="#555"',
+                ),
+            ]
         y += height + GAP
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:.0f}" width="{WIDTH}" height="{y:.0f}" '
@@ -144,15 +115,9 @@ def picture(source: Path) -> str:
     title = text(
         "The layers of src/, each level above those that it uses", MARGIN, 26, 17, 'font-weight="bold"'
     )
-    below = text(
-        "A layer uses only layers on lower levels, and of these only those that it names.",
-        MARGIN,
-        44,
-        11.5,
-        'fill="#444"',
-    )
+    rule = "A layer uses only layers on lower levels, and of these only those that it names."
     ground = f'<rect width="{WIDTH}" height="{y:.0f}" fill="white"/>'
-    return "\n".join([head, ground, title, below, *parts, "</svg>", ""])
+    return "\n".join([head, ground, title, text(rule, MARGIN, 44, 11.5, 'fill="#444"'), *parts, "</svg>", ""])
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ page() {
     cycle_map) dynstiction run inputs/fig3.nml -o "$work/fig3.h5" && draw fig3 cycle_map --kind cycle_map && python bench/cycle_map.py --scenes 0 ;;
     cycles) python bench/sensitivity.py ;;
     figures) (cd "$work" && dynstiction paper) ;;
-    fit) python docs/fit.py && python bench/creep_test.py --count 10 ;;
+    fit) python bench/fit.py errors && python bench/creep_test.py --count 10 ;;
     fit_creep) python bench/creep_fit.py ;;
     maps)
       sweep map_phi_velocity map && draw map map_phi_velocity
@@ -46,7 +46,7 @@ page() {
       awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' docs/tutorial.md > "$work/commands.sh"
       (cd "$work" && bash -euo pipefail commands.sh && cp ten.png "$figures/tutorial_ten.png" && cp map.png "$figures/tutorial_map.png")
       ;;
-    validation) python bench/fig3.py ;;
+    validation) python bench/fig3.py && python bench/limit_cycles.py ;;
     *) die "no page '$1' has anything to be made: ${pages[*]}" ;;
   esac
 }

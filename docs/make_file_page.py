@@ -89,7 +89,10 @@ def main() -> None:
         with h5py.File(run) as file, h5py.File(sweep) as cases:
             parts = [INTRODUCTION, root(file)]
             for name, meaning in GROUPS.items():
-                parts.append(f"## /{name}\n\n{meaning}\n\n{'' if name in ('deck', 'parameters') else rows(file[name])}".rstrip() + "\n")
+                parts.append(
+                    f"## /{name}\n\n{meaning}\n\n{'' if name in ('deck', 'parameters') else rows(file[name])}".rstrip()
+                    + "\n"
+                )
             parts += [
                 SWEEP,
                 rows(cases["sweep"], skip=("velocity",)),

@@ -70,7 +70,9 @@ def main() -> None:
     )
     parser.add_argument("executable", nargs="?", default="dynstiction", help="default: the one on PATH")
     executable = parser.parse_args().executable
-    said = subprocess.run([executable, "template", "--json"], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run(
+        [executable, "template", "--json"], capture_output=True, text=True, check=True
+    ).stdout
     # Numbers stay as the program writes them.
     catalogue = json.loads(said, parse_int=str, parse_float=str)
     for name, parts in (("command_line", command_line(catalogue)), ("deck", deck(catalogue["keys"]))):
@@ -80,8 +82,14 @@ def main() -> None:
 def command_line(catalogue: dict[str, Any]) -> list[str]:
     parts = [COMMAND_LINE]
     for command in all_commands(catalogue):
-        heading = " ".join([f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]])
-        parts += [f"{heading}\n", command["meaning"].replace("*", r"\*") + "\n", *examples(command["examples"])]
+        heading = " ".join(
+            [f"## {command['name']}", *command["operands"].split(), *["(Python)"] * command["is_python"]]
+        )
+        parts += [
+            f"{heading}\n",
+            command["meaning"].replace("*", r"\*") + "\n",
+            *examples(command["examples"]),
+        ]
     return parts
 
 
@@ -112,7 +120,11 @@ def row(key: dict[str, Any], models: list[str]) -> tuple[str, ...]:
         values = key["range"] if key["kind"] == "real" else f"{values}, {key['range']}"
     if key["units"] not in ("", "1"):
         values += f" [{key['units']}]"
-    of = "" if key["models"] == models else "".join(LETTERS.get(model, "") for model in key["models"]) or "`auto`"
+    of = (
+        ""
+        if key["models"] == models
+        else "".join(LETTERS.get(model, "") for model in key["models"]) or "`auto`"
+    )
     default = None if key["required"] else key["default"]
     if default is not None and key["kind"] in ("text", "texts", "choice"):
         default = f"'{default}'"

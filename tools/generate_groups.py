@@ -9,12 +9,12 @@ that are made at import, and a file saves time at import.
 import argparse
 import json
 import subprocess
-import sys
+import textwrap
 from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace as Key
 
-WIDTH = 110
+WIDTH, INDENT = 110, " " * 8
 
 CLASS_NAMES = {"scene": "Setup"}
 """Class names of groups whose own name is used for something else."""
@@ -46,19 +46,17 @@ from .deck_group import DeckGroup
 '''
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("program", help="the executable dynstiction")
-    parser.add_argument("output")
-    arguments = parser.parse_args()
-    program, target = arguments.program, arguments.output
-    said = subprocess.run([program, "template", "--json"], stdout=subprocess.PIPE, check=True).stdout
+    parser.add_argument("output", type=Path)
+    options = parser.parse_args()
+    said = subprocess.run([options.program, "template", "--json"], stdout=subprocess.PIPE, check=True).stdout
     # Numbers as texts, as the schema writes them.
     keys = [Key(**key) for key in json.loads(said, parse_int=str, parse_float=str)["keys"]]
-    Path(target).write_text(module(keys), encoding="utf-8")
-    return 0
+    options.output.write_text(module(keys), encoding="utf-8")
 
 
 def module(table: list[Key]) -> str:
@@ -87,13 +85,16 @@ def group_class(group: str, name: str, keys: list[Key]) -> list[str]:
     ]
     for key in keys:
         about.append(f"    {key.name} : {type_of(key)}")
-        about += wrapped(meaning_of(key), 8)
+        about += textwrap.wrap(
+            meaning_of(key),
+            WIDTH,
+            initial_indent=INDENT,
+            subsequent_indent=INDENT,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
     about += ['    """', "", f'    group: ClassVar[str] = "{group}"', ""]
-    for key in keys:
-        start, default = f"    {key.name}: {type_of(key)} = ", default_of(key)
-        fits = len(start) + len(default) <= WIDTH
-        # Line breaks as those of the formatter.
-        about += [start + default] if fits else [f"{start}(", f"        {default}", "    )"]
+    about += [f"    {key.name}: {type_of(key)} = {default_of(key)}" for key in keys]
     return [*about, ""]
 
 
@@ -114,13 +115,9 @@ def default_of(key: Key) -> str:
     """Default of a field."""
     if key.kind in ("text", "choice") or (key.kind == "texts" and key.default) or key.default in key.choices:
         return quoted(key.default)
-    return (
-        str(int(key.default))
-        if key.kind == "integer"
-        else repr(float(key.default))
-        if key.default
-        else "None"
-    )
+    if not key.default:
+        return "None"
+    return str(int(key.default)) if key.kind == "integer" else repr(float(key.default))
 
 
 def meaning_of(key: Key) -> str:
@@ -141,18 +138,7 @@ def meaning_of(key: Key) -> str:
         text += f". Default {key.default}"
     elif key.required:
         text += ". No default"
-    return text.replace("|w|", "abs(w)").replace("*", "") + "."
-
-
-def wrapped(text: str, indent: int) -> list[str]:
-    """Lines of a docstring."""
-    lines, line = [], " " * indent
-    for word in text.split():
-        if len(line) + len(word) + 1 > WIDTH:
-            lines.append(line.rstrip())
-            line = " " * indent
-        line += word + " "
-    return [*lines, line.rstrip()]
+    return text.replace("|w|", "abs(w)").replace("*", " ") + "."
 
 
 def quoted(text: str) -> str:
@@ -217,4 +203,4 @@ def scene_base(names: dict[str, str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -74,7 +74,9 @@ def all_commands(catalogue: dict[str, Any]) -> list[dict[str, Any]]:
         }
         for command in catalogue["commands"]
     ]
-    return own + [{**command, "is_python": True} for command in runpy.run_path(str(TABLE_OF_PYTHON))["described"]()]
+    return own + [
+        {**command, "is_python": True} for command in runpy.run_path(str(TABLE_OF_PYTHON))["described"]()
+    ]
 
 
 def describe(command: dict[str, Any]) -> str:

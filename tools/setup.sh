@@ -24,7 +24,7 @@ unfinished=
 trap '[[ -z $unfinished ]] || rm -f "$unfinished"; say "${0##*/}: interrupted; start the same command again to continue"; exit 130' INT
 
 # Variables that change what Python, pip, compilers, Meson, ninja, git and bash do, by families: what the scripts start gets none of them.
-# Those of the network stay: proxies, certificates, and where pip fetches packages. tools/environment.py has the same list for pip's files.
+# Those of the network stay: proxies, certificates, and where pip fetches packages.
 clean_environment() {
   local name kept families toolchain
   kept='PYTHON|PYTHONUNBUFFERED|PYTHONDONTWRITEBYTECODE'
@@ -78,7 +78,19 @@ locked() {
   fi
   mkdir -p "$checkout/build"
   exec {lock}>> "$checkout/build/lock"
-  "$python" -I "$checkout/tools/environment.py" lock "$lock"
+  "$python" -I - "$lock" << 'END'
+import fcntl, sys
+
+number = int(sys.argv[1])
+try:
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        print("Another script of this checkout installs or compiles: waiting until it has finished", file=sys.stderr)
+        fcntl.flock(number, fcntl.LOCK_EX)
+except OSError as error:
+    print(f"This file system has no locks ({error.strerror}): do not start two scripts of this checkout at the same time", file=sys.stderr)
+END
   "$@"
   exec {lock}>&-
   lock=
@@ -203,10 +215,11 @@ apt_install() {
   apt_get install --no-install-recommends -y "$@" || { tail -n 20 "$checkout/build/apt.log" >&2; die "apt-get could not install $*"; }
 }
 
-names_in() { cat "$@" | grep -v '^#' | tr '\n' ' '; }
+# What is to be installed, a line each.
+lines_of() { cat "$@" | grep -v '^#'; }
 
-# create_environment [SET]...: .venv, with the packages of tools/requirements.txt and of the sets. What is there is compared with what is needed: an
-# environment of another folder or Python, or one whose making or removal was interrupted, is made again. Builds contain paths of it.
+# create_environment [SET]...: .venv, with the packages of tools/requirements.txt and of the sets. What its list says is compared with what is needed:
+# an environment of another folder or Python, or one whose making or removal was interrupted, is made again. Builds contain paths of it.
 create_environment() {
   local set files=("$checkout/tools/requirements.txt")
   for set in "$@"; do files+=("$checkout/tools/requirements_$set.txt"); done
@@ -232,17 +245,20 @@ add_requirements() {
   done
 }
 
-# is_whole FOLDER REQUIREMENTS...: whether the environment there starts, is of the wanted Python, and has every file of what the files name. If not,
-# $faults says why.
+# is_whole FOLDER REQUIREMENTS...: whether the environment there has a Python, and its list, which is written when pip has ended, names what the
+# files name, that folder and the wanted Python. If not, $faults says what is missing.
 is_whole() {
-  faults=
-  [[ -e $1 ]] && faults=$("$1/bin/python" -I "$checkout/tools/environment.py" whole "$1" "$python_version" "${@:2}" 2>&1)
+  local list=$1/installed
+  [[ -e $list ]] || list=/dev/null
+  faults=$({ lines_of "${@:2}"; mark_of "$1"; } | grep -vxF -f "$list") || faults=
+  [[ -x $1/bin/python && -z $faults ]]
 }
+mark_of() { printf 'Python %s in %s\n' "$python_version" "$1"; }
 
 # new_environment FOLDER REQUIREMENTS...
 new_environment() {
   local folder=$1 log=$checkout/build/venv.log free
-  [[ -z $faults ]] || say "Making $folder again: ${faults%%$'\n'*}"
+  [[ ! -e $folder ]] || say "Making $folder again: ${faults%%$'\n'*}"
   # One that these scripts have not made is kept.
   if [[ -e $folder && ! -e $folder/made_by_tools && ! -e $folder/installed ]]; then
     say "$folder is not made by this script: it is now $folder.before"
@@ -260,25 +276,26 @@ new_environment() {
 
 # install_into FOLDER REQUIREMENTS...
 install_into() {
-  local folder=$1 file files=()
-  say "Installing into $folder (about 30 s): $(names_in "${@:2}")"
+  local folder=$1 file files=() list
+  say "Installing into $folder (about 30 s): $(lines_of "${@:2}" | tr '\n' ' ')"
   for file in "${@:2}"; do files+=(-r "$file"); done
   pip_install "$folder" "${files[@]}"
-  is_whole "$folder" "${@:2}" || die "pip has installed, but this is wrong: $faults"
+  list=$folder/installed
+  { [[ ! -e $list ]] || cat "$list"; lines_of "${@:2}"; mark_of "$folder"; } > "$list.new"
+  mv "$list.new" "$list"
   if (($# > 2)) || [[ $2 != */requirements.txt ]]; then
     # Tests start Python often, and may not be allowed to write bytecode.
     busy "$checkout/build/bytecode.log" '' "$folder/bin/python" -I -m compileall -q -j 0 "$folder/lib" || true
   fi
 }
 
-# pip_install FOLDER [OPTION]... [PACKAGE]...: of pip's configuration files only the settings of the network count.
+# pip_install FOLDER [OPTION]... [PACKAGE]...
 pip_install() {
-  local folder=$1 log=$checkout/build/pip.log settings
+  local folder=$1 log=$checkout/build/pip.log
   shift
-  mapfile -d '' settings < <("$folder/bin/python" -I "$checkout/tools/environment.py" network)
   # Bytecode of all packages would take most of the time, and a third of the space. run.sh makes it for the modules that it imports.
-  busy "$log" '^ *(Collecting|Downloading|Installing) [^ ]*( [^ ]*)?' env ${settings[@]+"${settings[@]}"} PIP_CONFIG_FILE=/dev/null \
-    "$folder/bin/python" -I -m pip install --disable-pip-version-check --no-input --progress-bar off --no-compile "$@" || {
+  busy "$log" '^ *(Collecting|Downloading|Installing) [^ ]*( [^ ]*)?' "$folder/bin/python" -I -m pip install --no-user --disable-pip-version-check \
+    --no-input --progress-bar off --no-compile "$@" || {
     grep -vE '^ *(Collecting|Downloading|Using cached|Requirement already)' "$log" >&2 || true
     die "pip could not install $*: see above. Is the network there, and room on the disk? To try again, start the same command again"
   }

@@ -2,16 +2,15 @@
 
 import argparse
 import os
-import re
 import resource
 import shutil
 import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import dynstiction as ds
 import numpy as np
@@ -27,12 +26,30 @@ RANGES = {"mass": (1e-4, 10.0), "k_y": (1e5, 1e10), "phi": (0.05, 30.0), "V": (1
 """Of random scenes: kg, N/m, degrees, m/s, m/s."""
 
 
-def parser_of(doc: str | None) -> argparse.ArgumentParser:
-    """A parser with the option that every benchmark has; benchmarks do not look at coarse samples, and want no note of them."""
+def options_of(doc: str | None, *words: str, **usual: Any) -> argparse.Namespace:
+    """Options of a benchmark, each with its usual value, or a pair of it and that with --short; False is a flag. `words` may be named first."""
+    # Benchmarks do not look at coarse samples, and want no note of them.
     warnings.simplefilter("ignore", ds.SamplingWarning)
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    if words:
+        parser.add_argument("words", nargs="*", metavar="|".join(words))
+    for name, value in usual.items():
+        option = f"--{name.replace('_', '-')}"
+        if value is False:
+            parser.add_argument(option, action="store_true")
+        else:
+            first = value[0] if isinstance(value, tuple) else value
+            parser.add_argument(option, type=type(first), help=f"default: {first}")
     parser.add_argument("--short", action="store_true", help="a few seconds, to check that it runs")
-    return parser
+    given = parser.parse_args()
+    if words:
+        given.words = given.words or words
+        if unknown := set(given.words) - set(words):
+            parser.error(f"{', '.join(unknown)}: only {', '.join(words)}")
+    for name, value in usual.items():
+        if getattr(given, name) is None:
+            setattr(given, name, value[given.short] if isinstance(value, tuple) else value)
+    return given
 
 
 class Cost(NamedTuple):
@@ -42,34 +59,32 @@ class Cost(NamedTuple):
     processor: float
 
 
-def words_of(command: str, deck: Path, output: Path, settings: Mapping[str, object]) -> list[str | Path]:
-    given = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
-    return [PROGRAM, command, deck, "-o", output, "--overwrite", "--quiet", *given]
-
-
 def program(
     command: str, deck: Path, output: Path, *words: str, threads: int | None = None, **settings: object
 ) -> Cost:
     """Run the program without a word; settings are those of --set, as `**{"scene.t_end": 1.0}`."""
     environment = os.environ | ({} if threads is None else {"OMP_NUM_THREADS": str(threads)})
+    given = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
+    line = [PROGRAM, command, deck, "-o", output, "--overwrite", "--quiet", *given, *words]
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    line = [*words_of(command, deck, output, settings), *words]
     subprocess.run(line, check=True, env=environment, stdout=subprocess.DEVNULL)
     wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     return Cost(wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
+def timed(call: Callable[[], T], times: int) -> tuple[list[float], list[T]]:
+    """Wall times of calls [s], and their results."""
+    seconds, results = [], []
+    for _ in range(times):
+        begun = time.perf_counter()
+        results.append(call())
+        seconds.append(time.perf_counter() - begun)
+    return seconds, results
+
+
 def largest_memory() -> float:
     """Of any process that has ended [MB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-
-
-def instructions(deck: Path, output: Path, settings: Mapping[str, object]) -> float:
-    """Instructions of a run, counted by valgrind; the processes that write the file are left out."""
-    tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={output.with_suffix('.callgrind')}"]
-    line = [*tool, *words_of("run", deck, output, settings)]
-    said = subprocess.run(line, check=True, capture_output=True, text=True).stderr
-    return max(float(count) for count in re.findall(r"Collected : (\d+)", said))
 
 
 def random_values(
@@ -78,6 +93,13 @@ def random_values(
     """Log-uniform within ranges."""
     random = np.random.default_rng([seed, number])
     return {name: float(10.0 ** random.uniform(*np.log10(bounds))) for name, bounds in ranges.items()}
+
+
+def duration(values: Mapping[str, float]) -> float:
+    """Of a random scene: five slow or 1500 fast periods, whichever is shorter [s]."""
+    scene = ds.Scene(FIG3)
+    slow = scene.friction.mu_0 * scene.friction.normal_load / (scene.system.stiffness_x * values["V"])
+    return float(min(5.0 * slow, 1500.0 * 2.0 * np.pi * np.sqrt(values["mass"] / values["k_y"])))
 
 
 def progress(items: Sequence[T], what: str) -> Iterator[T]:

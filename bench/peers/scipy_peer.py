@@ -1,11 +1,6 @@
-"""SciPy's solve_ivp on the scene of scene.hpp, with plain functions of floats, which it calls fastest.
+"""SciPy's solve_ivp on the scene of scene.hpp, with plain functions of floats, which it calls fastest."""
 
-scipy_peer.py method=Radau|LSODA|DOP853 formulation=printed|smoothed rtol=… [v_s=…] [limit=…]
-"""
-
-import json
 import math
-import sys
 import time
 
 import numpy as np
@@ -44,13 +39,10 @@ def jacobian(u_x, u_y, w_x, w_y, v_s):
     ]
 
 
-def main():
-    given = dict(word.split("=", 1) for word in sys.argv[1:])
-    rtol, v_s, limit = (
-        float(given.get(key, default)) for key, default in (("rtol", 1e-6), ("v_s", 0), ("limit", 60))
-    )
-    settings = {"rtol": max(rtol, 3e-14), "atol": rtol * SCALE, "method": given["method"]}
-    if given["method"] != "DOP853":
+def run(method, rtol, v_s, limit):
+    """Processor time and states with the methods Radau, LSODA or DOP853, as printed (v_s = 0) or smoothed."""
+    settings = {"rtol": max(rtol, 3e-14), "atol": rtol * SCALE, "method": method}
+    if method != "DOP853":
         settings["jac"] = lambda t, y: jacobian(*y.tolist(), v_s)
     begun, calls, now, y, states, status = time.process_time(), 0, 0.0, START, [], "done"
 
@@ -69,14 +61,13 @@ def main():
             if solution.status < 0:
                 raise ArithmeticError(solution.message)
             now, y = end, solution.y[:, -1]
-            states.append(y.tolist())
-    except Exception as failure:
+            states.append(y)
+    except (ArithmeticError, TimeoutError, ValueError) as failure:
         status = str(failure).replace("\n", " ") or type(failure).__name__
-    seconds = time.process_time() - begun
-    print(
-        json.dumps({"status": status, "seconds": seconds, "time": float(now), "stops": 0, "states": states})
-    )
-
-
-if __name__ == "__main__":
-    main()
+    return {
+        "status": status,
+        "seconds": time.process_time() - begun,
+        "time": float(now),
+        "stops": 0,
+        "states": states,
+    }

@@ -15,7 +15,13 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 # cone, impratio, noslip_iterations, solref
-SETTINGS = (("pyramidal", 1, 0, 0.02), ("elliptic", 1, 0, 0.02), ("elliptic", 10, 0, 0.02), ("elliptic", 10, 20, 0.02), ("elliptic", 100, 0, 0.002))
+SETTINGS = (
+    ("pyramidal", 1, 0, 0.02),
+    ("elliptic", 1, 0, 0.02),
+    ("elliptic", 10, 0, 0.02),
+    ("elliptic", 10, 20, 0.02),
+    ("elliptic", 100, 0, 0.002),
+)
 BODY = """<mujoco>
 <option timestep="{dt}" integrator="implicitfast" cone="{cone}" impratio="{impratio}" noslip_iterations="{noslip}" iterations="200" tolerance="1e-14"/>
 <worldbody>
@@ -39,7 +45,9 @@ def read(path):
 
 def advance(keys, knots, table, dt, cone, impratio, noslip, solref):
     """X of the body at the times of the table."""
-    model = mujoco.MjModel.from_xml_string(BODY.format(**keys, dt=dt, cone=cone, impratio=impratio, noslip=noslip, solref=solref))
+    model = mujoco.MjModel.from_xml_string(
+        BODY.format(**keys, dt=dt, cone=cone, impratio=impratio, noslip=noslip, solref=solref)
+    )
     data = mujoco.MjData(model)
     phi = np.radians(keys["misalignment_deg"])
     axes = np.array([[np.cos(phi), np.sin(phi)], [-np.sin(phi), np.cos(phi)]])
@@ -60,18 +68,26 @@ def advance(keys, knots, table, dt, cone, impratio, noslip, solref):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("scenes", nargs="*", type=Path, default=sorted(HERE.glob("*.csv")))
     parser.add_argument("--dt", type=float, default=1e-5)
     options = parser.parse_args()
-    print("| scene | exact X [µm] | cone | impratio | noslip | solref | X [µm] | largest error of X | s |\n|" + " --- |" * 9)
+    print(
+        "| scene | exact X [µm] | cone | impratio | noslip | solref | X [µm] | largest error of X | s |\n|"
+        + " --- |" * 9
+    )
     for path in options.scenes:
         keys, knots, table = read(path)
         for setting in SETTINGS:
             begin = time.process_time()
             x = advance(keys, knots, table, options.dt, *setting)
             error = np.abs(x - table[:, 1]).max() / np.abs(table[:, 1]).max()
-            print(f"| {path.stem} | {1e6 * table[-1, 1]:.6g} | {' | '.join(map(str, setting))} | {1e6 * x[-1]:.6g} | {error:.2g} | {time.process_time() - begin:.1f} |", flush=True)
+            print(
+                f"| {path.stem} | {1e6 * table[-1, 1]:.6g} | {' | '.join(map(str, setting))} | {1e6 * x[-1]:.6g} | {error:.2g} | {time.process_time() - begin:.1f} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

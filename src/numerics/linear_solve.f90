@@ -1,7 +1,7 @@
 !> Solution of one small dense linear system.
 !>
-!> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic (bench/linear_solve measures both).
-!> Newton's kernels include the body with the order fixed; this module has it for any order, for tests and measurements.
+!> LAPACK's dgesv does the same; for orders up to 14 its overhead costs more than the arithmetic.
+!> Newton's kernels include the body with the order fixed; this module has it for any order.
 module dst_linear_solve
   use dst_kinds, only: wp
   implicit none

@@ -6,6 +6,7 @@ import math
 import pickle
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import dynstiction as ds
 import numpy as np
@@ -382,3 +383,10 @@ def test_the_command_writes_a_deck_and_a_figure(program: Program, tmp_path: Path
     again = program("fit", INPUTS / "fig3.nml", "rig.csv", "--free", free, status=None)
     assert again.returncode != 0
     assert "--overwrite" in again.stderr
+
+
+def test_a_step_beyond_the_largest_number_is_no_cycle() -> None:
+    """Of the slope of friction."""
+    problem = SimpleNamespace(weakening=(0, 1, 2))
+    with pytest.raises(NoCycleError, match="mu_inf would be negative"):
+        Problem.logarithms(problem, np.array([0.0, 800.0, 0.0]))

@@ -71,15 +71,11 @@ def test_what_is_installed_is_what_the_package_and_its_extras_need() -> None:
 
 
 STUB = """#!/usr/bin/env bash
-# Stands for Python: makes an environment, and installs into it unless there is a file `offline`. `contents` lists what is installed.
-contents=${0%/*}/contents
-[[ $2 == *environment.py ]] || echo "$3" >> calls
+# Stands for Python: makes an environment, and installs into it unless there is a file `offline`.
+[[ $2 == - ]] || echo "$3" >> calls
 case "$*" in
-  *"/environment.py whole "*) shift 5; [[ -e $contents ]] && ! cat "$@" | grep -v '^#' | grep -vxF -f "$contents" ;;
-  "-I -m venv "*) mkdir -p "$4/bin" && cp "$0" "$4/bin/python" && : > "$4/bin/activate" && : > "$4/bin/contents" ;;
-  *" pip install "*)
-    [[ ! -e offline ]] || { echo 'Collecting numpy'; echo 'ERROR: no network'; exit 1; }
-    for word; do [[ $word != */requirements*.txt ]] || cat "$word"; done >> "$contents" ;;
+  "-I -m venv "*) mkdir -p "$4/bin" && cp "$0" "$4/bin/python" && : > "$4/bin/activate" ;;
+  *" pip install "*) [[ ! -e offline ]] || { echo 'Collecting numpy'; echo 'ERROR: no network'; exit 1; } ;;
 esac
 """
 

@@ -288,7 +288,8 @@ class Problem:
         z = q.copy()
         if self.weakening:
             i, j, k = self.weakening
-            limit = math.exp(q[i]) - math.exp(q[j] + q[k])
+            # A step of a fit may lead beyond the largest number.
+            limit = math.exp(q[i]) - math.exp(min(q[j] + q[k], q[i] + 1.0))
             if limit <= 0.0:
                 raise NoCycleError("mu_inf would be negative")
             z[j] = math.log(limit)
