@@ -29,6 +29,8 @@ contains
     integer, intent(in) :: line
     logical, intent(in) :: is_varied
     character(longest_text), allocatable :: names(:)
+    integer, allocatable :: keys(:)
+    type(place_t) :: place
     integer :: i, n
     logical :: keeps_series
     real(wp) :: interval
@@ -45,20 +47,25 @@ contains
     if (deck%text_of(sweep_group, 'keep') == 'cycles') call check_cycles(deck)
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
-    if (keeps_series .and. any(lower_case_of(names) == 'scene.t_end')) &
+    allocate (keys, source=[(varied_key(trim(names(i))), i=1, n)])
+    if (keeps_series .and. any(keys == find_key('scene', 't_end'))) &
       call deck%refuse(sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
     if (.not. (is_known(deck, 'parameter') .and. is_known(deck, 'points'))) return
     if (deck%text_of(sweep_group, 'points') /= '') then
       call check_no_grid(deck)
       return
     else if (names(1) == '') then
-      if (.not. is_varied) call note_nothing_varied(deck, line)
+      if (is_varied) return
+      ! At the group, or at the first of its keys if only a setting gives some.
+      place = place_t(line)
+      if (line == 0) place = deck%value(findloc(deck%value%user .and. schema%group == sweep_group, .true., dim=1))%place
+      call deck%faults%add(place, "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'")
       return
     end if
     call check_lengths(deck, n)
     do i = 1, n
       call check_axis(deck, trim(names(i)), i)
-      if (any(lower_case_of(names(:i - 1)) == lower_case(trim(names(i))))) &
+      if (keys(i) > 0 .and. any(keys(:i - 1) == keys(i))) &
         call deck%refuse(sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
     end do
     if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &
@@ -100,24 +107,6 @@ contains
       if (cases > many_cases) return
     end do
   end function grid_cases
-
-  !> At the group, or at the first of its keys if only a setting gives some.
-  subroutine note_nothing_varied(deck, line)
-    type(deck_t), intent(inout) :: deck
-    integer, intent(in) :: line
-    character(*), parameter :: text = "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'"
-    integer :: k
-
-    if (line > 0) then
-      call deck%faults%add(place_t(line), text)
-      return
-    end if
-    do k = 1, size(schema)
-      if (schema(k)%group /= sweep_group .or. .not. deck%value(k)%user) cycle
-      call deck%refuse(sweep_group, trim(schema(k)%name), text)
-      return
-    end do
-  end subroutine note_nothing_varied
 
   !> A list of points must be alone.
   subroutine check_no_grid(deck)
@@ -201,17 +190,6 @@ contains
       if (problem /= '') call deck%refuse(sweep_group, key, problem)
     end subroutine check_limit
   end subroutine check_axis
-
-  !> Names of keys; upper and lower case are equal.
-  pure function lower_case_of(names) result(lower)
-    character(*), intent(in) :: names(:)
-    character(len(names)) :: lower(size(names))
-    integer :: i
-
-    do i = 1, size(names)
-      lower(i) = lower_case(names(i))
-    end do
-  end function lower_case_of
 
   !> Index of the key 'group.name' in the schema; 0 if there is none.
   pure integer function varied_key(name)
