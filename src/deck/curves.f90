@@ -136,7 +136,7 @@ contains
     call read_csv(text, points, problem)
     if (problem /= '') return
     if (size(points%names) == 0) then
-      problem = ': no points: give '//columns//' in each row'
+      problem = ': 0 point(s): give at least '//integer_text(least_points)//', a row for each: '//columns
     else if (size(points%names) /= 2) then
       problem = integer_text(size(points%names))//' value(s): give two in each row, '//columns
     else if (points%has_names .and. .not. (is_name(1, 'table_speed') .and. is_name(2, 'table_mu'))) then
@@ -144,6 +144,8 @@ contains
         "' are neither two finite real numbers nor their names: name the columns in the first line: "//columns
     end if
     if (problem /= '' .and. points%first_line > 0) problem = ':'//integer_text(points%first_line)//': '//problem
+    if (problem == '' .and. size(points%line) > most_points) problem = ':'//integer_text(points%line(most_points + 1))// &
+      ': more than '//integer_text(most_points)//' points: give fewer'
 
   contains
 
