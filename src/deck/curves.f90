@@ -66,7 +66,7 @@ contains
         if (path /= '' .and. i > 0) path = path//':'//integer_text(points%line(i))
         if (path /= '') path = path//': '
         call deck%refuse('friction', 'table_speed', path//problem)
-      else if (mu_0%user .and. mu_0%valid .and. abs(mu_0%reals(1) - mu%reals(1)) > 0.0_wp) then
+      else if (mu_0%user .and. mu_0%valid .and. any(abs(mu_0%reals - mu%reals(1)) > 0.0_wp)) then
         call deck%refuse('friction', 'mu_0', "mu_0 = '"//real_text(mu_0%reals(1))// &
           "' is not the first friction coefficient of the table, "//real_text(mu%reals(1))//': remove mu_0')
       else

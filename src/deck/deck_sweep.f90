@@ -1,6 +1,6 @@
 !> The group &sweep of a deck: checks which keys may be varied, and whether its lists fit together.
 module dst_deck_sweep
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dst_kinds, only: wp
   use dst_curves, only: lengths_text
   use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
@@ -8,6 +8,7 @@ module dst_deck_sweep
   use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, is_text, range_text, reals_kind, &
                         integer_kind, longest_text
   use dst_text, only: lower_case, excerpt, real_text, has_word, alternatives
+  use dst_writer, only: absent
   implicit none
   private
 
@@ -141,15 +142,12 @@ contains
     character(*), intent(in) :: name
     integer, intent(in) :: i
     character(:), allocatable :: problem
-    real(wp), allocatable :: first(:), last(:), counts(:)
     character(longest_text), allocatable :: spacing(:)
+    real(wp) :: first, last
     logical :: is_log
 
-    allocate (counts, source=element('count'))
-    if (size(counts) > 0) then
-      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call deck%refuse(sweep_group, 'count', &
-        real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
-    end if
+    if (abs(element('count') - anint(element('count'))) > 0.0_wp) call deck%refuse(sweep_group, 'count', &
+      real_text(element('count'))//' is no whole number: count says how many values '//name//' has')
     problem = variation_problem(deck, name)
     if (problem /= '') then
       call deck%refuse(sweep_group, 'parameter', problem)
@@ -157,29 +155,26 @@ contains
     end if
     first = element('first')
     last = element('last')
-    if (size(first) > 0) call check_limit('first', first(1))
-    if (size(last) > 0) call check_limit('last', last(1))
-    if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
+    call check_limit('first', first)
+    call check_limit('last', last)
+    if (ieee_is_nan(first + last) .or. .not. is_known(deck, 'spacing')) return
     ! One for all parameters, or one for each.
     spacing = deck%texts_of(sweep_group, 'spacing')
     is_log = spacing(min(i, size(spacing))) == 'log'
-    if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
-      call deck%refuse(sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first(1))// &
-      ' to '//real_text(last(1))//': both must have the same sign, and not be 0')
+    if (is_log .and. .not. (min(first, last) > 0.0_wp .or. max(first, last) < 0.0_wp)) &
+      call deck%refuse(sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first)// &
+      ' to '//real_text(last)//': both must have the same sign, and not be 0')
 
   contains
 
-    !> The value of this parameter in a list, if it is there.
-    function element(key) result(value)
+    !> The value of this parameter in a list; NaN if it is not there.
+    real(wp) function element(key)
       character(*), intent(in) :: key
-      real(wp), allocatable :: value(:)
 
-      value = deck%reals_of(sweep_group, key)
-      if (.not. is_known(deck, key) .or. size(value) < i) then
-        value = [real(wp) ::]
-      else
-        value = value(i:i)
-      end if
+      element = absent()
+      associate (list => deck%value(find_key(sweep_group, key))%reals)
+        if (is_known(deck, key) .and. size(list) >= i) element = list(i)
+      end associate
     end function element
 
     subroutine check_limit(key, value)
@@ -187,7 +182,7 @@ contains
       real(wp), intent(in) :: value
 
       problem = range_problem(varied_key(name), value)
-      if (problem /= '') call deck%refuse(sweep_group, key, problem)
+      if (problem /= '' .and. .not. ieee_is_nan(value)) call deck%refuse(sweep_group, key, problem)
     end subroutine check_limit
   end subroutine check_axis
 

@@ -64,7 +64,8 @@ contains
     character(:), allocatable :: text
     integer :: position, line
 
-    text = given//nul
+    ! Two, so that each character has a next one.
+    text = given//nul//nul
     list%text = text
     ! There is room for all of it: a word, or a key with its =, takes two characters; what is shorter is a fault.
     allocate (list%entries(len(text)/2 + 102), list%tokens(len(text)/2 + 2))
