@@ -13,8 +13,8 @@ module dst_deck
   use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
                         out_of_range_text, or_word, choice_problem, condition_text, sweep_group, longest_text, most_values, &
                         automatic, is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
-  use dst_text, only: lower_case, word, word_count, has_word, nearest_word, alternatives, excerpt, integer_text, real_text, &
-                      read_real, read_integer
+  use dst_text, only: lower_case, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, integer_text, &
+                      real_text, read_real, read_integer
   use dst_text_file, only: read_text, hdf5_signature
   use dst_units, only: factor_of
   implicit none
@@ -86,7 +86,7 @@ contains
       call check_contact(deck)
       call check_drive(deck)
       call check_fields(deck)
-      call check_sweep(deck, line_of(group_number(sweep_group)), needs_no_grid)
+      call check_sweep(deck, line_of(word_number(group_names, sweep_group)), needs_no_grid)
     end if
     if (deck%faults%count > 0) call raise_lines(error, deck_error, deck%faults%report(name))
   end subroutine parse_deck
@@ -105,7 +105,7 @@ contains
       associate (entry => list%entries(i))
         if (.not. entry%is_group .or. entry%name == '') cycle
         group = lower_case(trim(entry%name))
-        g = group_number(group)
+        g = word_number(group_names, group)
         if (g == 0) then
           call deck%faults%add(place_t(entry%line), unknown_group_text(trim(entry%name)))
           ! Its keys are not missing: they are in the group with the wrong name.
@@ -126,26 +126,15 @@ contains
       if (list%entries(i)%is_group) then
         ! The keys of a group with a wrong name belong to the nearest group, if the deck does not have that one, too.
         group = lower_case(trim(list%entries(i)%name))
-        if (group_number(group) > 0) cycle
+        if (word_number(group_names, group) > 0) cycle
         group = nearest_word(group, group_names)
         if (group == '') cycle
-        if (line_of(group_number(group)) > 0) group = ''
+        if (line_of(word_number(group_names, group)) > 0) group = ''
       else if (group /= '' .and. list%entries(i)%name /= '') then
         call take_entry(list, i, group, deck)
       end if
     end do
   end subroutine take_entries
-
-  !> Number of a group in `group_names`; 0 if unknown.
-  pure integer function group_number(group)
-    character(*), intent(in) :: group
-    integer :: i
-
-    group_number = 0
-    do i = 1, word_count(group_names)
-      if (word(group_names, i) == group) group_number = i
-    end do
-  end function group_number
 
   function unknown_group_text(group) result(text)
     character(*), intent(in) :: group
@@ -251,7 +240,7 @@ contains
       problem = 'no group: write --set GROUP.KEY=VALUE'
       k = find_name(lower_case(key))
       if (k > 0) problem = 'no group: write --set '//trim(schema(k)%group)//'.'//trim(schema(k)%name)//'=VALUE'
-    else if (group_number(group) == 0) then
+    else if (word_number(group_names, group) == 0) then
       problem = unknown_group_text(group)
     else
       k = find_key(group, lower_case(key))
