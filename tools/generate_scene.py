@@ -20,6 +20,7 @@ module dst_scene_numbers
 
   public :: scene_numbers_t
 
+  !> The numbers of a scene, in the units of the deck.
   type :: scene_numbers_t
 {components}
   contains

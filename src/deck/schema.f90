@@ -307,6 +307,7 @@ contains
     end if
   end function limit_text
 
+  !> What is wrong with a number of a key that is outside its range, as it was `given`.
   function out_of_range_text(key, given) result(text)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
