@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 ROOT = Path(__file__).resolve().parent.parent
 WIDTH, MARGIN, GAP, LETTER, LINE = 1000, 16, 8, 7.2, 17
 TONES = ["#e9e9e9", "#f6e7cf", "#d9ead8", "#d6e4f2", "#e2dcef", "#f3dcd8", "#eef0d2"]
-GENERATED = {"precision", "build_info", "error_page"}
+GENERATED = {"precision", "scene_numbers", "build_info", "error_page"}
 
 
 def rooms_of(source: Path) -> dict[str, Path]:

@@ -19,7 +19,7 @@ module dst_csv
     logical :: has_names = .false.
     real(wp), allocatable :: values(:, :)                    !! values(column, row)
     integer, allocatable :: line(:)                          !! line of each row
-    integer :: first_line = 0
+    integer :: first_line = 0                                !! line of the names, 0 if there is none
   end type csv_table_t
 
   character, parameter :: lf = achar(10), cr = achar(13), tab = achar(9), quote = '"'
@@ -33,132 +33,93 @@ module dst_csv
 contains
 
   !> The table in a text; `problem` is '' or ':LINE: ' and what is wrong there.
-  pure subroutine read_csv(text, table, problem)
+  subroutine read_csv(text, table, problem)
     character(*), intent(in) :: text
     type(csv_table_t), intent(out) :: table
     character(:), allocatable, intent(out) :: problem
+    character(:), allocatable :: lines, row
     integer, allocatable :: bounds(:, :)
     character :: separator, line_end
-    integer :: first, last, next, line, n, columns, i
+    integer :: next, last, line, n, i
 
     problem = ''
-    separator = ' '
-    line_end = line_end_of(text)
-    next = first_byte(text)
+    line_end = merge(lf, cr, index(text, lf) > 0)
+    lines = text//line_end
+    next = merge(1 + len(byte_order_mark), 1, index(text, byte_order_mark) == 1)
     line = 0
     n = 0
-    columns = 0
+    allocate (character(0) :: table%names(0))
     allocate (table%values(0, 0), table%line(0))
     do while (next <= len(text))
-      call find_line(text, line_end, next, first, last)
+      last = next - 2 + index(lines(next:), line_end)
+      row = lines(next:last)
+      if (row(max(1, len(row)):) == cr) row = row(:len(row) - 1)
       line = line + 1
-      if (verify(text(first:last), blanks) == 0) cycle
-      associate (row => text(first:last))
-        if (columns == 0) separator = separator_of(row)
-        call find_fields(row, separator, bounds)
-        if (columns == 0) then
-          columns = size(bounds, 2)
-          table%first_line = line
-          if (columns > most_columns) problem = integer_text(columns)//' columns: give at most '//integer_text(most_columns)
-          if (any(bounds(2, :) < bounds(1, :))) problem = 'an empty field: give each column a name'
-          if (problem /= '') then
-            problem = ':'//integer_text(line)//': '//problem
-            return
-          end if
-          allocate (character(min(maxval(bounds(2, :) - bounds(1, :)) + 1, longest_name)) :: table%names(columns))
-          do i = 1, columns
-            table%names(i) = row(bounds(1, i):bounds(2, i))
-          end do
-          table%has_names = .not. all([(is_number(row(bounds(1, i):bounds(2, i))), i=1, columns)])
-          deallocate (table%values, table%line)
-          ! A row has two characters for each number, or it is too short.
-          i = min(line_count(text(first:), line_end), (len(text) - first)/(2*columns) + 2)
-          allocate (table%values(columns, i), table%line(i))
-          if (table%has_names) cycle
+      if (verify(row, blanks) > 0) then
+        if (table%first_line == 0) then
+          call read_names()
+        else
+          call find_fields(row, separator, bounds)
+          if (size(bounds, 2) /= size(table%names)) problem = integer_text(size(bounds, 2))// &
+            ' value(s), but the first line has '//integer_text(size(table%names))//': give one for each'
         end if
-        if (size(bounds, 2) /= columns) problem = integer_text(size(bounds, 2))//' value(s), but the first line has '// &
-          integer_text(columns)//': give one for each'
-        n = n + 1
-        table%line(n) = line
-        do i = 1, columns
-          if (problem /= '') exit
-          associate (field => row(bounds(1, i):bounds(2, i)))
-            call read_real(field, table%values(i, n), problem)
-            if (problem /= '') problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
-          end associate
-        end do
-      end associate
-      if (problem /= '') then
-        problem = ':'//integer_text(line)//': '//problem
-        return
+        if (problem == '' .and. .not. (line == table%first_line .and. table%has_names)) call read_values()
+        if (problem /= '') then
+          problem = ':'//integer_text(line)//': '//problem
+          return
+        end if
       end if
+      next = last + 2
     end do
     table%values = table%values(:, :n)
     table%line = table%line(:n)
+
+  contains
+
+    !> The first line, and room for the others.
+    subroutine read_names()
+      integer :: columns, rows
+      real(wp) :: value
+      character(:), allocatable :: unreadable
+
+      do i = 1, len(separators)
+        separator = separators(i:i)
+        if (index(row, separator) > 0) exit
+      end do
+      call find_fields(row, separator, bounds)
+      columns = size(bounds, 2)
+      table%first_line = line
+      if (columns > most_columns) problem = integer_text(columns)//' columns: give at most '//integer_text(most_columns)
+      if (any(bounds(2, :) < bounds(1, :))) problem = 'an empty field: give each column a name'
+      if (problem /= '') return
+      deallocate (table%names, table%values, table%line)
+      allocate (character(min(maxval(bounds(2, :) - bounds(1, :)) + 1, longest_name)) :: table%names(columns))
+      do i = 1, columns
+        table%names(i) = row(bounds(1, i):bounds(2, i))
+        call read_real(row(bounds(1, i):bounds(2, i)), value, unreadable)
+        table%has_names = table%has_names .or. unreadable /= ''
+      end do
+      rows = 0
+      do i = next, len(lines)
+        if (lines(i:i) == line_end) rows = rows + 1
+      end do
+      ! A row has two characters for each number, or it is too short.
+      rows = min(rows, (len(text) - next)/(2*columns) + 2)
+      allocate (table%values(columns, rows), table%line(rows))
+    end subroutine read_names
+
+    subroutine read_values()
+      n = n + 1
+      table%line(n) = line
+      do i = 1, size(table%names)
+        associate (field => row(bounds(1, i):bounds(2, i)))
+          call read_real(field, table%values(i, n), problem)
+          if (problem /= '') problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
+        end associate
+        if (problem /= '') return
+      end do
+    end subroutine read_values
   end subroutine read_csv
-
-  pure logical function is_number(field)
-    character(*), intent(in) :: field
-    character(:), allocatable :: problem
-    real(wp) :: value
-
-    call read_real(field, value, problem)
-    is_number = problem == ''
-  end function is_number
-
-  !> Number of lines of a text, the last of which need not have a line end.
-  pure integer function line_count(text, line_end)
-    character(*), intent(in) :: text
-    character, intent(in) :: line_end
-    integer :: i
-
-    line_count = 1
-    do i = 1, len(text)
-      if (text(i:i) == line_end) line_count = line_count + 1
-    end do
-  end function line_count
-
-  !> The last character of a line end.
-  pure character function line_end_of(text)
-    character(*), intent(in) :: text
-
-    line_end_of = lf
-    if (index(text, lf) == 0) line_end_of = cr
-  end function line_end_of
-
-  !> Where the text begins, after a byte order mark.
-  pure integer function first_byte(text)
-    character(*), intent(in) :: text
-
-    first_byte = 1
-    if (index(text, byte_order_mark) == 1) first_byte = 1 + len(byte_order_mark)
-  end function first_byte
-
-  !> First and last character of the line that begins at `next`, without its line end; `next` is then the beginning of the next
-  !> line.
-  pure subroutine find_line(text, line_end, next, first, last)
-    character(*), intent(in) :: text
-    character, intent(in) :: line_end
-    integer, intent(inout) :: next
-    integer, intent(out) :: first, last
-
-    first = next
-    last = first - 2 + index(text(first:), line_end)
-    if (last < first - 1) last = len(text)
-    next = last + 2
-    if (text(max(first, last):last) == cr) last = last - 1
-  end subroutine find_line
-
-  !> The separator of the fields of a file with this first line.
-  pure character function separator_of(line)
-    character(*), intent(in) :: line
-    integer :: i
-
-    do i = 1, len(separators)
-      separator_of = separators(i:i)
-      if (index(line, separator_of) > 0) return
-    end do
-  end function separator_of
 
   !> First and last character of each field, without the blanks and quotes around it.
   pure subroutine find_fields(line, separator, bounds)
@@ -166,25 +127,25 @@ contains
     character, intent(in) :: separator
     integer, allocatable, intent(out) :: bounds(:, :)
     integer, allocatable :: found(:, :)
-    integer :: n, first, length
+    integer :: n, first, last
 
     allocate (found(2, len(line) + 1))
     n = 0
     first = 1
     do while (first <= len(line) + 1)
-      length = index(line(first:), separator) - 1
-      if (length < 0) length = len(line) - first + 1
+      last = first - 2 + index(line(first:), separator)
+      if (last < first - 1) last = len(line)
       ! Several blanks in a row are one separator.
-      if (length > 0 .or. separator /= ' ') then
+      if (last >= first .or. separator /= ' ') then
         n = n + 1
-        found(:, n) = without_blanks(line, [first, first + length - 1])
+        found(:, n) = without_blanks(line, [first, last])
         associate (inner => found(:, n))
           if (inner(2) > inner(1)) then
             if (line(inner(1):inner(1))//line(inner(2):inner(2)) == quote//quote) inner = without_blanks(line, inner + [1, -1])
           end if
         end associate
       end if
-      first = first + length + 1
+      first = last + 2
     end do
     bounds = found(:, :n)
   end subroutine find_fields

@@ -6,7 +6,7 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, with_blanks, word, word_count, has_word, nearest_word, alternatives, excerpt, &
+  public :: lower_case, starts_with, with_blanks, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, &
     printable, one_per_line, utf8_width
   public :: short_length, real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
@@ -156,19 +156,26 @@ contains
     end do
   end function word_count
 
-  !> Whether `text` is one of the words of a list separated by blanks.
-  pure logical function has_word(list, text)
+  !> The number of a word in a list separated by blanks; 0 if it is not there.
+  pure integer function word_number(list, text) result(n)
     character(*), intent(in) :: list, text
     integer :: first, last
 
     ! Does not copy the list: the conditions of a deck are evaluated some hundred times.
-    has_word = list == '' .and. len(text) == 0
     last = 0
-    do while (.not. has_word)
+    do n = 1, len(list)
       call find_word(list, first, last)
-      if (last < first) return
-      has_word = last - first + 1 == len(text) .and. list(first:last) == text
+      if (last < first) exit
+      if (last - first + 1 == len(text) .and. list(first:last) == text) return
     end do
+    n = 0
+  end function word_number
+
+  !> Whether `text` is one of the words of a list separated by blanks.
+  pure logical function has_word(list, text)
+    character(*), intent(in) :: list, text
+
+    has_word = word_number(list, text) > 0 .or. (list == '' .and. len(text) == 0)
   end function has_word
 
   !> The words of a list in the form in which a choice is shown: 'a | b | c'.

@@ -1,20 +1,20 @@
 !> Reads a deck: Fortran namelist text, checked against the schema. All faults of a deck are reported at once.
 module dst_deck
   use dst_kinds, only: wp, int64
-  use dst_errors, only: error_t, raise, raise_lines, deck_error
-  use dst_text, only: lower_case, word, word_count, nearest_word, alternatives, excerpt, integer_text, real_text, &
-                      read_real, read_integer
-  use dst_faults, only: faults_t, place_t
-  use dst_methods, only: method_t, method_named, adaptive_methods
-  use dst_plain_numbers, only: number_text
-  use dst_namelist, only: namelist_t, scan_namelist, scan_values, token_text, last_line, is_plain_text
-  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
-                        range_text, choice_problem, condition_text, sweep_group, longest_text, most_values, automatic, &
-                        is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
-  use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
-  use dst_deck_text, only: resolved, template, has_model, has_other_condition
+  use dst_curves, only: take_friction_table, check_drive
   use dst_deck_sweep, only: check_sweep
-  use dst_friction_table, only: take_friction_table
+  use dst_deck_text, only: resolved, template, has_model, has_other_condition
+  use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
+  use dst_errors, only: error_t, raise, raise_lines, deck_error
+  use dst_faults, only: place_t
+  use dst_methods, only: adaptive_methods, fixed_step_methods
+  use dst_namelist, only: namelist_t, token_t, scan_namelist, token_text, last_line, is_plain_text
+  use dst_plain_numbers, only: number_text
+  use dst_schema, only: key_t, schema, key_count, group_names, find_key, find_name, is_text, names_file, keys_of, in_range, &
+                        out_of_range_text, or_word, choice_problem, condition_text, sweep_group, longest_text, most_values, &
+                        automatic, is_automatic, is_word_of, real_kind, reals_kind, integer_kind, text_kind, texts_kind, choice_kind
+  use dst_text, only: lower_case, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, integer_text, &
+                      real_text, read_real, read_integer
   use dst_text_file, only: read_text, hdf5_signature
   use dst_units, only: factor_of
   implicit none
@@ -70,7 +70,7 @@ contains
     call scan_namelist(text, list)
     deck%faults = list%faults
     if (list%plain) then
-      call take_groups(list, deck, line_of)
+      call take_entries(list, deck, line_of)
       do i = 1, size(settings)
         call take_setting(trim(settings(i)), i, deck)
       end do
@@ -86,55 +86,55 @@ contains
       call check_contact(deck)
       call check_drive(deck)
       call check_fields(deck)
-      call check_sweep(deck, line_of(group_number(sweep_group)), needs_no_grid)
+      call check_sweep(deck, line_of(word_number(group_names, sweep_group)), needs_no_grid)
     end if
     if (deck%faults%count > 0) call raise_lines(error, deck_error, deck%faults%report(name))
   end subroutine parse_deck
 
-  !> The groups and assignments of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
-  subroutine take_groups(list, deck, line_of)
+  !> The groups and keys of a scanned deck. `line_of` is the line of each known group, 0 if it is absent.
+  subroutine take_entries(list, deck, line_of)
     type(namelist_t), intent(in) :: list
     type(deck_t), intent(inout) :: deck
     integer, intent(out) :: line_of(:)
-    character(:), allocatable :: group, nearest
+    character(:), allocatable :: group
     integer :: i, g
 
     line_of = 0
-    nearest = ''
-    do i = 1, list%group_count
-      group = lower_case(trim(list%groups(i)%name))
-      if (group == '') cycle
-      g = group_number(group)
-      if (g == 0) then
-        call deck%faults%add(list%groups(i)%line, unknown_group_text(trim(list%groups(i)%name)))
-        ! Its keys are not missing: they are in the group with the wrong name.
-        nearest = nearest_word(group, group_names)
-        if (nearest /= '') where (schema%group == nearest) deck%value%attempted = .true.
-      else if (line_of(g) > 0) then
-        call deck%faults%add(list%groups(i)%line, 'group &'//group//' given again: it began in line '// &
-                        integer_text(line_of(g))//', put all its keys there')
-      else
-        line_of(g) = list%groups(i)%line
+    group = ''
+    do i = 1, list%entry_count
+      associate (entry => list%entries(i))
+        if (.not. entry%is_group .or. entry%name == '') cycle
+        group = lower_case(trim(entry%name))
+        g = word_number(group_names, group)
+        if (g == 0) then
+          call deck%faults%add(place_t(entry%line), unknown_group_text(trim(entry%name)))
+          ! Its keys are not missing: they are in the group with the wrong name.
+          group = nearest_word(group, group_names)
+          if (group /= '') where (schema%group == group) deck%value%attempted = .true.
+        else if (line_of(g) > 0) then
+          call deck%faults%add(place_t(entry%line), 'group &'//group//' given again: it began in line '// &
+                               integer_text(line_of(g))//', put all its keys there')
+        else
+          line_of(g) = entry%line
+        end if
+      end associate
+    end do
+    if (.not. any(list%entries(:list%entry_count)%is_group) .and. deck%faults%count == 0) &
+      call deck%faults%add(place_t(1), 'no group in the deck: it needs at least &scene, see dynstiction template')
+    do i = 1, list%entry_count
+      if (deck%faults%full()) exit
+      if (list%entries(i)%is_group) then
+        ! The keys of a group with a wrong name belong to the nearest group, if the deck does not have that one, too.
+        group = lower_case(trim(list%entries(i)%name))
+        if (word_number(group_names, group) > 0) cycle
+        group = nearest_word(group, group_names)
+        if (group == '') cycle
+        if (line_of(word_number(group_names, group)) > 0) group = ''
+      else if (group /= '' .and. list%entries(i)%name /= '') then
+        call take_entry(list, i, group, deck)
       end if
     end do
-    if (list%group_count == 0 .and. deck%faults%count == 0) &
-      call deck%faults%add(1, 'no group in the deck: it needs at least &scene, see dynstiction template')
-    do i = 1, list%assignment_count
-      if (deck%faults%full()) exit
-      call take_assignment(list, i, line_of, deck)
-    end do
-  end subroutine take_groups
-
-  !> Number of a group in `group_names`; 0 if unknown.
-  pure integer function group_number(group)
-    character(*), intent(in) :: group
-    integer :: i
-
-    group_number = 0
-    do i = 1, word_count(group_names)
-      if (word(group_names, i) == group) group_number = i
-    end do
-  end function group_number
+  end subroutine take_entries
 
   function unknown_group_text(group) result(text)
     character(*), intent(in) :: group
@@ -147,44 +147,36 @@ contains
     end if
   end function unknown_group_text
 
-  subroutine take_assignment(list, i, line_of, deck)
+  !> The key and the values of entry `i`.
+  subroutine take_entry(list, i, group, deck)
     type(namelist_t), intent(in) :: list
     integer, intent(in) :: i
-    integer, intent(in) :: line_of(:)   !! of each known group, 0 if it is absent
+    character(*), intent(in) :: group
     type(deck_t), intent(inout) :: deck
-    character(:), allocatable :: group, key
+    character(:), allocatable :: key
     integer :: k
 
-    associate (assignment => list%assignments(i))
-      group = lower_case(trim(list%groups(assignment%group)%name))
-      key = lower_case(trim(assignment%key))
-      ! The keys of a group with a wrong name belong to the nearest group, if the deck does not have that one, too.
-      if (group_number(group) == 0) then
-        group = nearest_word(group, group_names)
-        if (group == '') return
-        if (line_of(group_number(group)) > 0) return
-      end if
-      if (key == '') return
+    associate (entry => list%entries(i), place => place_t(list%entries(i)%line))
+      key = lower_case(trim(entry%name))
       k = find_key(group, key)
       if (k == 0) then
-        if (.not. assignment%bare) call deck%faults%add(assignment%line, unknown_key_text(group, trim(assignment%key)))
+        if (.not. entry%bare) call deck%faults%add(place, unknown_key_text(group, trim(entry%name)))
         ! The key that was meant is not missing as well.
         k = find_name(key)
         if (k == 0) k = meant_key(group, key)
         if (k > 0) deck%value(k)%attempted = .true.
       else if (deck%value(k)%attempted .and. deck%value(k)%place%line > 0) then
-        call deck%faults%add(assignment%line, "'"//key//"' given again: it stands in line "// &
-                        integer_text(deck%value(k)%place%line)//' already, keep one of them')
-      else if (assignment%faulty) then
+        call deck%faults%add(place, "'"//key//"' given again: it stands in line "//integer_text(deck%value(k)%place%line)// &
+                             ' already, keep one of them')
+      else if (entry%faulty) then
         deck%value(k)%attempted = .true.
         deck%value(k)%valid = .false.
-        deck%value(k)%place%line = assignment%line
+        deck%value(k)%place = place
       else
-        call take_values(schema(k), list, assignment%first, assignment%last, place_t(line=assignment%line), deck%value(k), &
-                         deck%faults)
+        call take_values(deck, k, list, entry%first, entry%last, place)
       end if
     end associate
-  end subroutine take_assignment
+  end subroutine take_entry
 
   !> What to write instead of an unknown key.
   function unknown_key_text(group, key) result(text)
@@ -222,21 +214,23 @@ contains
     if (nearest /= '') meant_key = find_name(nearest)
   end function meant_key
 
-  !> 'group.key=value' from the command line.
+  !> 'group.key=value' from the command line; an empty value removes the key from the deck.
   subroutine take_setting(text, setting, deck)
     character(*), intent(in) :: text
     integer, intent(in) :: setting
     type(deck_t), intent(inout) :: deck
-    character(:), allocatable :: group, key, problem
+    character(:), allocatable :: group, key, given, problem
+    type(namelist_t) :: list
     type(place_t) :: place
     integer :: equals, dot, k
 
-    place = place_t(setting=setting, argument=excerpt(text))
     k = 0
     equals = index(text, '=')
     dot = index(text(:max(0, equals - 1)), '.')
     group = lower_case(trim(adjustl(text(:max(0, dot - 1)))))
     key = trim(adjustl(text(dot + 1:max(dot, equals - 1))))
+    given = trim(adjustl(text(equals + 1:)))
+    place = place_t(setting=setting, argument=excerpt(text))
     problem = ''
     if (.not. is_plain_text(text)) then
       problem = 'control characters, or a character that is not UTF-8: give plain UTF-8 text'
@@ -246,114 +240,94 @@ contains
       problem = 'no group: write --set GROUP.KEY=VALUE'
       k = find_name(lower_case(key))
       if (k > 0) problem = 'no group: write --set '//trim(schema(k)%group)//'.'//trim(schema(k)%name)//'=VALUE'
-    else if (group_number(group) == 0) then
+    else if (word_number(group_names, group) == 0) then
       problem = unknown_group_text(group)
     else
       k = find_key(group, lower_case(key))
       if (k == 0) problem = unknown_key_text(group, key)
     end if
-    if (len(problem) > 0) then
+    if (problem == '') then
+      if (deck%value(k)%place%setting > 0) problem = "'"//trim(schema(k)%name)// &
+        "' set again: a --set before sets it already, keep one of them"
+    end if
+    if (problem /= '') then
       call deck%faults%add(place, problem)
+    else if (given == '') then
+      call set_default(schema(k), deck%value(k))
+      deck%value(k)%place = place
     else
-      call set_value(schema(k), adjustl(text(equals + 1:)), place, deck%value(k), deck%faults)
+      if (any(schema(k)%kind == [text_kind, choice_kind]) .and. scan(given, '''"') /= 1) then
+        ! One text as it is: the shell has removed its quotes already.
+        list%text = given
+        list%tokens = [token_t(last=len(given))]
+        list%token_count = 1
+      else
+        call scan_namelist(given, list, trim(schema(k)%name))
+      end if
+      if (list%faults%count == 0) then
+        call take_values(deck, k, list, 1, list%token_count, place)
+      else
+        call deck%faults%add(place, trim(list%faults%item(1)%text))
+        deck%value(k)%valid = .false.
+        deck%value(k)%attempted = .true.
+        deck%value(k)%place = place
+      end if
     end if
   end subroutine take_setting
 
-  !> The value of a setting: an empty one removes the key from the deck. Text needs no quotes there: the shell has removed one pair
-  !> already.
-  subroutine set_value(key, text, place, value, faults)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: text
-    type(place_t), intent(in) :: place
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
-    type(namelist_t) :: list
-    character(:), allocatable :: problem
-
-    if (value%place%setting > 0) then
-      call faults%add(place, "'"//trim(key%name)//"' set again: a --set before sets it already, keep one of them")
-      return
-    end if
-    if (len_trim(text) == 0) call set_default(key, value)
-    value%place%setting = place%setting
-    if (len_trim(text) == 0) return
-    if (any(key%kind == [text_kind, choice_kind]) .and. scan(text, '''"') /= 1) then
-      call start_value(place, value)
-      value%texts = [character(longest_text) :: text]
-      problem = text_problem(key, trim(text))
-    else
-      call scan_values(trim(text), trim(key%name), list, problem)
-      if (len(problem) == 0) call take_values(key, list, 1, list%token_count, place, value, faults)
-    end if
-    value%attempted = .true.
-    if (len(problem) == 0) return
-    value%valid = .false.
-    call faults%add(place, problem)
-  end subroutine set_value
-
-  subroutine start_value(place, value)
-    type(place_t), intent(in) :: place
-    type(value_t), intent(inout) :: value
-
-    value%user = .true.
-    value%attempted = .true.
-    value%valid = .true.
-    value%place = place
-  end subroutine start_value
-
-  !> Convert the words `first` to `last` to the value of a key. If several words have the wrong form, or if there are too many, only
-  !> the first is a fault.
-  subroutine take_values(key, list, first, last, place, value, faults)
-    type(key_t), intent(in) :: key
+  !> Convert the words `first` to `last` to the value of key `k`. If several words have the wrong form, or if there are too many,
+  !> only the first is a fault.
+  subroutine take_values(deck, k, list, first, last, place)
+    type(deck_t), intent(inout) :: deck
+    integer, intent(in) :: k
     type(namelist_t), intent(in) :: list
     integer, intent(in) :: first, last
     type(place_t), intent(in) :: place
-    type(value_t), intent(inout) :: value
-    type(faults_t), intent(inout) :: faults
     real(wp), allocatable :: reals(:)
     character(longest_text), allocatable :: texts(:)
-    character(:), allocatable :: given, problem
+    character(:), allocatable :: given
+    type(key_t) :: key
+    real(wp) :: number
     integer(int64) :: total, most
     integer :: i, n
 
-    call start_value(place, value)
-    do i = first, last
-      ! The text of a setting needs no quotes.
-      call refuse(form_problem(key, list%tokens(i)%quote /= ' ' .or. (place%setting > 0 .and. is_text(key)), &
-                               token_text(list, list%tokens(i))))
-      if (value%valid .and. list%tokens(i)%unit /= '') call refuse(unit_problem(key, token_text(list, list%tokens(i)), &
-                               trim(list%tokens(i)%unit)))
-      if (.not. value%valid) return
-    end do
-    total = 0_int64
-    most = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
-    do i = first, last
-      total = total + list%tokens(i)%repeat
-      if (total > most) &
-        call refuse("too many values for '"//trim(key%name)//"', from '"//excerpt(token_text(list, list%tokens(i)))// &
-                    "' on: "//integer_text(sum(int(list%tokens(first:last)%repeat, int64)))//' given, at most '// &
-                    integer_text(most)//' allowed')
-      if (.not. value%valid) return
-    end do
-    allocate (reals(merge(0_int64, total, is_text(key))))
-    allocate (texts(merge(total, 0_int64, is_text(key))))
-    n = 0
-    do i = first, last
-      given = token_text(list, list%tokens(i))
-      associate (end => n + list%tokens(i)%repeat)
-        if (is_text(key)) then
-          call refuse(text_problem(key, given))
-          texts(n + 1:end) = given
-        else
-          call read_number(key, given, reals(n + 1), problem)
-          call refuse(problem)
-          reals(n + 2:end) = reals(n + 1)
-        end if
-        n = end
-      end associate
-    end do
-    if (size(reals) > 0) call move_alloc(reals, value%reals)
-    if (size(texts) > 0) call move_alloc(texts, value%texts)
+    key = schema(k)
+    associate (value => deck%value(k), tokens => list%tokens(first:last))
+      value%user = .true.
+      value%attempted = .true.
+      value%valid = .true.
+      value%place = place
+      do i = 1, size(tokens)
+        call refuse(form_problem(key, tokens(i), token_text(list, tokens(i)), place%setting > 0))
+        if (.not. value%valid) return
+      end do
+      most = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
+      total = 0_int64
+      do i = 1, size(tokens)
+        total = total + tokens(i)%repeat
+        if (total > most) call refuse("too many values for '"//trim(key%name)//"', from '"// &
+          excerpt(token_text(list, tokens(i)))//"' on: "//integer_text(sum(int(tokens%repeat, int64)))//' given, at most '// &
+          integer_text(most)//' allowed')
+        if (.not. value%valid) return
+      end do
+      allocate (reals(merge(0_int64, total, is_text(key))), texts(merge(total, 0_int64, is_text(key))))
+      n = 0
+      do i = 1, size(tokens)
+        given = token_text(list, tokens(i))
+        associate (end => n + tokens(i)%repeat)
+          if (is_text(key)) then
+            call refuse(text_problem(key, given))
+            texts(n + 1:end) = given
+          else
+            call refuse(number_problem(key, given, number))
+            reals(n + 1:end) = number
+          end if
+          n = end
+        end associate
+      end do
+      call move_alloc(reals, value%reals)
+      call move_alloc(texts, value%texts)
+    end associate
 
   contains
 
@@ -361,54 +335,49 @@ contains
     subroutine refuse(problem)
       character(*), intent(in) :: problem
 
-      if (len(problem) == 0) return
-      value%valid = .false.
-      call faults%add(place_t(list%tokens(i)%line, place%setting, place%argument), problem)
+      if (problem == '') return
+      deck%value(k)%valid = .false.
+      call deck%faults%add(place_t(list%tokens(first + i - 1)%line, place%setting, place%argument), problem)
     end subroutine refuse
   end subroutine take_values
 
-  !> The problem of a number with a unit, and its value without the unit.
-  function unit_problem(key, given, unit) result(problem)
+  !> '' or the problem of one word: a text without quotes, a number with quotes, or one with a unit.
+  function form_problem(key, token, given, is_setting) result(problem)
     type(key_t), intent(in) :: key
-    character(*), intent(in) :: given, unit
+    type(token_t), intent(in) :: token
+    character(*), intent(in) :: given
+    logical, intent(in) :: is_setting     !! where a text needs no quotes
     character(:), allocatable :: problem, unreadable
     real(wp) :: number
 
-    problem = "'"//excerpt(given//' '//unit)//"' has a unit: '"//trim(key%name)//"' takes the number alone"
-    if (key%unit /= '' .and. key%unit /= '1') problem = problem//', in '//trim(key%unit)
-    call read_real(given, number, unreadable)
-    if (unreadable == '' .and. factor_of(unit, trim(key%unit)) > 0.0_wp) &
-      problem = problem//': '//number_text(number*factor_of(unit, trim(key%unit)), 9)
-  end function unit_problem
-
-  !> '' or the problem of one word: a text without quotes, or a number with quotes.
-  function form_problem(key, is_quoted, given) result(problem)
-    type(key_t), intent(in) :: key
-    logical, intent(in) :: is_quoted
-    character(*), intent(in) :: given
-    character(:), allocatable :: problem
-
     problem = ''
-    if (is_quoted .eqv. is_text(key)) return
-    if (is_word_of(key, given)) return
     if (is_text(key)) then
-      problem = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
-    else
+      if (token%quote == ' ' .and. .not. is_setting) &
+        problem = "'"//excerpt(given)//"' is not text: '"//trim(key%name)//"' takes text in quotes"
+    else if (token%quote /= ' ' .and. .not. is_word_of(key, given)) then
       problem = "'"//excerpt(given)//"' is text: '"//trim(key%name)//"' takes "// &
                 trim(merge('an integer   ', 'a real number', key%kind == integer_kind))//' without quotes'//or_word(key)
     end if
+    if (problem /= '' .or. token%unit == '') return
+    problem = "'"//excerpt(given//' '//trim(token%unit))//"' has a unit: '"//trim(key%name)//"' takes the number alone"
+    if (key%unit /= '' .and. key%unit /= '1') problem = problem//', in '//trim(key%unit)
+    call read_real(given, number, unreadable)
+    number = number*factor_of(token%unit, key%unit)
+    if (unreadable == '' .and. factor_of(token%unit, key%unit) > 0.0_wp) problem = problem//': '//number_text(number, 9)
   end function form_problem
 
-  !> A number of a key; `problem` is '' or says what is wrong with the word.
-  subroutine read_number(key, given, number, problem)
+  !> '' or what is wrong with a word that should be the `number` of a key.
+  function number_problem(key, given, number) result(problem)
     type(key_t), intent(in) :: key
     character(*), intent(in) :: given
     real(wp), intent(out) :: number
-    character(:), allocatable, intent(out) :: problem
-    character(:), allocatable :: kind
+    character(:), allocatable :: problem, kind
     integer(int64) :: integer
-    type(value_t) :: alone
+    type(value_t) :: standard
 
+    problem = ''
+    number = automatic
+    if (is_word_of(key, given)) return
     if (key%kind == integer_kind) then
       kind = 'an integer, like 1000'
       call read_integer(given, integer, problem)
@@ -418,36 +387,14 @@ contains
       kind = 'a finite real number, like 1.0 or 2.5e-3'
       call read_real(given, number, problem)
     end if
-    if (is_word_of(key, given)) then
-      number = automatic
-      problem = ''
-    else if (len(problem) > 0) then
+    if (problem /= '') then
       problem = "'"//excerpt(given)//"' "//problem//": '"//trim(key%name)//"' takes "//kind//or_word(key)
     else if (.not. in_range(key%range, number)) then
       ! The value that switches an unused key off may be outside its range.
-      alone%reals = [number]
-      if (.not. (key%required .and. is_default(key, alone))) problem = out_of_range_text(key, given)
+      call set_default(key, standard)
+      if (.not. (key%required .and. any(abs(standard%reals - number) <= 0.0_wp))) problem = out_of_range_text(key, given)
     end if
-  end subroutine read_number
-
-  function out_of_range_text(key, given) result(text)
-    type(key_t), intent(in) :: key
-    character(*), intent(in) :: given
-    character(:), allocatable :: text
-
-    text = trim(key%name)//" = '"//excerpt(given)//"' is out of range: it must be "//range_text(key)
-    if (key%unit /= '1') text = text//' (in '//trim(key%unit)//')'
-    text = text//or_word(key)
-  end function out_of_range_text
-
-  !> ", or 'auto'" for a key of numbers that also accepts this word.
-  function or_word(key) result(text)
-    type(key_t), intent(in) :: key
-    character(:), allocatable :: text
-
-    text = ''
-    if (.not. is_text(key) .and. key%choices /= '') text = ", or '"//trim(key%choices)//"'"
-  end function or_word
+  end function number_problem
 
   !> '' or the problem of one text: its length, or that it is none of the choices.
   function text_problem(key, given) result(problem)
@@ -506,11 +453,11 @@ contains
       do i = 1, key_count
         if (schema(i)%group /= group .or. .not. schema(i)%required) cycle
         if (deck%value(i)%attempted .or. usage(deck, i) /= used) cycle
-        if (line_of(g) > 0) call deck%faults%add(line_of(g), missing_text(schema(i)))
+        if (line_of(g) > 0) call deck%faults%add(place_t(line_of(g)), missing_text(schema(i)))
         missing = missing//' '//trim(schema(i)%name)
       end do
       if (line_of(g) == 0 .and. missing /= '') &
-        call deck%faults%add(end_line, 'group &'//group//' is missing: add it with'//missing)
+        call deck%faults%add(place_t(end_line), 'group &'//group//' is missing: add it with'//missing)
     end do
   end subroutine check_missing
 
@@ -528,27 +475,23 @@ contains
   !> A fixed step cannot end at the events of the exact contact; rodas4p supports no contact.
   subroutine check_contact(deck)
     type(deck_t), intent(inout) :: deck
-    type(method_t) :: method
-    character(:), allocatable :: model, contact
+    character(:), allocatable :: method
 
-    associate (given => deck%value(find_key('integrator', 'method')))
-      if (.not. (given%valid .and. deck%value(find_key('friction', 'contact'))%valid)) return
-      if (usage(deck, find_key('integrator', 'method')) /= used) return
-      method = method_named(deck%text_of('integrator', 'method'))
-      contact = deck%text_of('friction', 'contact')
-      model = deck%text_of('scene', 'model')
-      if (method%name == 'rodas4p' .and. model /= 'low_frequency') &
-        call deck%faults%add(given%place, "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
-      if (method%name == 'rodas4p' .and. deck%real_of('system', 'damping_x') > 0.0_wp) call deck%faults%add( &
-        deck%value(find_key('system', 'damping_x'))%place, "method 'rodas4p' knows no damping_x: use radau9, or damping_x = 0.0")
-      if (method%name == 'rodas4p' .and. .not. is_exponential(deck)) &
-        call deck%faults%add(given%place, "method 'rodas4p' follows friction that falls exponentially: choose "// &
-                        "law = 'weakening', or method 'radau9'")
-      if (model /= 'full') return
-      if (method%kind == 'fixed_step' .and. contact == 'exact') &
-        call deck%faults%add(given%place, "method '"//trim(method%name)//"' cannot follow the exact contact of model 'full': "// &
-                        "choose contact = 'smoothed', or method "//alternatives(adaptive_methods))
-    end associate
+    if (.not. (deck%value(find_name('method'))%valid .and. deck%value(find_name('contact'))%valid)) return
+    if (.not. deck%is_used('integrator', 'method')) return
+    method = deck%text_of('integrator', 'method')
+    if (method == 'rodas4p') then
+      if (deck%text_of('scene', 'model') /= 'low_frequency') call deck%refuse('integrator', 'method', &
+        "method 'rodas4p' is for sweeps of model 'low_frequency': choose another method")
+      if (deck%real_of('system', 'damping_x') > 0.0_wp) call deck%refuse('system', 'damping_x', &
+        "method 'rodas4p' knows no damping_x: use radau9, or damping_x = 0.0")
+      if (.not. is_exponential(deck)) call deck%refuse('integrator', 'method', &
+        "method 'rodas4p' follows friction that falls exponentially: choose law = 'weakening', or method 'radau9'")
+    else if (has_word(fixed_step_methods, method)) then
+      if (deck%text_of('scene', 'model') == 'full' .and. deck%text_of('friction', 'contact') == 'exact') &
+        call deck%refuse('integrator', 'method', "method '"//method//"' cannot follow the exact contact of model 'full': "// &
+        "choose contact = 'smoothed', or method "//alternatives(adaptive_methods))
+    end if
   end subroutine check_contact
 
   !> Whether rodas4p supports the law. A coefficient that is varied is checked in each case.
@@ -560,64 +503,22 @@ contains
       is_exponential = abs(deck%real_of('friction', 'exponent') - 1.0_wp) + deck%real_of('friction', 'viscous') <= 0.0_wp
   end function is_exponential
 
-  !> The corners of the drive: as many times as velocities, from 0 on, never decreasing, with a jump between two velocities.
-  subroutine check_drive(deck)
-    type(deck_t), intent(inout) :: deck
-    type(place_t) :: place
-    integer :: i
-
-    associate (time => deck%value(find_key('drive', 'time')), velocity => deck%value(find_key('drive', 'velocity')))
-      if (.not. (velocity%user .and. velocity%valid .and. time%valid)) return
-      place = velocity%place
-      if (time%user) place = time%place
-      if (size(time%reals) /= size(velocity%reals)) then
-        call deck%faults%add(place, integer_text(size(velocity%reals))//" value(s) of 'velocity' but "// &
-          integer_text(size(time%reals))//" of 'time': give one velocity for each time, or one velocity alone")
-        return
-      end if
-      if (abs(time%reals(1)) > 0.0_wp) call deck%faults%add(place, "time(1) = '"//real_text(time%reals(1))// &
-                                                 "' is not the start: the first time must be 0.0 s")
-      do i = 2, size(time%reals)
-        if (time%reals(i) < time%reals(i - 1)) then
-          call deck%faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))// &
-            "' is before the time ahead of it, "//real_text(time%reals(i - 1))//' s: times must not decrease')
-        else if (repeats_too_often(time%reals(:i))) then
-          call deck%faults%add(place, 'time('//integer_text(i)//") = '"//real_text(time%reals(i))//"' "// &
-                    'repeats a time once too often: give a time twice for a jump, but not 0.0 s')
-        else
-          cycle
-        end if
-        ! A fault after a wrong corner is seldom one of its own.
-        exit
-      end do
-    end associate
-  end subroutine check_drive
-
-  !> Whether the last of these times is the third of its kind, or the second at the start, where there can be no jump.
-  pure logical function repeats_too_often(time)
-    real(wp), intent(in) :: time(:)
-
-    associate (n => size(time))
-      repeats_too_often = time(n) <= time(max(1, n - 2)) .and. (n > 2 .or. time(n) <= 0.0_wp)
-    end associate
-  end function repeats_too_often
-
   !> A column can be requested once; 'default' must be alone.
   subroutine check_fields(deck)
     type(deck_t), intent(inout) :: deck
-    integer :: i, k
-    character(:), allocatable :: choice
+    character(:), allocatable :: choices, choice
+    integer :: i
 
-    k = find_key('output', 'fields')
-    associate (value => deck%value(k))
+    associate (value => deck%value(find_name('fields')))
       if (.not. value%valid) return
-      do i = 1, word_count(schema(k)%choices)
-        choice = word(schema(k)%choices, i)
+      choices = schema(find_name('fields'))%choices
+      do i = 1, word_count(choices)
+        choice = word(choices, i)
         if (count(value%texts == choice) > 1) &
-          call deck%faults%add(value%place, "'"//choice//"' more than once in 'fields': name each column once")
+          call deck%refuse('output', 'fields', "'"//choice//"' more than once in 'fields': name each column once")
       end do
-      if (size(value%texts) > 1 .and. any(value%texts == 'default')) &
-        call deck%faults%add(value%place, "'default' among other 'fields': give 'default' alone, or the columns by name")
+      if (size(value%texts) > 1 .and. any(value%texts == 'default')) call deck%refuse('output', 'fields', &
+        "'default' among other 'fields': give 'default' alone, or the columns by name")
     end associate
   end subroutine check_fields
 end module dst_deck

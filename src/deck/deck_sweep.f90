@@ -1,11 +1,14 @@
 !> The group &sweep of a deck: checks which keys may be varied, and whether its lists fit together.
 module dst_deck_sweep
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dst_kinds, only: wp
+  use dst_curves, only: lengths_text
   use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
+  use dst_faults, only: place_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, is_text, range_text, reals_kind, &
                         integer_kind, longest_text
-  use dst_text, only: lower_case, excerpt, integer_text, real_text, has_word, alternatives
+  use dst_text, only: lower_case, excerpt, real_text, has_word, alternatives
+  use dst_writer, only: absent
   implicit none
   private
 
@@ -27,40 +30,47 @@ contains
     integer, intent(in) :: line
     logical, intent(in) :: is_varied
     character(longest_text), allocatable :: names(:)
+    integer, allocatable :: keys(:)
+    type(place_t) :: place
     integer :: i, n
     logical :: keeps_series
     real(wp) :: interval
 
     if (line == 0 .and. .not. deck%is_sweep()) return
     keeps_series = deck%text_of(sweep_group, 'keep') == 'series' .and. is_known(deck, 'keep')
-    if (deck%text_of('scene', 'model') == 'auto') call note(deck, 'scene', 'model', &
+    if (deck%text_of('scene', 'model') == 'auto') call deck%refuse('scene', 'model', &
       "model 'auto' in a sweep would mix models in one map: name the model")
     interval = deck%real_of('output', 'interval')
     if (keeps_series .and. .not. (interval > 0.0_wp .or. is_automatic(schema(find_key('output', 'interval')), interval))) &
-      call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
+      call deck%refuse(sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
     if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
-      call note(deck, 'integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
+      call deck%refuse('integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
     if (deck%text_of(sweep_group, 'keep') == 'cycles') call check_cycles(deck)
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
-    if (keeps_series .and. any(lower_case_of(names) == 'scene.t_end')) &
-      call note(deck, sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
+    allocate (keys, source=[(varied_key(trim(names(i))), i=1, n)])
+    if (keeps_series .and. any(keys == find_key('scene', 't_end'))) &
+      call deck%refuse(sweep_group, 'keep', "keep 'series' needs the same times in every case: do not vary scene.t_end")
     if (.not. (is_known(deck, 'parameter') .and. is_known(deck, 'points'))) return
     if (deck%text_of(sweep_group, 'points') /= '') then
       call check_no_grid(deck)
       return
     else if (names(1) == '') then
-      if (.not. is_varied) call note_nothing_varied(deck, line)
+      if (is_varied) return
+      ! At the group, or at the first of its keys if only a setting gives some.
+      place = place_t(line)
+      if (line == 0) place = deck%value(findloc(deck%value%user .and. schema%group == sweep_group, .true., dim=1))%place
+      call deck%faults%add(place, "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'")
       return
     end if
     call check_lengths(deck, n)
     do i = 1, n
       call check_axis(deck, trim(names(i)), i)
-      if (any(lower_case_of(names(:i - 1)) == lower_case(trim(names(i))))) &
-        call note(deck, sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
+      if (keys(i) > 0 .and. any(keys(:i - 1) == keys(i))) &
+        call deck%refuse(sweep_group, 'parameter', "'"//trim(names(i))//"' is varied twice: name it once")
     end do
     if (is_known(deck, 'count') .and. grid_cases(deck) > many_cases) &
-      call note(deck, sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
+      call deck%refuse(sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
 
   !> Cycles can be kept only for models that have some.
@@ -70,7 +80,7 @@ contains
 
     model = deck%text_of('scene', 'model')
     if (.not. is_known(deck, 'keep') .or. model == 'auto' .or. has_word(models_with_cycles, model)) return
-    call note(deck, sweep_group, 'keep', "keep 'cycles': model '"//model//"' has no stick-slip cycles: use keep = 'summary', "// &
+    call deck%refuse(sweep_group, 'keep', "keep 'cycles': model '"//model//"' has no stick-slip cycles: use keep = 'summary', "// &
       'or model '//alternatives(models_with_cycles))
   end subroutine check_cycles
 
@@ -99,24 +109,6 @@ contains
     end do
   end function grid_cases
 
-  !> At the group, or at the first of its keys if only a setting gives some.
-  subroutine note_nothing_varied(deck, line)
-    type(deck_t), intent(inout) :: deck
-    integer, intent(in) :: line
-    character(*), parameter :: text = "&sweep varies nothing: name parameter = 'GROUP.KEY', or points = 'FILE'"
-    integer :: k
-
-    if (line > 0) then
-      call deck%faults%add(line, text)
-      return
-    end if
-    do k = 1, size(schema)
-      if (schema(k)%group /= sweep_group .or. .not. deck%value(k)%user) cycle
-      call note(deck, sweep_group, trim(schema(k)%name), text)
-      return
-    end do
-  end subroutine note_nothing_varied
-
   !> A list of points must be alone.
   subroutine check_no_grid(deck)
     type(deck_t), intent(inout) :: deck
@@ -126,7 +118,7 @@ contains
     do i = 1, size(keys)
       k = find_key(sweep_group, keys(i))
       if (deck%value(k)%user .and. .not. is_default(schema(k), deck%value(k))) &
-        call note(deck, sweep_group, keys(i), "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
+        call deck%refuse(sweep_group, keys(i), "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
     end do
   end subroutine check_no_grid
 
@@ -140,8 +132,7 @@ contains
     do i = 1, size(keys)
       given = element_count(deck%value(find_key(sweep_group, keys(i))))
       if (given == n .or. (given == 1 .and. keys(i) == 'spacing') .or. .not. is_known(deck, keys(i))) cycle
-      call note(deck, sweep_group, keys(i), integer_text(given)//" value(s) of '"//trim(keys(i))//"' but "// &
-        integer_text(n)//" of 'parameter': give one for each")
+      call deck%refuse(sweep_group, keys(i), lengths_text(given, trim(keys(i)), n, 'parameter', 'one for each'))
     end do
   end subroutine check_lengths
 
@@ -151,45 +142,39 @@ contains
     character(*), intent(in) :: name
     integer, intent(in) :: i
     character(:), allocatable :: problem
-    real(wp), allocatable :: first(:), last(:), counts(:)
     character(longest_text), allocatable :: spacing(:)
+    real(wp) :: first, last
     logical :: is_log
 
-    allocate (counts, source=element('count'))
-    if (size(counts) > 0) then
-      if (abs(counts(1) - anint(counts(1))) > 0.0_wp) call note(deck, sweep_group, 'count', &
-        real_text(counts(1))//' is no whole number: count says how many values '//name//' has')
-    end if
+    if (abs(element('count') - anint(element('count'))) > 0.0_wp) call deck%refuse(sweep_group, 'count', &
+      real_text(element('count'))//' is no whole number: count says how many values '//name//' has')
     problem = variation_problem(deck, name)
     if (problem /= '') then
-      call note(deck, sweep_group, 'parameter', problem)
+      call deck%refuse(sweep_group, 'parameter', problem)
       return
     end if
     first = element('first')
     last = element('last')
-    if (size(first) > 0) call check_limit('first', first(1))
-    if (size(last) > 0) call check_limit('last', last(1))
-    if (size(first) == 0 .or. size(last) == 0 .or. .not. is_known(deck, 'spacing')) return
+    call check_limit('first', first)
+    call check_limit('last', last)
+    if (ieee_is_nan(first + last) .or. .not. is_known(deck, 'spacing')) return
     ! One for all parameters, or one for each.
     spacing = deck%texts_of(sweep_group, 'spacing')
     is_log = spacing(min(i, size(spacing))) == 'log'
-    if (is_log .and. .not. (min(first(1), last(1)) > 0.0_wp .or. max(first(1), last(1)) < 0.0_wp)) &
-      call note(deck, sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first(1))// &
-      ' to '//real_text(last(1))//': both must have the same sign, and not be 0')
+    if (is_log .and. .not. (min(first, last) > 0.0_wp .or. max(first, last) < 0.0_wp)) &
+      call deck%refuse(sweep_group, 'spacing', "spacing 'log' of "//name//' from '//real_text(first)// &
+      ' to '//real_text(last)//': both must have the same sign, and not be 0')
 
   contains
 
-    !> The value of this parameter in a list, if it is there.
-    function element(key) result(value)
+    !> The value of this parameter in a list; NaN if it is not there.
+    real(wp) function element(key)
       character(*), intent(in) :: key
-      real(wp), allocatable :: value(:)
 
-      value = deck%reals_of(sweep_group, key)
-      if (.not. is_known(deck, key) .or. size(value) < i) then
-        value = [real(wp) ::]
-      else
-        value = value(i:i)
-      end if
+      element = absent()
+      associate (list => deck%value(find_key(sweep_group, key))%reals)
+        if (is_known(deck, key) .and. size(list) >= i) element = list(i)
+      end associate
     end function element
 
     subroutine check_limit(key, value)
@@ -197,20 +182,9 @@ contains
       real(wp), intent(in) :: value
 
       problem = range_problem(varied_key(name), value)
-      if (problem /= '') call note(deck, sweep_group, key, problem)
+      if (problem /= '' .and. .not. ieee_is_nan(value)) call deck%refuse(sweep_group, key, problem)
     end subroutine check_limit
   end subroutine check_axis
-
-  !> Names of keys; upper and lower case are equal.
-  pure function lower_case_of(names) result(lower)
-    character(*), intent(in) :: names(:)
-    character(len(names)) :: lower(size(names))
-    integer :: i
-
-    do i = 1, size(names)
-      lower(i) = lower_case(names(i))
-    end do
-  end function lower_case_of
 
   !> Index of the key 'group.name' in the schema; 0 if there is none.
   pure integer function varied_key(name)
@@ -261,11 +235,4 @@ contains
       problem = real_text(value)//' is no whole number: '//trim(schema(k)%name)//' takes integers'
     end if
   end function range_problem
-
-  subroutine note(deck, group, key, text)
-    type(deck_t), intent(inout) :: deck
-    character(*), intent(in) :: group, key, text
-
-    call deck%faults%add(deck%value(find_key(group, key))%place, text)
-  end subroutine note
 end module dst_deck_sweep

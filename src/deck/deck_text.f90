@@ -4,9 +4,9 @@ module dst_deck_text
   use dst_kinds, only: wp, int64
   use dst_text, only: text_builder_t, real_text, integer_text, quoted_text, word, word_count, has_word, alternatives
   use dst_schema, only: key_t, schema, key_count, group_names, sweep_group, find_name, is_text, is_automatic, is_word_of, &
-                        range_text, choice_problem, real_kind, reals_kind, integer_kind, texts_kind, choice_kind, &
+                        range_text, choice_problem, real_kind, integer_kind, texts_kind, choice_kind, &
                         condition_count, condition_text
-  use dst_deck_values, only: deck_t, value_t, usage, element_count, used
+  use dst_deck_values, only: deck_t, value_t, usage, element_count, set_default, used
   implicit none
   private
 
@@ -100,6 +100,7 @@ contains
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
     type(text_builder_t) :: builder
+    type(deck_t) :: deck
     character(:), allocatable :: group, problem
     integer :: g, i
 
@@ -108,6 +109,10 @@ contains
       call raise(error, usage_error, problem)
       return
     end if
+    do i = 1, key_count
+      call set_default(schema(i), deck%value(i))
+    end do
+    deck%value(find_name('model'))%texts = model
     call builder%line('! A deck of dynstiction, model '//model//': every key, with unit, range or choices, default and meaning.')
     call builder%line('! A key with a default may be left out. Values are those of Fig. 3 of Nakano and Popov (2020).')
     call builder%line('! One value for each key, unless it says list; text in quotes; groups and keys in any order.')
@@ -116,22 +121,32 @@ contains
       ! Most decks are no sweep.
       if (group == sweep_group) cycle
       call builder%line('')
-      call builder%line('&'//group)
-      do i = 1, key_count
-        if (schema(i)%group == group .and. has_model(i, model)) &
-          call add_template_entry(builder, schema(i), template_value(i, model), '')
-      end do
-      call builder%line('/')
+      call add_group(group, '')
     end do
     call builder%line('')
     call builder%line('! A deck of many cases has this group too: remove the first ! of its lines.')
     call builder%line('! For a quick look: dynstiction sweep DECK --vary system.misalignment_deg=0.5:20:40')
-    call builder%line('!&'//sweep_group)
-    do i = 1, key_count
-      if (schema(i)%group == sweep_group) call add_template_entry(builder, schema(i), template_value(i, model), '!')
-    end do
-    call builder%line('!/')
+    call add_group(sweep_group, '!')
     text = builder%content()
+
+  contains
+
+    !> The keys of a group; those that Fig. 3 does not use have their default.
+    subroutine add_group(group, prefix)
+      character(*), intent(in) :: group, prefix
+      character(:), allocatable :: value
+      integer :: k
+
+      call builder%line(prefix//'&'//group)
+      do k = 1, key_count
+        if (schema(k)%group /= group .or. .not. has_model(k, model)) cycle
+        value = schema(k)%sample
+        if (value == '' .or. usage(deck, k) /= used) value = schema(k)%default
+        if (schema(k)%name == 'model') value = model
+        call add_template_entry(builder, schema(k), value, prefix)
+      end do
+      call builder%line(prefix//'/')
+    end subroutine add_group
   end subroutine template
 
   !> Whether key `i` can be used with `model`, for any law, contact and method.
@@ -149,36 +164,30 @@ contains
     end do
   end function has_model
 
-  !> The value of key `i` in the template of `model`: that of Fig. 3, or the default where Fig. 3 does not use the key.
-  pure recursive function template_value(i, model) result(value)
-    integer, intent(in) :: i
-    character(*), intent(in) :: model
-    character(:), allocatable :: value
-    integer :: n
-
-    value = trim(schema(i)%sample)
-    do n = 1, condition_count(schema(i))
-      if (.not. has_word(schema(i)%used_by(n)%choices, template_value(find_name(schema(i)%used_by(n)%on), model))) value = ''
-    end do
-    if (value == '') value = trim(schema(i)%default)
-    if (schema(i)%name == 'model') value = model
-  end function template_value
-
+  !> A key in a template: its meaning, its value, and an explanation.
   subroutine add_template_entry(builder, key, value, prefix)
     type(text_builder_t), intent(inout) :: builder
     type(key_t), intent(in) :: key
     character(*), intent(in) :: value, prefix
     character(:), allocatable :: shown, meaning
 
-    shown = value
-    if (is_text(key) .or. is_word_of(key, shown)) shown = quoted_text(shown)
-    shown = prefix//'  '//trim(key%name)//' = '//shown
+    shown = prefix//'  '//trim(key%name)//' = '//as_written(key, trim(value))
     meaning = trim(key%meaning)
     ! Conditions on the model are omitted in the template of that model.
     if (has_other_condition(key)) meaning = meaning//'; only with '//condition_text(key)
     call builder%line(prefix//'  ! '//meaning)
     call builder%line(shown//repeat(' ', max(0, comment_column - len(shown)))//' ! '//explanation(key))
   end subroutine add_template_entry
+
+  !> A value as a deck has it: text in quotes.
+  function as_written(key, value) result(text)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: value
+    character(:), allocatable :: text
+
+    text = value
+    if (is_text(key) .or. is_word_of(key, value)) text = quoted_text(value)
+  end function as_written
 
   !> Whether the use of a key depends on more than the model.
   pure logical function has_other_condition(key)
@@ -191,31 +200,19 @@ contains
   function explanation(key) result(text)
     type(key_t), intent(in) :: key
     character(:), allocatable :: text
+    ! In the order of the kinds.
+    character(13), parameter :: says(6) = [character(13) :: 'real', 'integer', 'text', '', 'list of reals', 'list of texts']
 
-    select case (key%kind)
-    case (real_kind)
-      text = 'real'
-    case (reals_kind)
-      text = 'list of reals'
-    case (integer_kind)
-      text = 'integer'
-    case (texts_kind)
-      text = 'list of texts'
-      if (key%choices /= '') text = 'list: '//alternatives(trim(key%choices))
-    case (choice_kind)
-      text = alternatives(trim(key%choices))
-    case default
-      text = 'text'
-    end select
+    text = trim(says(key%kind))
+    if (key%kind == texts_kind .and. key%choices /= '') text = 'list: '//alternatives(trim(key%choices))
+    if (key%kind == choice_kind) text = alternatives(trim(key%choices))
     text = text//unit_text(key)
     if (range_text(key) /= '') text = text//', '//range_text(key)
     if (.not. is_text(key) .and. key%choices /= '') text = text//' or '//quoted_text(trim(key%choices))
     if (key%required) then
       text = text//'; no default'
-    else if (is_text(key) .or. is_word_of(key, trim(key%default))) then
-      text = text//'; default '//quoted_text(trim(key%default))
-    else if (key%default /= '') then
-      text = text//'; default '//trim(key%default)
+    else if (is_text(key) .or. key%default /= '') then
+      text = text//'; default '//as_written(key, trim(key%default))
     end if
   end function explanation
 end module dst_deck_text

@@ -1,11 +1,11 @@
 !> A deck that has been read: the values of all keys of the schema, and who set them.
 module dst_deck_values
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
   use dst_faults, only: faults_t, place_t
   use dst_text, only: read_real, has_word
   use dst_schema, only: key_t, schema, key_count, sweep_group, find_key, find_name, longest_text, is_text, &
                         condition_count, automatic, is_word_of
+  use dst_writer, only: absent
   implicit none
   private
 
@@ -16,7 +16,7 @@ module dst_deck_values
   integer, parameter :: used = 1, unused = 2, unknown = 3
   integer, parameter :: undecided = -1
 
-  !> The value of a key, and where it comes from.
+  !> The value of a key, and where it comes from. Of the two lists one is empty.
   type :: value_t
     logical :: user = .false.        !! set by the deck or by a setting, not the default
     logical :: attempted = .false.   !! the deck tries to set it, perhaps under a wrong name
@@ -42,6 +42,7 @@ module dst_deck_values
     procedure :: is_set
     procedure :: is_used
     procedure :: is_sweep
+    procedure :: refuse
   end type deck_t
 
 contains
@@ -51,10 +52,9 @@ contains
     class(deck_t), intent(in) :: self
     character(*), intent(in) :: group, key
 
-    real_of = ieee_value(1.0_wp, ieee_quiet_nan)
-    associate (value => self%value(find_key(group, key)))
-      if (.not. allocated(value%reals)) return
-      if (size(value%reals) > 0) real_of = value%reals(1)
+    real_of = absent()
+    associate (reals => self%value(find_key(group, key))%reals)
+      if (size(reals) > 0) real_of = reals(1)
     end associate
   end function real_of
 
@@ -63,10 +63,7 @@ contains
     character(*), intent(in) :: group, key
     real(wp), allocatable :: list(:)
 
-    allocate (list(0))
-    associate (value => self%value(find_key(group, key)))
-      if (allocated(value%reals)) list = value%reals
-    end associate
+    list = self%value(find_key(group, key))%reals
   end function reals_of
 
   pure integer(int64) function integer_of(self, group, key)
@@ -81,11 +78,7 @@ contains
     character(*), intent(in) :: group, key
     character(:), allocatable :: text
 
-    text = ''
-    associate (value => self%value(find_key(group, key)))
-      if (.not. allocated(value%texts)) return
-      if (size(value%texts) > 0) text = trim(value%texts(1))
-    end associate
+    text = trim(self%value(find_key(group, key))%texts(1))
   end function text_of
 
   pure function texts_of(self, group, key) result(list)
@@ -93,10 +86,7 @@ contains
     character(*), intent(in) :: group, key
     character(longest_text), allocatable :: list(:)
 
-    allocate (list(0))
-    associate (value => self%value(find_key(group, key)))
-      if (allocated(value%texts)) list = value%texts
-    end associate
+    list = self%value(find_key(group, key))%texts
   end function texts_of
 
   !> Whether the user set the key.
@@ -121,6 +111,14 @@ contains
 
     is_sweep = any(self%value%user .and. schema%group == sweep_group)
   end function is_sweep
+
+  !> Note what is wrong with the value of a key.
+  subroutine refuse(self, group, key, text)
+    class(deck_t), intent(inout) :: self
+    character(*), intent(in) :: group, key, text
+
+    call self%faults%add(self%value(find_key(group, key))%place, text)
+  end subroutine refuse
 
   !> Whether key `i` is used: all its conditions are true, and the keys that they name are used themselves.
   pure integer function usage(deck, i)
@@ -172,9 +170,7 @@ contains
   pure integer function element_count(value)
     type(value_t), intent(in) :: value
 
-    element_count = 1
-    if (allocated(value%reals)) element_count = size(value%reals)
-    if (allocated(value%texts)) element_count = size(value%texts)
+    element_count = size(value%reals) + size(value%texts)
   end function element_count
 
   !> Reset a key to its default.
@@ -183,16 +179,10 @@ contains
     type(value_t), intent(out) :: value
     character(:), allocatable :: problem
 
-    if (is_text(key)) then
-      value%texts = [character(longest_text) :: key%default]
-      return
-    end if
-    allocate (value%reals(merge(0, 1, key%default == '')))
-    if (is_word_of(key, trim(key%default))) then
-      value%reals = automatic
-    else if (size(value%reals) == 1) then
+    value%texts = spread(key%default, 1, merge(1, 0, is_text(key)))
+    allocate (value%reals(merge(0, 1, is_text(key) .or. key%default == '')), source=automatic)
+    if (size(value%reals) == 1 .and. .not. is_word_of(key, trim(key%default))) &
       call read_real(trim(key%default), value%reals(1), problem)
-    end if
   end subroutine set_default
 
   !> Whether the value is the schema's default; for an unused key, the value that switches it off.
@@ -203,11 +193,6 @@ contains
 
     call set_default(key, standard)
     is_default = element_count(value) == element_count(standard) .and. element_count(value) > 0
-    if (.not. is_default) return
-    if (is_text(key)) then
-      is_default = all(value%texts == standard%texts)
-    else
-      is_default = .not. any(abs(value%reals - standard%reals) > 0.0_wp)
-    end if
+    if (is_default) is_default = all(value%texts == standard%texts) .and. .not. any(abs(value%reals - standard%reals) > 0.0_wp)
   end function is_default
 end module dst_deck_values

@@ -1,6 +1,6 @@
 !> The faults found in one deck and in the settings of the command line, in the order of their lines.
 module dst_faults
-  use dst_text, only: text_builder_t, integer_text, printable
+  use dst_text, only: integer_text, printable
   implicit none
   private
 
@@ -27,50 +27,31 @@ module dst_faults
     integer :: count = 0
     type(fault_t), allocatable :: item(:)   !! on the heap: they are larger than a small stack
   contains
-    generic :: add => add_at, add_in_line
+    procedure :: add
     procedure :: full
     procedure :: report
-    procedure, private :: add_at, add_in_line
   end type faults_t
 
 contains
 
-  !> Note a fault in a line of the deck.
-  subroutine add_in_line(self, line, text)
-    class(faults_t), intent(inout) :: self
-    integer, intent(in) :: line
-    character(*), intent(in) :: text
-
-    call self%add_at(place_t(line=line), text)
-  end subroutine add_in_line
-
-  !> Note a fault.
-  subroutine add_at(self, place, text)
+  !> Note a fault, after those of the same place.
+  subroutine add(self, place, text)
     class(faults_t), intent(inout) :: self
     type(place_t), intent(in) :: place
     character(*), intent(in) :: text
-    type(fault_t) :: fault
     integer :: i
 
     if (self%full()) return
     if (.not. allocated(self%item)) allocate (self%item(most_faults))
-    fault%place = place
-    fault%text = text
-    i = self%count
-    do while (i > 0)
-      if (.not. before(place, self%item(i)%place)) exit
+    do i = self%count, 1, -1
+      associate (other => self%item(i)%place)
+        if (other%setting < place%setting .or. (other%setting == place%setting .and. other%line <= place%line)) exit
+      end associate
       self%item(i + 1) = self%item(i)
-      i = i - 1
     end do
-    self%item(i + 1) = fault
+    self%item(i + 1) = fault_t(place, text)
     self%count = self%count + 1
-  end subroutine add_at
-
-  pure logical function before(a, b)
-    type(place_t), intent(in) :: a, b
-
-    before = a%setting < b%setting .or. (a%setting == b%setting .and. a%line < b%line)
-  end function before
+  end subroutine add
 
   pure logical function full(self)
     class(faults_t), intent(in) :: self
@@ -83,22 +64,21 @@ contains
     class(faults_t), intent(in) :: self
     character(*), intent(in) :: name       !! the deck's file name
     character(:), allocatable :: text
-    type(text_builder_t) :: builder
     integer :: i
 
+    text = ''
     do i = 1, self%count
-      if (i > 1) call builder%append(achar(10))
+      if (i > 1) text = text//new_line('a')
       associate (place => self%item(i)%place)
         if (place%setting > 0) then
-          call builder%append('--set '//trim(place%argument))
+          text = text//'--set '//trim(place%argument)
         else
-          call builder%append(printable(name))
-          if (place%line > 0) call builder%append(':'//integer_text(place%line))
+          text = text//printable(name)
+          if (place%line > 0) text = text//':'//integer_text(place%line)
         end if
-        call builder%append(': '//printable(trim(self%item(i)%text)))
+        text = text//': '//printable(trim(self%item(i)%text))
       end associate
     end do
-    if (self%full()) call builder%append(achar(10)//printable(name)//': '//not_all_faults)
-    text = builder%content()
+    if (self%full()) text = text//new_line('a')//printable(name)//': '//not_all_faults
   end function report
 end module dst_faults

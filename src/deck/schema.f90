@@ -13,8 +13,8 @@ module dst_schema
   public :: key_t, range_t, schema, key_count, group_names, sweep_group
   public :: real_kind, integer_kind, text_kind, choice_kind, reals_kind, texts_kind, kind_names
   public :: longest_text, most_values, automatic
-  public :: find_key, find_name, is_text, names_file, keys_of, in_range, is_automatic, is_word_of, range_text, choice_problem, &
-            condition_count, condition_text
+  public :: find_key, find_name, is_text, names_file, keys_of, in_range, is_automatic, is_word_of, range_text, &
+            out_of_range_text, or_word, choice_problem, condition_count, condition_text
 
   integer, parameter :: real_kind = 1, integer_kind = 2, text_kind = 3, choice_kind = 4
   integer, parameter :: reals_kind = 5, texts_kind = 6
@@ -306,6 +306,26 @@ contains
       text = real_text(limit)
     end if
   end function limit_text
+
+  !> What is wrong with a number of a key that is outside its range, as it was `given`.
+  function out_of_range_text(key, given) result(text)
+    type(key_t), intent(in) :: key
+    character(*), intent(in) :: given
+    character(:), allocatable :: text
+
+    text = trim(key%name)//" = '"//excerpt(given)//"' is out of range: it must be "//range_text(key)
+    if (key%unit /= '1') text = text//' (in '//trim(key%unit)//')'
+    text = text//or_word(key)
+  end function out_of_range_text
+
+  !> ", or 'auto'" for a key of numbers that also accepts this word.
+  function or_word(key) result(text)
+    type(key_t), intent(in) :: key
+    character(:), allocatable :: text
+
+    text = ''
+    if (.not. is_text(key) .and. key%choices /= '') text = ", or '"//trim(key%choices)//"'"
+  end function or_word
 
   !> '' if the key has this choice.
   function choice_problem(key, given) result(problem)
