@@ -234,7 +234,7 @@ def _parser(program: str) -> _Parser:
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
-    from .plot.style import format_of, write  # noqa: PLC0415
+    from .plot.style import format_of  # noqa: PLC0415
 
     part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
     if options.columns is not None:
@@ -262,10 +262,9 @@ def _plot(options: argparse.Namespace) -> None:
         names = _short_names(options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
         if options.overlay:
-            figure = plot.overlay(drawn, over_distance=options.distance, **part)
-        else:
-            figure = plot.compare(drawn, **part)
-        write(figure, output, overwrite=options.overwrite)
+            part["over_distance"] = options.distance
+        kind = "overlay" if options.overlay else "compare"
+        plot.save(drawn, output, kind, overwrite=options.overwrite, **part)
     _warn_of_samples(drawn)
     _say(printable(str(output)))
 

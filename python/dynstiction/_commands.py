@@ -65,8 +65,8 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
     add(
         "--kind",
         metavar="KIND",
-        help="for a run history, velocities, spectrogram, damping, creep, path, columns or cycle_map; default: by its model; "
-        "for a sweep map (default), lambda, bifurcation",
+        help="for a run history, velocities, spectrogram, damping, creep, path or columns; default: by its model; "
+        "for a sweep map (default) or bifurcation",
     )
     add(
         "--quantity",

@@ -89,7 +89,7 @@ def test_a_part_is_the_samples_between_its_ends(result: ds.Result) -> None:
             plot.draw(result, start=start, end=end)
     with pytest.raises(ds.UsageError, match="fewer than two samples there"):
         plot.draw(result, start=1.0001, end=1.0002)
-    for kind in ("creep", "damping", "cycle_map"):
+    for kind in ("creep", "damping"):
         with pytest.raises(ds.UsageError, match=f"history, velocities, .*not for '{kind}'"):
             plot.draw(result, kind, start=1.0)
 
@@ -212,10 +212,10 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
     for error, wrong, how in (
         (ds.ColumnError, "no column 'tehta': did you mean 'theta'", {"columns": ["tehta"]}),
         (ds.UsageError, "not for 'path'", {"kind": "path", "columns": ["theta"]}),
-        (ds.UsageError, "as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
+        (ds.UsageError, "as many axes as panels", {"columns": ["X"], "ax": [first, second]}),
         (ds.UsageError, "not both", {"figure": mine, "ax": first}),
         (ds.UsageError, "matplotlib Axes", {"ax": "here"}),
-        (ds.UsageError, "give figure= for others", {"kind": "spectrogram", "ax": first}),
+        (ds.UsageError, "kinds history, damping, path, not for 'spectrogram'", {"kind": "spectrogram", "ax": first}),
     ):
         with pytest.raises(error, match=wrong):
             plot.draw(result, **how)  # type: ignore[arg-type]
@@ -226,7 +226,7 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
 
 def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
     runs = {f"{speed}": own(t_end=end, velocity=speed) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
-    figure = plot.overlay(runs, columns="X", over_distance=True)
+    figure = plot.draw(runs, "overlay", columns="X", over_distance=True)
     (panel,) = figure.axes
     for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
         length, place = line.get_data()
@@ -236,26 +236,26 @@ def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
     assert panel.get_xlabel() == "distance of the driven end [mm]"
     back = own(t_end=1.0, time=[0.0, 1.0], velocity=[5e-3, -5e-3])
     with pytest.raises(ds.UsageError, match="no distance that grows"):
-        plot.overlay({"a": runs["0.002"], "b": back}, over_distance=True)
+        plot.draw({"a": runs["0.002"], "b": back}, "overlay", over_distance=True)
 
 
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, misalignment_deg=6.0)}
-    figure = plot.overlay(runs)
+    figure = plot.draw(runs, "overlay")
     assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
     for axis in figure.axes:
         assert len(axis.lines) == 2
         assert len({(line.get_color(), str(line.get_linestyle())) for line in axis.lines}) == 2
-    part = plot.overlay(runs, columns="friction", start=1.0, end=1.5)
+    part = plot.draw(runs, "overlay", columns="friction", start=1.0, end=1.5)
     assert part.axes[0].get_xlim() == (1.0, 1.5)
-    assert [axis.get_ylabel() for axis in plot.compare(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
+    assert [axis.get_ylabel() for axis in plot.draw(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
     with pytest.raises(ds.ColumnError, match="3: no column 'nonsense'"):
-        plot.overlay(runs, columns="nonsense")
+        plot.draw(runs, "overlay", columns="nonsense")
     # What differs is the physics.
     finer = own(1e-4, 1.0)
-    assert "interval" not in "".join(axis.get_title() for axis in plot.compare({"a": result, "b": finer}).axes[:2])
-    assert plot.compare({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
+    assert "interval" not in "".join(axis.get_title() for axis in plot.draw({"a": result, "b": finer}).axes[:2])
+    assert plot.draw({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
 
 
 def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_the_page_loads_nothing_and_its_figures_are_those_of_plot(page: str) -> 
     assert not re.search(r"https?:|//[a-z]|@import|url\(", re.sub(r"base64,[^\"]*", "", page))
     assert "Content-Security-Policy" in page
     kinds = re.findall(r'<img alt="(\w+): \w', page)
-    assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path", "cycle_map"]
+    assert kinds == ["history", "velocities", "spectrogram", "damping", "creep", "path"]
     for link in links:
         pixels = image.imread(io.BytesIO(base64.b64decode(link.partition(",")[2])))
         assert pixels.shape[1] > 700

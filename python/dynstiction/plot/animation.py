@@ -21,11 +21,11 @@ from PIL import Image
 from .._output import check_outputs, make_folder, put
 from ..errors import FileError, UsageError
 from ..result import Result
-from .notation import Floats, columns, label_of, thin
+from .notation import Floats, label_of, require, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
-from .view import cycles_of, usual_end, window
+from .view import cycles_of, refuse_undrawable, usual_end, window
 
 __all__ = ["animate", "view_from_above"]
 
@@ -154,7 +154,7 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     spring force, angle of friction and position against time. Oscillating quantities are drawn as means over ten periods of the
     stiff axis, at most since the last frame, and the tip of the friction vector as its path in this time.
     """
-    columns(result, *COLUMNS)
+    require(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
     part = slice(int(first), int(last) + 1)
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")
@@ -259,8 +259,7 @@ def _draw_traces(axes: Sequence[Axes], result: Result, part: slice) -> Callable[
 def _frame_times(
     result: Result, start: float | None, end: float | None, frames_per_second: int, seconds: float
 ) -> Floats:
-    if result.time.size < 2:
-        raise UsageError("nothing to show: the result has fewer than two samples")
+    refuse_undrawable(result)
     if start is None and end is None:
         begin, finish = float(result.time[0]), usual_end(result, cycles_of(result), CYCLES, CYCLES + 1)
     else:

@@ -14,7 +14,7 @@ from ..errors import ColumnError
 from ..result import Result
 from .style import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
-__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "columns", "label_of", "thin"]
+__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "label_of", "require", "thin"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -145,7 +145,7 @@ def the_nearest(name: str, known: Iterable[str]) -> str:
     return f"the nearest is '{near}', " if near else ""
 
 
-def columns(result: Result, *names: str) -> None:
+def require(result: Result, *names: str) -> None:
     """Refuse a result that lacks one of these columns: a `ColumnError` says how to get it, or that no run has it."""
     missing = [name for name in names if name not in result]
     known = [column["name"] for column in catalogue()["columns"]] if missing else []

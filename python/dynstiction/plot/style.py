@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeAlias
 
 from matplotlib import rc_context
 from matplotlib.artist import Artist
@@ -60,12 +60,17 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def new_figure(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
+Canvas: TypeAlias = FigureBase | Sequence[Axes]
+"""What a kind of figure is drawn into: a figure or a part of one, or axes of the user."""
+
+
+def new_figure(draw: Callable[[Any], None], canvas: Figure | SubFigure | list[Axes] | None = None) -> Figure:
     """The figure in which `draw` has filled a canvas of the user, or a new one, which is not attached to any window.
 
     A figure of the user keeps its size; if it has no layout engine, it gets ours.
     """
-    root = Figure(layout="constrained") if canvas is None else canvas.get_figure(root=True)
+    first = canvas[0] if isinstance(canvas, list) else canvas
+    root = Figure(layout="constrained") if first is None else first.get_figure(root=True)
     if root is None:
         raise UsageError("ax belongs to no figure: make it with figure.subplots()")
     part = canvas or root
@@ -84,10 +89,17 @@ def sized(figure: FigureBase, height: float, width: float = COLUMN_WIDTH / MM) -
         figure.set_size_inches(width * MM, height * MM)
 
 
-def one_axes(canvas: FigureBase | Axes, height: float) -> Axes:
+def given_axes(axes: Sequence[Axes], count: int) -> Sequence[Axes]:
+    """Axes of the user for this number of panels."""
+    if len(axes) != count:
+        raise UsageError(f"{count} panels for {len(axes)} axes: give as many axes as panels")
+    return axes
+
+
+def one_axes(canvas: Canvas, height: float) -> Axes:
     """Axes of a figure with one panel of `height` mm: new ones, or the given ones."""
-    if isinstance(canvas, Axes):
-        return canvas
+    if not isinstance(canvas, FigureBase):
+        return given_axes(canvas, 1)[0]
     sized(canvas, height)
     return canvas.subplots()
 

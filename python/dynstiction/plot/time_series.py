@@ -18,8 +18,20 @@ from ..errors import ColumnError, UsageError
 from ..record import Described
 from ..result import Result
 from ..stick_slip import drive_profile, first_release
-from .notation import COLUMNS, PARAMETERS, Floats, columns, label_of, scaled, thin, with_unit
-from .style import BLACK, COLUMN_WIDTH, MM, PALETTE, degree_ticks, legend_above, note, panels, sized
+from .notation import COLUMNS, PARAMETERS, Floats, label_of, require, scaled, thin, with_unit
+from .style import (
+    BLACK,
+    COLUMN_WIDTH,
+    MM,
+    PALETTE,
+    Canvas,
+    degree_ticks,
+    given_axes,
+    legend_above,
+    note,
+    panels,
+    sized,
+)
 from .theory import driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
@@ -40,6 +52,9 @@ DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 
 FEW = 6
 """Number of columns above which the panels are lower, so that they fit on a page."""
+
+MOST_RESULTS = 6
+"""Largest number of results in a figure; more would be too narrow to read."""
 
 ADDED_WIDTH = 46.0
 """Width of each result after the first [mm]."""
@@ -89,16 +104,19 @@ def show_time(axis: Axes, result: Result) -> None:
     axis.set_xlabel("$t$ [s]")
 
 
-def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
+def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> None:
     """Spring forces, the force of the load cell, friction force and angle, position against time (Fig. 3), or other columns; above
-    them V(t) of a profile.
+    them V(t) of a profile. Axes of the user show their columns alone.
     """
+    if not isinstance(canvas, FigureBase):
+        _draw_in_axes(view, canvas, columns or ("spring_force_x",))
+        return
     # A file of an earlier version has no pull_force.
-    names = names or [name for name in HISTORY if name != "pull_force" or name in view.whole]
-    columns(view.whole, *names)
+    names = columns or [name for name in HISTORY if name != "pull_force" or name in view.whole]
+    require(view.whole, *names)
     profile = drive_profile(view.whole)
     count = len(names) + (profile is not None)
-    axes = panels(figure, count, 28.0 * count + 20.0, sharex=True)
+    axes = panels(canvas, count, 28.0 * count + 20.0, sharex=True)
     note(axes[0], view.notes)
     if profile is not None:
         # V(t) as a line through the corners of the drive.
@@ -123,15 +141,12 @@ def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -
     show_time(axes[-1], view.result)
     if "X" in names:
         _draw_creep_inset(axes[count - len(names) + list(names).index("X")], view)
-    legend_above(figure, list(named.values()))
+    legend_above(canvas, list(named.values()))
 
 
-def draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
-    """Draw one column into each of several axes."""
-    if len(names) != len(axes):
-        raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
-    columns(view.whole, *names)
-    for axis, name in zip(axes, names, strict=True):
+def _draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
+    require(view.whole, *names)
+    for axis, name in zip(given_axes(axes, len(names)), names, strict=True):
         draw_column(axis, view.result, name)
         show_time(axis, view.result)
     note(axes[0], view.notes)
@@ -205,7 +220,7 @@ def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
 
 def draw_velocities(view: View, figure: FigureBase) -> None:
     """Both slip velocities: left in the part shown, right in five periods of the stiff axis halfway to the first slip."""
-    columns(view.whole, *VELOCITIES)
+    require(view.whole, *VELOCITIES)
     sized(figure, 80.0)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
     shown, slips = view.result, view.slips()
@@ -248,10 +263,12 @@ def draw_series(view: View, figure: FigureBase) -> None:
 
 def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequence[str]) -> list[str]:
     """The columns to compare: the named ones, which all results must have, or those of the usual ones that all have."""
+    if not 2 <= len(results) <= MOST_RESULTS:
+        raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     if names:
         for name, result in results.items():
             try:
-                columns(result, *names)
+                require(result, *names)
             except ColumnError as error:
                 raise ColumnError(f"{name}: {error}") from None
         return list(names)
@@ -265,12 +282,12 @@ def draw_comparison(
     results: Mapping[str, Result],
     figure: FigureBase,
     *,
-    names: Sequence[str] = (),
+    columns: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
 ) -> None:
     """One column of panels for each result, one row for each quantity that all have; rows share their scales."""
-    shown = _shared(results, names, HISTORY)
+    shown = _shared(results, columns, HISTORY)
     views = [view_of(result, start, end) for result in results.values()]
     sized(figure, 12.0 + 30.0 * len(shown), COLUMN_WIDTH / MM + ADDED_WIDTH * (len(results) - 1))
     axes = figure.subplots(len(shown), len(results), sharex="col", sharey="row", squeeze=False)
@@ -292,27 +309,28 @@ def draw_overlay(
     results: Mapping[str, Result],
     figure: FigureBase,
     *,
-    names: Sequence[str] = (),
+    columns: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
     over_distance: bool = False,
 ) -> None:
     """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
-    shown = _shared(results, names, OVERLAID)
+    shown = _shared(results, columns, OVERLAID)
     notes: list[str] = []
-    ends: list[float | None] = [end] * len(results)
-    lasts = [float(result.time[-1]) for result in results.values()]
-    if start is None and end is None and over_distance:
-        # Up to the distance that all have reached.
-        driven = [(_distance(name, result, result.time), result.time) for name, result in results.items()]
-        reach = min(float(length[-1]) for length, _ in driven)
-        ends = [float(np.interp(reach, length, time)) for length, time in driven]
-    elif start is None and end is None:
-        # One window for all results: the longest of their windows.
-        window = max(float(view_of(result).result.time[-1]) for result in results.values())
-        ends = [min(window, last) for last in lasts]
-        notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
-    views = [view_of(result, start, until) for result, until in zip(results.values(), ends, strict=True)]
+    views = [view_of(result, start, end) for result in results.values()]
+    if start is None and end is None:
+        if over_distance:
+            # Up to the distance that all have reached.
+            driven = [(_distance(name, each, each.time), each.time) for name, each in results.items()]
+            reach = min(float(length[-1]) for length, _ in driven)
+            ends = [float(np.interp(reach, length, time)) for length, time in driven]
+        else:
+            # One window for all results: the longest of their windows.
+            lasts = [float(result.time[-1]) for result in results.values()]
+            window = max(float(view.result.time[-1]) for view in views)
+            ends = [min(window, last) for last in lasts]
+            notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
+        views = [view_of(result, None, until) for result, until in zip(results.values(), ends, strict=True)]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
     for axis, name in zip(axes, shown, strict=True):
         units = views[0].result.columns.units[name]

@@ -22,6 +22,8 @@ SHOWN_CYCLES = 8
 """Number of cycles that are shown after the first slip."""
 COARSE = 0.25
 """Distance of samples over the period of an oscillation above which they do not show it: 0.5 is the limit of Nyquist."""
+LARGEST = 1e100
+"""Larger values would overflow in the computations for a figure."""
 SLACK = 1e-9
 """Share of the run's length by which an end of the window may be outside the run."""
 
@@ -54,8 +56,10 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
     Raises
     ------
     UsageError
-        If the start is not before the end, or one of them is outside the run.
+        If the run has fewer than two samples, or values that no axis holds; if the start is not before the end, or one of them is
+        outside the run.
     """
+    refuse_undrawable(result)
     cycles = cycles_of(result)
     first, last = float(result.time[0]), float(result.time[-1])
     if start is None and end is None:
@@ -77,6 +81,17 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
             notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
     coarse = coarseness(shown)
     return View(result, shown, cycles, (*notes, *([coarse] if coarse else [])))
+
+
+def refuse_undrawable(result: Result) -> None:
+    """Refuse a run without samples, or with values that no axis holds."""
+    if result.time.size < 2:
+        raise UsageError("nothing to draw: the result has fewer than two samples")
+    for name, values in result.columns.items():
+        if not np.all(np.abs(values) < LARGEST):
+            raise UsageError(
+                f"nothing to draw: '{name}' reaches {np.max(np.abs(values)):g}: no axis holds {LARGEST:g} or more"
+            )
 
 
 def window(result: Result, start: float | None, end: float | None) -> tuple[float, float]:

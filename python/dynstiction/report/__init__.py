@@ -56,7 +56,6 @@ CAPTIONS = {
     "damping": "Damping ratio of the slow motion against the angle of friction.",
     "creep": "Mean velocity of the first creep, compared with its closed form.",
     "path": "Tip of the friction vector in the plane of the principal axes, coloured by time.",
-    "cycle_map": "From release to release: the change of the load and the time of fast cycles, and the iterates of the run.",
     "columns": "The columns of the file.",
 }
 
@@ -158,9 +157,10 @@ def _described(values: Described[float] | Described[float | str]) -> str:
 
 def _samples(result: Result) -> str:
     """A note if the samples do not show the oscillation, or figures show only a part of the run."""
-    if result.time.size < 2:
+    try:
+        notes = view_of(result).notes
+    except UsageError:
         return ""
-    notes = view_of(result).notes
     kind = "caution" if plot.coarseness(result) else "name"
     return f'<p class="{kind}">In the figures: {escape("; ".join(notes))}.</p>' if notes else ""
 
