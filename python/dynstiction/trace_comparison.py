@@ -147,7 +147,7 @@ class TraceComparison:
         return "\n".join(map(printable, lines)) + "\n"
 
     def plot(self) -> Figure:
-        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors, and the table.
+        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors.
 
         Returns
         -------

@@ -277,14 +277,15 @@ def angles():
 
 
 def test_no_period_where_no_cycle_persists(angles) -> None:
-    axis = plot.draw(angles, quantity="period").axes[0]
+    figure = plot.draw(angles, quantity="period")
+    axis = figure.axes[0]
     drawn = axis.lines[0].get_ydata()
     steady = angles["swing"].values <= 0.01 * 6.0
     assert 10 < np.count_nonzero(steady) < 20
     np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
     (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
     np.testing.assert_array_equal(marks.get_xdata(), angles["misalignment_deg"].values[steady])
-    assert "no stick-slip" in [text.get_text() for text in axis.texts]
+    assert "no stick-slip" in legend_of(figure)
     # Ringing down towards steady sliding has had cycles, and none now.
     ringing = angles.assign(period=angles["period"].fillna(1.0))
     np.testing.assert_array_equal(np.isfinite(plot.draw(ringing, quantity="period").axes[0].lines[0].get_ydata()), ~steady)
@@ -313,4 +314,4 @@ def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     values = np.ma.masked_invalid(figure.axes[0].collections[0].get_array())
     assert values.count() == 1
     line = plot.draw(data.isel(misalignment_deg=0), quantity="period")
-    assert {"no stick-slip", "rings down"} <= {text.get_text() for text in line.axes[0].texts}
+    assert {"no stick-slip", "rings down"} <= set(legend_of(line))

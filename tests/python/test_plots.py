@@ -286,7 +286,7 @@ def lines_of(figure) -> list[np.ndarray]:
 
 
 def words(figure) -> str:
-    return "; ".join(text.get_text() for text in figure.axes[0].texts)
+    return "; ".join(text.get_text() for legend in figure.legends for text in legend.get_texts())
 
 
 def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> None:

@@ -26,6 +26,8 @@ __all__ = ["COLUMN_WIDTH", "DOTS_PER_INCH", "MM", "STYLE", "format_of", "new_fig
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
 DOTS_PER_INCH = 400
+WIDEST = 52
+"""Characters in a row of a legend."""
 NOTE = "0.35"
 """Grey of the notes in a figure."""
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
@@ -105,9 +107,12 @@ def one_axes(canvas: Canvas, height: float) -> Axes:
 
 
 def legend_above(figure: FigureBase, handles: Sequence[Artist], most: int = 9) -> None:
-    """Legend above all panels, with at most so many columns; none without handles."""
+    """Legend above all panels, with at most so many columns, fewer if they are too wide; none without handles."""
     if handles:
-        columns = min(most, len(handles))
+        lengths = sorted((len(str(each.get_label())) for each in handles), reverse=True)
+        columns = next(
+            n for n in range(min(most, len(handles)), 0, -1) if n == 1 or sum(lengths[:n]) <= WIDEST
+        )
         how: Any = {"loc": "outside upper center", "handlelength": 1.8, "columnspacing": 1.0}
         figure.legend(handles=handles, ncols=columns, **how)
 

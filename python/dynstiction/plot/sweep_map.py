@@ -13,7 +13,7 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from ..errors import UsageError
-from .bifurcation import critical_of, draw_vertical_lines, mark_below, slider_at
+from .bifurcation import critical_of, draw_limits, mark_below, slider_at
 from .notation import QUANTITIES, Floats, scaled, with_unit
 from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, legend_above, one_axes, ticks_outside
 from .sweep_table import Axis, Table, table_of
@@ -63,6 +63,7 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
     axis = one_axes(figure, 72.0)
     if len(table.axes) == 1:
         _draw_line(axis, table, quantity, values, label)
+        legend_above(figure, axis.get_legend_handles_labels()[0], 2)
     elif table.is_grid and len(table.axes) == 2:
         _draw_colours(figure, axis, table, quantity, values, label)
     elif table.is_grid:
@@ -135,9 +136,9 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
     # The limits are those of all cases, also if no case has a value.
     axis.set(xscale=side.scale, xlim=side.span, xlabel=side.symbol.label, ylabel=label)
     rows = [*_absent(table, quantity, values), ("irregular", _is(IRREGULAR, table), BLACK)]
-    # The words are in a colour that is visible on paper.
+    # In a colour that is visible on paper.
     mark_below(axis, side.shown, [(*row[:2], "0.35" if row[2] == NOTHING else row[2]) for row in rows])
-    draw_vertical_lines(axis, table, side)
+    draw_limits(axis, table, side)
 
 
 def _draw_colours(
