@@ -369,7 +369,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
-    from .plot.trace_fit import check_fit_kind  # noqa: PLC0415
+    from .plot.traces import check_fit_kind  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
     from .trace_rivals import explanations  # noqa: PLC0415
 
@@ -500,14 +500,9 @@ def _animate(options: argparse.Namespace) -> None:
         end=options.to,
         frames_per_second=options.fps,
         seconds=options.seconds,
-        progress=_show_frame if sys.stderr.isatty() else None,
         overwrite=options.overwrite,
     )
     _say(printable(str(options.output)))
-
-
-def _show_frame(frame: int, count: int) -> None:
-    print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
 
 
 def _open(file: Path) -> Result:

@@ -22,12 +22,11 @@ from ..result import Result
 from ..stick_slip import first_release
 from ..tangents import Sensitivity
 from .bifurcation import draw_bifurcation
-from .branches import draw_branches
+from .branches import draw_branches, draw_sensitivity
 from .creep import draw_creep
 from .damping import draw_damping
 from .notation import the_nearest, thin
 from .path import draw_path
-from .sensitivity import draw_sensitivity
 from .spectra import draw_spectrogram
 from .style import DOTS_PER_INCH, new_figure, write
 from .sweep_map import draw_map

@@ -50,8 +50,8 @@ AT_START = ("friction", "theta", "theta_deg", "psi")
 
 DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 
-FEW = 6
-"""Number of columns above which the panels are lower, so that they fit on a page."""
+FEW = 7
+"""Number of panels above which they are lower, so that they fit on a page."""
 
 MOST_RESULTS = 6
 """Largest number of results in a figure; more would be too narrow to read."""
@@ -116,7 +116,7 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
     require(view.whole, *names)
     profile = drive_profile(view.whole)
     count = len(names) + (profile is not None)
-    axes = panels(canvas, count, 28.0 * count + 20.0, sharex=True)
+    axes = panels(canvas, count, (28.0 if count <= FEW else 18.0) * count + 20.0, sharex=True)
     note(axes[0], view.notes)
     if profile is not None:
         # V(t) as a line through the corners of the drive.
@@ -249,16 +249,8 @@ def draw_series(view: View, figure: FigureBase) -> None:
     if not names:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
     # Known columns in the order of the figures, the others in the order of the file.
-    order = {name: place for place, name in enumerate(COLUMNS)}
-    names.sort(key=lambda name: order.get(name, len(order)))
-    height = 26.0 if len(names) <= FEW else 18.0
-    axes = panels(figure, len(names), height * len(names) + 12.0, letters="", sharex=True)
-    for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        draw_column(axis, view.result, name)
-        axis.lines[0].set_color(COLOURS[i % len(COLOURS)])
-        degree_ticks(axis, name)
-    note(axes[0], view.notes)
-    show_time(axes[-1], view.result)
+    names.sort(key=lambda name: list(COLUMNS).index(name) if name in COLUMNS else len(COLUMNS))
+    draw_history(view, figure, columns=names)
 
 
 def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequence[str]) -> list[str]:
