@@ -242,8 +242,6 @@ def _plot(options: argparse.Namespace) -> None:
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
     one = len(options.files) == 1
-    if options.distance and not options.overlay:
-        raise UsageError("--distance is for --overlay: give both")
     output = options.output or (options.files[0].with_suffix(".png") if one else Path("comparison.png"))
     format_of(output)
     check_outputs([output], options.files, overwrite=options.overwrite)
@@ -261,8 +259,6 @@ def _plot(options: argparse.Namespace) -> None:
             )
         names = _short_names(options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
-        if options.overlay:
-            part["over_distance"] = options.distance
         kind = "overlay" if options.overlay else "compare"
         plot.save(drawn, output, kind, overwrite=options.overwrite, **part)
     _warn_of_samples(drawn)

@@ -83,11 +83,6 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
         action="store_true",
         help="draw several runs as lines in the same panels, not side by side",
     )
-    add(
-        "--distance",
-        action="store_true",
-        help="with --overlay: over the distance of the driven end in place of time, for runs at different speeds",
-    )
     _part(add, "of the run [s]; default of --from and --to: the first cycles, if there are many")
     _output(add, "FIGURE", "default: FILE.png, for several files comparison.png; also .pdf, .svg")
 

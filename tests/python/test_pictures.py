@@ -224,21 +224,6 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
 # Several runs
 
 
-def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
-    runs = {f"{speed}": own(t_end=end, velocity=speed) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
-    figure = plot.draw(runs, "overlay", columns="X", over_distance=True)
-    (panel,) = figure.axes
-    for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
-        length, place = line.get_data()
-        assert length[-1] == pytest.approx(2.0, rel=0.02)
-        speed = abs(float(name))
-        np.testing.assert_allclose(place, 1e3 * np.interp(1e-3 * length / speed, run.time, run["X"]), atol=1e-3)
-    assert panel.get_xlabel() == "distance of the driven end [mm]"
-    back = own(t_end=1.0, time=[0.0, 1.0], velocity=[5e-3, -5e-3])
-    with pytest.raises(ds.UsageError, match="no distance that grows"):
-        plot.draw({"a": runs["0.002"], "b": back}, "overlay", over_distance=True)
-
-
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, misalignment_deg=6.0)}
     figure = plot.draw(runs, "overlay")

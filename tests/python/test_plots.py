@@ -125,15 +125,20 @@ def test_thinning_keeps_every_extreme() -> None:
     assert np.nanmax(kept) == 9999.0
 
 
-NEEDED = {"history": "psi", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
+NEEDED = {
+    "history": "spring_force_x", "velocities": "w_x", "spectrogram": "w_x", "damping": "spring_force_x", "creep": "X",
+    "path": "friction",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NEEDED)
 def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> None:
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "Y")]
-    lacking = replace(fig4_result, columns=ds.Described(kept))
+    lacking = replace(fig4_result, columns=ds.Described(kept, "columns"))
     name = NEEDED[kind]
-    with pytest.raises(ds.ColumnError, match=rf"lacks .*{name}.*output\.fields = 'Y'.*'{name}'"):
+    with pytest.raises(
+        ds.ColumnError, match=rf"no column '{name}'.*name it in the deck's output\.fields and run again; there are time, Y"
+    ):
         plot.draw(lacking, kind)
 
 

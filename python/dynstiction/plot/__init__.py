@@ -82,7 +82,7 @@ KINDS_OF: dict[type, dict[str, Kind]] = {
     Branches: {"branches": Kind(draw_branches, ("quantity",))},
     dict: {
         "compare": Kind(draw_comparison, (*PART, "columns")),
-        "overlay": Kind(draw_overlay, (*PART, "columns", "over_distance")),
+        "overlay": Kind(draw_overlay, (*PART, "columns")),
     },
     object: SWEEP_KINDS,
 }
@@ -104,7 +104,6 @@ def draw(
     columns: str | Sequence[str] | None = None,
     start: float | None = None,
     end: float | None = None,
-    over_distance: bool = False,
     figure: Figure | SubFigure | None = None,
     ax: Axes | Sequence[Axes] | None = None,
 ) -> Figure:
@@ -131,9 +130,6 @@ def draw(
     start, end : float, optional
         Part of a run to draw [s]. Without both, a run with many cycles is drawn up to its first cycles, and the figure says so;
         an overlay has the longest of these parts.
-    over_distance : bool, optional
-        Whether an overlay is drawn over the distance of the driven end, by default up to the one that all runs have reached: so
-        runs at different speeds can be compared.
     figure : Figure or SubFigure, optional
         Figure to draw into; it keeps its size. Without it (and without `ax`) a new figure of one journal column is made.
     ax : Axes or sequence of Axes, optional
@@ -157,7 +153,7 @@ def draw(
         raise UsageError("ax must be matplotlib Axes, or a sequence of them")
     names = (columns,) if isinstance(columns, str) else tuple(columns or ())
     given: dict[str, Any] = {"quantity": quantity, "branches": branches, "columns": names or None, "ax": ax}
-    given |= {"start": start, "end": end, "over_distance": over_distance or None}
+    given |= {"start": start, "end": end}
     chosen = {key: value for key, value in given.items() if value is not None}
     kinds = next(kinds for type_, kinds in KINDS_OF.items() if isinstance(result, type_))
     wanted = kind or _usual_kind(result, kinds, set(chosen))

@@ -22,7 +22,7 @@ from .._output import check_outputs, make_folder, put
 from .._progress import progress_bar
 from ..errors import FileError, UsageError
 from ..result import Result
-from .notation import Floats, label_of, require, thin
+from .notation import Floats, label_of, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
@@ -142,7 +142,6 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     spring force, angle of friction and position against time. Oscillating quantities are drawn as means over ten periods of the
     stiff axis, at most since the last frame, and the tip of the friction vector as its path in this time.
     """
-    require(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
     part = slice(int(first), int(last) + 1)
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")

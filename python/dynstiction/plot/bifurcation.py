@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from .._native import group_of
 from ..errors import UsageError
+from ..record import headed
 from ..stability import CriticalMisalignment, critical_misalignment
 from .branches import put_branches
-from .notation import QUANTITIES, Floats, with_unit
+from .notation import QUANTITIES, Floats
 from .style import BLACK, BLUE, VERMILION, legend_above, one_axes
 from .sweep_table import Axis, Table, table_of
 
@@ -67,7 +68,7 @@ def draw_bifurcation(
         dots = axis.scatter(shown, cycles[there], c=colour, cmap=COLOURS, norm=sides[1].norm, **how)
         figure.colorbar(dots, ax=axis, label=sides[1].symbol.label).solids.set_alpha(1.0)  # type: ignore[union-attr]
     about = table.data[f"cycle_{quantity}"].attrs
-    label = with_unit(QUANTITIES.get(quantity, about.get("long_name", quantity)), about["units"])
+    label = headed(QUANTITIES.get(quantity, about.get("long_name", quantity)), about["units"])
     axis.set(xscale=side.scale, xlim=side.span, xlabel=side.symbol.label, ylabel=label)
     if branches is not None:
         if branches.key.rpartition(".")[2] != side.name:

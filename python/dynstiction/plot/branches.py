@@ -12,8 +12,9 @@ from matplotlib.ticker import LogLocator
 
 from ..branches import Branches, cycles_in_words
 from ..errors import UsageError
+from ..record import headed
 from ..tangents import Sensitivity
-from .notation import PARAMETERS, QUANTITIES, Floats, with_unit
+from .notation import PARAMETERS, QUANTITIES, Floats
 from .style import (
     BLACK,
     BLUE,
@@ -54,7 +55,7 @@ def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_for
         found.key.rpartition(".")[2], np.concatenate([each.values for each in found.branches]), found.units
     )
     axis.set_xlabel(side.symbol.label)
-    axis.set_ylabel(with_unit(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
+    axis.set_ylabel(headed(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
     low, high = side.shown.min(), side.shown.max()
     is_wide = low > 0.0 and high > 10.0 * low
     if is_wide:

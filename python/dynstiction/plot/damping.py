@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator
 from ..errors import UsageError
 from ..result import Result
 from ..stability import damping_ratio
-from .notation import MISALIGNMENT, require
+from .notation import MISALIGNMENT
 from .style import BLACK, Canvas, one_axes, plain_ticks, ticks_outside
 from .theory import damping_crossing, slider
 from .view import View
@@ -108,7 +108,6 @@ def _draw_map(axis: Axes) -> None:
 
 def _draw_visited(axis: Axes, result: Result, ratio: float) -> None:
     """The part of the line on which the run is up to its first slip."""
-    require(result, "theta", "spring_force_x")
     force = np.abs(result["spring_force_x"])
     fallen = np.flatnonzero(np.maximum.accumulate(force) - force > 0.05 * force.max())
     before = slice(0, int(np.argmax(force[: fallen[0]])) + 1 if fallen.size else force.size)

@@ -13,8 +13,9 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from ..errors import UsageError
+from ..record import headed
 from .bifurcation import critical_of, draw_limits, mark_below, slider_at
-from .notation import QUANTITIES, Floats, scaled, with_unit
+from .notation import QUANTITIES, Floats, scaled
 from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, legend_above, one_axes, ticks_outside
 from .sweep_table import Axis, Table, table_of
 
@@ -91,9 +92,9 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
             return values / np.prod([table.parameter(name) for name in names], axis=0), label
     text = QUANTITIES.get(quantity, str(about["long_name"]).replace("_", " "))
     if about["units"] == "rad":
-        return np.degrees(values), with_unit(text, "deg")
+        return np.degrees(values), headed(text, "deg")
     factor, unit = scaled(str(about["units"]), values)
-    return factor * values, with_unit(text, unit)
+    return factor * values, headed(text, unit)
 
 
 def _of_cycles(quantity: str) -> bool:

@@ -15,10 +15,10 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
 from ..errors import ColumnError, UsageError
-from ..record import Described
+from ..record import Described, headed, number_shown
 from ..result import Result
 from ..stick_slip import drive_profile, first_release
-from .notation import COLUMNS, PARAMETERS, Floats, label_of, require, scaled, thin, with_unit
+from .notation import COLUMNS, PARAMETERS, Floats, label_of, scaled, thin
 from .style import (
     BLACK,
     COLUMN_WIDTH,
@@ -113,7 +113,6 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
         return
     # A file of an earlier version has no pull_force.
     names = columns or [name for name in HISTORY if name != "pull_force" or name in view.whole]
-    require(view.whole, *names)
     profile = drive_profile(view.whole)
     count = len(names) + (profile is not None)
     axes = panels(canvas, count, (28.0 if count <= FEW else 18.0) * count + 20.0, sharex=True)
@@ -123,7 +122,7 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
         factor, unit = scaled("m/s", profile[1])
         time = np.append(profile[0], max(profile[0][-1], view.result.time[-1]))
         axes[0].plot(time, factor * np.append(profile[1], profile[1][-1]), color=BLACK)
-        axes[0].set_ylabel(with_unit("$V$", unit))
+        axes[0].set_ylabel(headed("$V$", unit))
         axes[0].margins(y=0.12)
     named: dict[str, Artist] = {}
     for axis, name in zip(axes[count - len(names) :], names, strict=True):
@@ -145,7 +144,6 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
 
 
 def _draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
-    require(view.whole, *names)
     for axis, name in zip(given_axes(axes, len(names)), names, strict=True):
         draw_column(axis, view.result, name)
         show_time(axis, view.result)
@@ -220,7 +218,6 @@ def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
 
 def draw_velocities(view: View, figure: FigureBase) -> None:
     """Both slip velocities: left in the part shown, right in five periods of the stiff axis halfway to the first slip."""
-    require(view.whole, *VELOCITIES)
     sized(figure, 80.0)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
     shown, slips = view.result, view.slips()
@@ -260,7 +257,7 @@ def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequenc
     if names:
         for name, result in results.items():
             try:
-                require(result, *names)
+                _ = [result[each] for each in names]
             except ColumnError as error:
                 raise ColumnError(f"{name}: {error}") from None
         return list(names)
@@ -304,56 +301,35 @@ def draw_overlay(
     columns: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
-    over_distance: bool = False,
 ) -> None:
-    """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
+    """One panel for each quantity, with a line for each result."""
     shown = _shared(results, columns, OVERLAID)
     notes: list[str] = []
     views = [view_of(result, start, end) for result in results.values()]
     if start is None and end is None:
-        if over_distance:
-            # Up to the distance that all have reached.
-            driven = [(_distance(name, each, each.time), each.time) for name, each in results.items()]
-            reach = min(float(length[-1]) for length, _ in driven)
-            ends = [float(np.interp(reach, length, time)) for length, time in driven]
-        else:
-            # One window for all results: the longest of their windows.
-            lasts = [float(result.time[-1]) for result in results.values()]
-            window = max(float(view.result.time[-1]) for view in views)
-            ends = [min(window, last) for last in lasts]
-            notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
+        # One window for all results: the longest of their windows.
+        lasts = [float(result.time[-1]) for result in results.values()]
+        window = max(float(view.result.time[-1]) for view in views)
+        notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
+        ends = [min(window, last) for last in lasts]
         views = [view_of(result, None, until) for result, until in zip(results.values(), ends, strict=True)]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
     for axis, name in zip(axes, shown, strict=True):
         units = views[0].result.columns.units[name]
         label, factor, _ = label_of(name, units, *(view.result[name] for view in views))
-        for i, (of, view) in enumerate(zip(results, views, strict=True)):
-            time, values = _line(view.result, name, factor)
-            along = 1e3 * _distance(of, view.whole, time) if over_distance else time
-            axis.plot(along, values, color=COLOURS[i], linestyle=DASHES[i])
+        for i, view in enumerate(views):
+            axis.plot(*_line(view.result, name, factor), color=COLOURS[i], linestyle=DASHES[i])
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         degree_ticks(axis, name)
-    if over_distance:
-        axes[-1].set_xlabel("distance of the driven end [mm]")
-        axes[-1].margins(x=0.0)
-    else:
-        times = [view.result.time for view in views]
-        axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
+    times = [view.result.time for view in views]
+    axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
     titles = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
     handles = [
         Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(titles)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=1, handlelength=2.8)
     note(axes[0], [*notes, *dict.fromkeys(line for view in views for line in view.notes)])
-
-
-def _distance(name: str, result: Result, time: Floats) -> Floats:
-    """How far the driven end has come [m]."""
-    length = driven_length(result, time)
-    if length is None or not np.all(np.diff(np.abs(length)) >= 0.0) or not length[-1]:
-        raise UsageError(f"{name}: no distance that grows: its drive has no velocity, or goes back")
-    return np.abs(length)
 
 
 def what_differs(results: Mapping[str, Result]) -> list[str]:
@@ -376,7 +352,5 @@ def _value(name: str, parameters: Described[float | str]) -> str:
     text, factor = name.removesuffix("_deg").replace("_", " "), 1.0
     if name in PARAMETERS:
         text, units, factor = PARAMETERS[name][:3]
-    shown = str(value)
-    if isinstance(value, float):
-        shown = f"{factor * value:.6g}".replace("e+0", "e").replace("e-0", "e-")
+    shown = number_shown(factor * value) if isinstance(value, float) else value
     return f"{text} = {shown}{'' if units in ('', '1') else '°' if units == 'deg' else f' {units}'}"

@@ -70,7 +70,7 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
             raise UsageError(
                 f"from {begin:g} to {finish:g} s: the run has fewer than two samples there: choose a longer part"
             )
-        held = Described((info, values[part]) for info, values in result.columns.info())
+        held = Described(((info, values[part]) for info, values in result.columns.info()), "columns")
         shown = replace(result, columns=held)
         if start is None and end is None:
             notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
