@@ -179,7 +179,7 @@ def draw(
 
 def _usual_kind(result: Drawable, kinds: Mapping[str, Kind], chosen: set[str]) -> str:
     """The default kind of an object, or the first one for which this can be chosen."""
-    of_model = KIND_OF_MODEL.get(result.attributes.get("model", "")) if isinstance(result, Result) else None  # type: ignore[arg-type]
+    of_model = KIND_OF_MODEL.get(result.attributes.get("model", "")) if isinstance(result, Result) else None
     known = ([of_model] if of_model else []) + list(kinds)
     return next((name for name in known if chosen.issubset(kinds[name].choices)), known[0])
 

@@ -191,12 +191,14 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
     axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
     half, angle = 0.13 * unit, np.degrees(math.atan2(soft[1], soft[0]))
     style: Any = {"rotation_point": "center", "facecolor": "0.85", "edgecolor": BLACK, "zorder": 3}
-    limit = axis.add_patch(Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":"))
+    limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
     (line,) = axis.plot([], [], color="0.6", linewidth=0.8, dashes=(8, 3, 2, 3), label="soft axis")
     (spring,) = axis.plot([], [], color=BLUE, linewidth=1.0, label="spring")
     (end,) = axis.plot([], [], "D", color=GREEN, markersize=5.0, label="driven end")
     (trail,) = axis.plot([], [], color=PURPLE, linewidth=0.8, alpha=0.5)
-    body = axis.add_patch(Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style))
+    body = Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style)
+    for patch in (limit, body):
+        axis.add_patch(patch)
     arrow: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006, "zorder": 4}
     vector = axis.quiver(*np.zeros((4, 1)), color=PURPLE, label="friction on the object", **arrow)
     clock = axis.text(0.012, 0.96, "", transform=axis.transAxes, va="top")

@@ -92,7 +92,8 @@ def draw_column(
     axis: Axes, result: Result, name: str, margin: float = 0.12, scale: tuple[Floats, ...] = ()
 ) -> None:
     """Draw one column against time, with its label, in the unit that suits the column or the values `scale`."""
-    label, factor, colour = label_of(name, result.columns.units[name], *(scale or (result[name],)))
+    scale = scale or (result[name],)
+    label, factor, colour = label_of(name, result.columns.units[name], *scale)
     axis.plot(*_line(result, name, factor), color=colour)
     axis.set_ylabel(label)
     axis.margins(y=margin)
@@ -352,5 +353,6 @@ def _value(name: str, parameters: Described[float | str]) -> str:
     text, factor = name.removesuffix("_deg").replace("_", " "), 1.0
     if name in PARAMETERS:
         text, units, factor = PARAMETERS[name][:3]
-    shown = number_shown(factor * value) if isinstance(value, float) else value
+    shown = number_shown(factor * value if isinstance(value, float) else value)
+    shown = shown.replace("e+0", "e").replace("e-0", "e-")
     return f"{text} = {shown}{'' if units in ('', '1') else '°' if units == 'deg' else f' {units}'}"

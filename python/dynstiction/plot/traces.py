@@ -57,14 +57,13 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
     around, over_cycle = f"time from the middle of the slip [{unit}]", "phase from slip to slip"
     force, lateral = "force along the pull [N]", "lateral force [N]"
     rows = [
-        (1.0, comparison.measured_waveform, comparison.simulated_waveform, over_cycle, force),
-        (scale, comparison.measured_slip, comparison.simulated_slip, around, force),
-        (1.0, comparison.measured_lateral, comparison.simulated_lateral, over_cycle, lateral),
+        (1.0, over_cycle, force, (comparison.measured_waveform, comparison.simulated_waveform)),
+        (scale, around, force, (comparison.measured_slip, comparison.simulated_slip)),
     ]
-    rows = [row for row in rows if row[1] is not None and row[2] is not None]
-    for axis, (factor, *forms, xlabel, ylabel) in zip(
-        panels(figure, len(rows), 54.0 * len(rows)), rows, strict=True
-    ):
+    if comparison.measured_lateral is not None and comparison.simulated_lateral is not None:
+        rows.append((1.0, over_cycle, lateral, (comparison.measured_lateral, comparison.simulated_lateral)))
+    axes = panels(figure, len(rows), 54.0 * len(rows))
+    for axis, (factor, xlabel, ylabel, forms) in zip(axes, rows, strict=True):
         # Where both lines are the same, the wider one is visible beneath the other.
         for form, colour, name, width in zip(
             forms, (BLUE, VERMILION), ("measured", "simulated"), (1.6, 0.7), strict=True
