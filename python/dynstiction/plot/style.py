@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from string import ascii_lowercase
 from typing import Any, TypeAlias
 
 from matplotlib import rc_context
@@ -188,14 +189,12 @@ def degree_ticks(axis: Axes, column: str) -> None:
         axis.yaxis.set_major_locator(MultipleLocator(steps[0]))
 
 
-def panels(
-    figure: FigureBase, count: int, height: float, letters: str = "abcdefgh", **how: Any
-) -> NDArray[Any]:
+def panels(figure: FigureBase, count: int, height: float, **how: Any) -> NDArray[Any]:
     """Axes one above the other in a column of `height` mm, named by letters; `how` as for `Figure.subplots`."""
     sized(figure, height)
     axes: NDArray[Any] = figure.subplots(count, 1, squeeze=False, **how)[:, 0]
     # A letter is at the left edge of the figure, left of the numbers of the axis, however wide they are.
-    for axis, name in zip(axes, letters, strict=False):
+    for axis, name in zip(axes, ascii_lowercase, strict=False):
         place = blended_transform_factory(axis.get_figure(root=False).transSubfigure, axis.transAxes)
         text = axis.text(0.005, 1.0, f"({name})", transform=place, va="top", fontweight="bold")
         text.set_in_layout(False)

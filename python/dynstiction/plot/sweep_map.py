@@ -146,13 +146,13 @@ def _draw_colours(
     figure: FigureBase, axis: Axes, table: Table, quantity: str, values: Floats, label: str
 ) -> None:
     """Draw the first parameter upwards and the second to the right, or vice versa if the second is the misalignment."""
+    if table.axes[1].name == "misalignment_deg":
+        dims = table.data["result_code"].dims[::-1]
+        table, values = table._replace(data=table.data.transpose(*dims, ...), axes=table.axes[::-1]), values.T
     up, right = table.axes
     absent = [row for row in _absent(table, quantity, values) if row[1].any()]
     irregular = _is(IRREGULAR, table)
     decay = table.quantity("fast_decay") if "fast_decay" in table.data else np.ones_like(values)
-    if right.name == "misalignment_deg":
-        up, right, values, irregular, decay = right, up, values.T, irregular.T, decay.T
-        absent = [(text, cases.T, colour) for text, cases, colour in absent]
     colours, extend = COLOURS, "neither"
     lowest, highest = min(0.0, float(np.nanmin(values))), float(np.nanmax(values))
     usual = float(np.nanpercentile(values, USUAL_SHARE))
@@ -190,10 +190,9 @@ def _draw_colours(
 def _edges(side: Axis) -> Floats:
     """Borders of the cells around the values, in the unit of the figure."""
     values = np.log(side.shown) if side.scale == "log" else side.shown
-    half = 0.5 * np.diff(values) if values.size > 1 else np.array([0.5])
-    edges = np.concatenate(
-        [values[:1] - half[0], values[:-1] + half[: values.size - 1], values[-1:] + half[-1]]
-    )
+    steps = np.diff(values) if values.size > 1 else np.ones(1)
+    wider = np.concatenate([values[:1] - steps[0], values, values[-1:] + steps[-1]])
+    edges = 0.5 * (wider[1:] + wider[:-1])
     if side.scale == "log":
         return np.asarray(np.exp(edges))
     # Positive values have no cells below 0.

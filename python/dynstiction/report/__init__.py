@@ -40,10 +40,6 @@ MOST_CYCLES = 50
 MOST_VALUES = 12
 """Largest number of values of a list that are shown."""
 
-SAME = 1e-9
-"""Share of a mean below which its scatter is due to rounding."""
-MOST_DIGITS = 9
-
 SOURCES = (
     "The model: K. Nakano and V. L. Popov, Dynamic stiction without static friction: The role of friction vector rotation, "
     "Physical Review E 102, 063001 (2020).",
@@ -194,14 +190,18 @@ def _cycles(result: Result) -> str:
     # The values of the summary are more accurate: it finds extremes between the samples.
     found = result.summary
     if means:
-        scatters = {name: found.get(f"{name}_scatter", scatter.get(name)) for name in means}
         rows = [
-            (name, _with_scatter(found.get(name, value), scatters[name]), unit_shown(units), meaning)
+            (
+                name,
+                number_shown(found.get(name, value)),
+                number_shown(found.get(f"{name}_scatter", scatter.get(name, "")), 2),
+                unit_shown(units),
+                meaning,
+            )
             for (name, units, meaning), value in means.info()
         ]
-        count = int(np.count_nonzero(cycles.settled))
-        settled = f"<p>Mean ± standard deviation of {count} settled cycles, of {len(cycles)} slips:</p>"
-        settled += table(HEAD, rows)
+        settled = f"<p>{np.count_nonzero(cycles.settled)} settled cycles, of {len(cycles)} slips:</p>"
+        settled += table(("", "mean", "standard deviation", "unit", ""), rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
     head = [headed(name, units) for name, units in cycles.columns.units.items()]
@@ -209,15 +209,3 @@ def _cycles(result: Result) -> str:
     cells = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
     more = f"<p>The first {MOST_CYCLES} of {len(cycles)}.</p>" if len(cycles) > MOST_CYCLES else ""
     return settled + _folded("Every cycle", table(head, cells) + more)
-
-
-def _with_scatter(mean: float, scatter: float | None) -> str:
-    """Mean and standard deviation with two digits of the latter; without scatter, six digits of the mean."""
-    if scatter is None:
-        return f"{mean:.6g}"
-    if not scatter > SAME * abs(mean):
-        return f"{mean:.6g} ± 0"
-    digits = 1 - int(np.floor(np.log10(scatter)))
-    if digits <= 0 or digits > MOST_DIGITS:
-        return f"{mean:.6g} ± {scatter:.2g}"
-    return f"{mean:.{digits}f} ± {scatter:.{digits}f}"
