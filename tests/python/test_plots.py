@@ -126,7 +126,7 @@ def test_thinning_keeps_every_extreme() -> None:
 
 
 NEEDED = {
-    "history": "spring_force_x", "velocities": "w_x", "spectrogram": "w_x", "damping": "spring_force_x", "creep": "X",
+    "history": "spring_force_x", "velocities": "w_x", "spectrogram": "w_x", "damping": "spring_force_x", "creep": "spring_force_x",
     "path": "friction",
 }  # fmt: skip
 
