@@ -10,7 +10,13 @@ figures=$checkout/docs/figures
 sweep() {
   local settings=()
   for setting in "${@:3}"; do settings+=(--set "$setting"); done
-  dynstiction sweep "$checkout/inputs/$1.nml" -o "$work/$2.h5" "${settings[@]}"
+  dynstiction run "$checkout/inputs/$1.nml" -o "$work/$2.h5" "${settings[@]}"
+}
+
+# shown LANGUAGE PAGE: runs in that folder what a page shows in this language.
+shown() {
+  awk -v begin="\`\`\`$1" '$0 == begin { on = 1; next } /^```$/ { on = 0 } on' "$checkout/docs/$2.md" > "$work/shown"
+  if [[ $1 == sh ]]; then (cd "$work" && bash -euo pipefail shown); else (cd "$work" && python shown); fi
 }
 
 # draw NAME FIGURE [OPTION...]: a figure of that file.
@@ -23,7 +29,7 @@ page() {
     file) python docs/make_file_page.py "$venv/bin/dynstiction" ;;
     claims) tools/replicate.sh --page ;;
     creep_validation) python -m dynstiction.creep_validation docs/creep_validation.png ;;
-    cycle_map) dynstiction run inputs/fig3.nml -o "$work/fig3.h5" && draw fig3 cycle_map --kind cycle_map && python bench/cycle_map.py --scenes 0 ;;
+    cycle_map) cp inputs/fig3.nml "$work" && shown python cycle_map && cp "$work/cycle_map.png" "$figures" && python bench/cycle_map.py --scenes 0 ;;
     cycles) python bench/sensitivity.py ;;
     figures) (cd "$work" && dynstiction paper) ;;
     fit) python bench/fit.py errors && python bench/creep_test.py --count 10 ;;
@@ -31,7 +37,7 @@ page() {
     maps)
       sweep map_phi_velocity map && draw map map_phi_velocity
       sweep map_phi_velocity low scene.model=low_frequency && draw low map_phi_velocity_low
-      sweep map_lambda lambda && draw lambda map_lambda --kind lambda
+      sweep map_lambda map_lambda && shown python maps && cp "$work/map_lambda.png" "$figures"
       sweep map_anisotropy rest && draw rest map_anisotropy --quantity sticking_time
       for key in stiffness misalignment velocity; do
         sweep "bifurcation_$key" "$key" && draw "$key" "bifurcation_$key" --kind bifurcation
@@ -43,8 +49,7 @@ page() {
       ;;
     sweeps) python bench/sweep.py ;;
     tutorial)
-      awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' docs/tutorial.md > "$work/commands.sh"
-      (cd "$work" && bash -euo pipefail commands.sh && cp ten.png "$figures/tutorial_ten.png" && cp map.png "$figures/tutorial_map.png")
+      shown sh tutorial && cp "$work/ten.png" "$figures/tutorial_ten.png" && cp "$work/map.png" "$figures/tutorial_map.png"
       ;;
     validation) python bench/fig3.py && python bench/limit_cycles.py ;;
     *) die "no page '$1' has anything to be made: ${pages[*]}" ;;

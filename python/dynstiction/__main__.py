@@ -234,7 +234,7 @@ def _parser(program: str) -> _Parser:
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
-    from .plot.style import format_of, write  # noqa: PLC0415
+    from .plot.style import format_of  # noqa: PLC0415
 
     part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
     if options.columns is not None:
@@ -242,8 +242,6 @@ def _plot(options: argparse.Namespace) -> None:
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
     one = len(options.files) == 1
-    if options.distance and not options.overlay:
-        raise UsageError("--distance is for --overlay: give both")
     output = options.output or (options.files[0].with_suffix(".png") if one else Path("comparison.png"))
     format_of(output)
     check_outputs([output], options.files, overwrite=options.overwrite)
@@ -261,11 +259,8 @@ def _plot(options: argparse.Namespace) -> None:
             )
         names = _short_names(options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
-        if options.overlay:
-            figure = plot.overlay(drawn, over_distance=options.distance, **part)
-        else:
-            figure = plot.compare(drawn, **part)
-        write(figure, output, overwrite=options.overwrite)
+        kind = "overlay" if options.overlay else "compare"
+        plot.save(drawn, output, kind, overwrite=options.overwrite, **part)
     _warn_of_samples(drawn)
     _say(printable(str(output)))
 
@@ -370,7 +365,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _fit(options: argparse.Namespace) -> int:
     from .plot.style import format_of, write  # noqa: PLC0415
-    from .plot.trace_fit import check_fit_kind  # noqa: PLC0415
+    from .plot.traces import check_fit_kind  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
     from .trace_rivals import explanations  # noqa: PLC0415
 
@@ -501,14 +496,9 @@ def _animate(options: argparse.Namespace) -> None:
         end=options.to,
         frames_per_second=options.fps,
         seconds=options.seconds,
-        progress=_show_frame if sys.stderr.isatty() else None,
         overwrite=options.overwrite,
     )
     _say(printable(str(options.output)))
-
-
-def _show_frame(frame: int, count: int) -> None:
-    print(f"\rframe {frame}/{count}", end="\n" if frame == count else "", file=sys.stderr, flush=True)
 
 
 def _open(file: Path) -> Result:

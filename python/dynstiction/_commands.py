@@ -65,8 +65,8 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
     add(
         "--kind",
         metavar="KIND",
-        help="for a run history, velocities, spectrogram, damping, creep, path, columns or cycle_map; default: by its model; "
-        "for a sweep map (default), lambda, bifurcation",
+        help="for a run history, velocities, spectrogram, damping, creep, path or columns; default: by its model; "
+        "for a sweep map (default) or bifurcation",
     )
     add(
         "--quantity",
@@ -82,11 +82,6 @@ def _add_commands_of_results(command: Callable[..., Any]) -> None:
         "--overlay",
         action="store_true",
         help="draw several runs as lines in the same panels, not side by side",
-    )
-    add(
-        "--distance",
-        action="store_true",
-        help="with --overlay: over the distance of the driven end in place of time, for runs at different speeds",
     )
     _part(add, "of the run [s]; default of --from and --to: the first cycles, if there are many")
     _output(add, "FIGURE", "default: FILE.png, for several files comparison.png; also .pdf, .svg")

@@ -147,7 +147,7 @@ class TraceComparison:
         return "\n".join(map(printable, lines)) + "\n"
 
     def plot(self) -> Figure:
-        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors, and the table.
+        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors.
 
         Returns
         -------
@@ -155,7 +155,7 @@ class TraceComparison:
             Not attached to any window.
         """
         from .plot.style import new_figure  # noqa: PLC0415
-        from .plot.trace_comparison import draw_trace_comparison  # noqa: PLC0415  (matplotlib is slow to import)
+        from .plot.traces import draw_trace_comparison  # noqa: PLC0415  (matplotlib is slow to import)
 
         return new_figure(lambda figure: draw_trace_comparison(self, figure))
 

@@ -269,7 +269,7 @@ class Fit:
         Figure
             A matplotlib figure.
         """
-        from .plot.trace_fit import fit_figure  # noqa: PLC0415  (slow to import)
+        from .plot.traces import fit_figure  # noqa: PLC0415  (slow to import)
 
         return fit_figure(self, kind)
 

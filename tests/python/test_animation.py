@@ -55,19 +55,9 @@ def test_a_frame_shows_the_motion(fig4_result: ds.Result) -> None:
 
 
 def test_frames_are_numbered(fig4_result: ds.Result, tmp_path: Path) -> None:
-    seen: list[tuple[int, int]] = []
-    animate(
-        fig4_result,
-        tmp_path / "frames",
-        start=0.5,
-        end=1.9,
-        frames_per_second=3,
-        seconds=1.0,
-        progress=lambda frame, count: seen.append((frame, count)),
-    )
+    animate(fig4_result, tmp_path / "frames", start=0.5, end=1.9, frames_per_second=3, seconds=1.0)
     files = sorted((tmp_path / "frames").iterdir())
     assert [file.name for file in files] == ["frame_0001.png", "frame_0002.png", "frame_0003.png"]
-    assert seen == [(1, 3), (2, 3), (3, 3)]
     first, *_, last = (image.imread(file) for file in files)
     assert first.shape[:2] == (520, 800)
     assert np.abs(first - last).mean() > 1e-3
@@ -83,9 +73,9 @@ def test_frames_are_numbered(fig4_result: ds.Result, tmp_path: Path) -> None:
         ({"start": 3.0}, "from 0 to 2 s"),
         ({"start": 1.0, "end": 0.5}, "from 0 to 2 s"),
         ({"end": float("nan")}, "from 0 to 2 s"),
-        ({"seconds": 0.0}, "positive"),
-        ({"seconds": float("inf")}, "positive"),
-        ({"seconds": 0.01}, "at least two"),
+        ({"seconds": 0.0}, "from 2 to 20000 frames"),
+        ({"seconds": float("inf")}, "from 2 to 20000 frames"),
+        ({"seconds": 0.01}, "from 2 to 20000 frames"),
         ({"output": "film.mp4"}, r"X\.gif, or a folder"),
     ],
 )

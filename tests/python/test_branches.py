@@ -108,7 +108,7 @@ def test_a_figure_shows_branches_alone_and_in_a_sweep(cascade: ds.Branches) -> N
     data = ds.sweep(RIG.replace(t_end=1.0, sweep={"keep": "cycles"}), {"misalignment_deg": [11.2, 11.6]})
     with_branches = ds.plot(data, "bifurcation", branches=cascade)
     assert len(with_branches.axes[0].lines) > len(ds.plot(data, "bifurcation").axes[0].lines)
-    with pytest.raises(ds.UsageError, match="give kind='bifurcation'"):
-        ds.plot(data, branches=cascade)
+    with pytest.raises(ds.UsageError, match="branches can be chosen for the kinds bifurcation, not for 'map'"):
+        ds.plot(data, "map", branches=cascade)
     with pytest.raises(ds.UsageError, match="no quantity 'mass' of a branch"):
         ds.plot(cascade, quantity="mass")

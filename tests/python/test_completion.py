@@ -49,7 +49,7 @@ OFFERED = {
     "resume ": ["*.h5"],
     "plot ": ["*.h5"],
     "plot x.h5 -o ": ["*.png"],
-    "plot --kind c": ["creep", "columns", "cycle_map"],
+    "plot --kind c": ["creep", "columns"],
     "run --share ": ["auto"],
     "paper --format p": ["png", "pdf"],
     "paper -o ": ["*/"],

@@ -109,7 +109,7 @@ def test_what_cannot_be_written_is_refused_before_the_work(folder: Path) -> None
     for fitted in ("nodir/a.nml", "x", "/dev/full", "nowhere.nml"):
         assert_refused(folder, *fit, "--fitted", fitted, words="cannot be written")
     assert_refused(folder, *fit, "-o", "b.xyz", words="no format 'xyz'")
-    assert_refused(folder, "animate", "rig.h5", "-o", "x.gif", "--seconds", "1e9", words="at most", status=1)
+    assert_refused(folder, "animate", "rig.h5", "-o", "x.gif", "--seconds", "1e9", words="from 2 to 20000 frames", status=1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -89,7 +89,7 @@ def test_a_part_is_the_samples_between_its_ends(result: ds.Result) -> None:
             plot.draw(result, start=start, end=end)
     with pytest.raises(ds.UsageError, match="fewer than two samples there"):
         plot.draw(result, start=1.0001, end=1.0002)
-    for kind in ("creep", "damping", "cycle_map"):
+    for kind in ("creep", "damping"):
         with pytest.raises(ds.UsageError, match=f"history, velocities, .*not for '{kind}'"):
             plot.draw(result, kind, start=1.0)
 
@@ -212,10 +212,10 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
     for error, wrong, how in (
         (ds.ColumnError, "no column 'tehta': did you mean 'theta'", {"columns": ["tehta"]}),
         (ds.UsageError, "not for 'path'", {"kind": "path", "columns": ["theta"]}),
-        (ds.UsageError, "as many axes as columns", {"columns": ["X"], "ax": [first, second]}),
+        (ds.UsageError, "as many axes as panels", {"columns": ["X"], "ax": [first, second]}),
         (ds.UsageError, "not both", {"figure": mine, "ax": first}),
         (ds.UsageError, "matplotlib Axes", {"ax": "here"}),
-        (ds.UsageError, "give figure= for others", {"kind": "spectrogram", "ax": first}),
+        (ds.UsageError, "kinds history, damping, path, not for 'spectrogram'", {"kind": "spectrogram", "ax": first}),
     ):
         with pytest.raises(error, match=wrong):
             plot.draw(result, **how)  # type: ignore[arg-type]
@@ -224,38 +224,23 @@ def test_columns_figures_and_axes_of_the_user(result: ds.Result) -> None:
 # Several runs
 
 
-def test_an_overlay_over_the_distance_ends_where_all_have_been() -> None:
-    runs = {f"{speed}": own(t_end=end, velocity=speed) for speed, end in ((2e-3, 1.0), (-5e-3, 1.0), (1e-2, 0.5))}
-    figure = plot.overlay(runs, columns="X", over_distance=True)
-    (panel,) = figure.axes
-    for line, (name, run) in zip(panel.lines, runs.items(), strict=True):
-        length, place = line.get_data()
-        assert length[-1] == pytest.approx(2.0, rel=0.02)
-        speed = abs(float(name))
-        np.testing.assert_allclose(place, 1e3 * np.interp(1e-3 * length / speed, run.time, run["X"]), atol=1e-3)
-    assert panel.get_xlabel() == "distance of the driven end [mm]"
-    back = own(t_end=1.0, time=[0.0, 1.0], velocity=[5e-3, -5e-3])
-    with pytest.raises(ds.UsageError, match="no distance that grows"):
-        plot.overlay({"a": runs["0.002"], "b": back}, over_distance=True)
-
-
 def test_an_overlay_has_a_line_for_each_run(result: ds.Result) -> None:
     runs = {"3": result, "6": own(t_end=3.0, misalignment_deg=6.0)}
-    figure = plot.overlay(runs)
+    figure = plot.draw(runs, "overlay")
     assert [axis.get_ylabel() for axis in figure.axes] == ["$k_x u_x$ [N]", r"$\psi$ [deg]", "$X$ [mm]"]
     assert legend_of(figure) == [r"3, $\varphi$ = 3°", r"6, $\varphi$ = 6°"]
     for axis in figure.axes:
         assert len(axis.lines) == 2
         assert len({(line.get_color(), str(line.get_linestyle())) for line in axis.lines}) == 2
-    part = plot.overlay(runs, columns="friction", start=1.0, end=1.5)
+    part = plot.draw(runs, "overlay", columns="friction", start=1.0, end=1.5)
     assert part.axes[0].get_xlim() == (1.0, 1.5)
-    assert [axis.get_ylabel() for axis in plot.compare(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
+    assert [axis.get_ylabel() for axis in plot.draw(runs, columns=["X"], end=2.0).axes] == ["$X$ [mm]", ""]
     with pytest.raises(ds.ColumnError, match="3: no column 'nonsense'"):
-        plot.overlay(runs, columns="nonsense")
+        plot.draw(runs, "overlay", columns="nonsense")
     # What differs is the physics.
     finer = own(1e-4, 1.0)
-    assert "interval" not in "".join(axis.get_title() for axis in plot.compare({"a": result, "b": finer}).axes[:2])
-    assert plot.compare({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
+    assert "interval" not in "".join(axis.get_title() for axis in plot.draw({"a": result, "b": finer}).axes[:2])
+    assert plot.draw({"a": finer, "b": replace(finer)}).axes[0].get_title() == "a"
 
 
 def test_fonts_are_fonts(result: ds.Result, tmp_path: Path) -> None:
@@ -277,14 +262,15 @@ def angles():
 
 
 def test_no_period_where_no_cycle_persists(angles) -> None:
-    axis = plot.draw(angles, quantity="period").axes[0]
+    figure = plot.draw(angles, quantity="period")
+    axis = figure.axes[0]
     drawn = axis.lines[0].get_ydata()
     steady = angles["swing"].values <= 0.01 * 6.0
     assert 10 < np.count_nonzero(steady) < 20
     np.testing.assert_array_equal(np.isfinite(drawn), ~steady)
     (marks,) = [line for line in axis.lines if line.get_marker() == "|"]
     np.testing.assert_array_equal(marks.get_xdata(), angles["misalignment_deg"].values[steady])
-    assert "no stick-slip" in [text.get_text() for text in axis.texts]
+    assert "no stick-slip" in legend_of(figure)
     # Ringing down towards steady sliding has had cycles, and none now.
     ringing = angles.assign(period=angles["period"].fillna(1.0))
     np.testing.assert_array_equal(np.isfinite(plot.draw(ringing, quantity="period").axes[0].lines[0].get_ydata()), ~steady)
@@ -313,4 +299,4 @@ def test_each_reason_for_an_absent_value_has_its_colour() -> None:
     values = np.ma.masked_invalid(figure.axes[0].collections[0].get_array())
     assert values.count() == 1
     line = plot.draw(data.isel(misalignment_deg=0), quantity="period")
-    assert {"no stick-slip", "rings down"} <= {text.get_text() for text in line.axes[0].texts}
+    assert {"no stick-slip", "rings down"} <= set(legend_of(line))

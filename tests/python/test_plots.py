@@ -125,15 +125,20 @@ def test_thinning_keeps_every_extreme() -> None:
     assert np.nanmax(kept) == 9999.0
 
 
-NEEDED = {"history": "psi", "velocities": "w_x", "spectrogram": "w_y", "damping": "theta", "creep": "X", "path": "friction"}
+NEEDED = {
+    "history": "spring_force_x", "velocities": "w_x", "spectrogram": "w_x", "damping": "spring_force_x", "creep": "spring_force_x",
+    "path": "friction",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NEEDED)
 def test_missing_column_names_the_remedy(fig4_result: ds.Result, kind: str) -> None:
     kept = [(info, values) for info, values in fig4_result.columns.info() if info.name in ("time", "Y")]
-    lacking = replace(fig4_result, columns=ds.Described(kept))
+    lacking = replace(fig4_result, columns=ds.Described(kept, "columns"))
     name = NEEDED[kind]
-    with pytest.raises(ds.ColumnError, match=rf"lacks .*{name}.*output\.fields = 'Y'.*'{name}'"):
+    with pytest.raises(
+        ds.ColumnError, match=rf"no column '{name}'.*name it in the deck's output\.fields and run again; there are time, Y"
+    ):
         plot.draw(lacking, kind)
 
 
@@ -157,13 +162,13 @@ def test_the_kind_follows_from_the_file(fig3: ds.Scene, fig4_result: ds.Result) 
         plot.draw(result_of(time=np.arange(5.0)))
     with pytest.raises(ds.UsageError, match="fewer than two samples"):
         plot.draw(result_of(time=np.empty(0)))
-    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns, cycle_map"):
+    with pytest.raises(ds.UsageError, match="history, velocities, spectrogram, damping, creep, path, columns"):
         plot.draw(sawtooth(), "hystory")
 
 
 def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> None:
     runs = {f"phi{a}": ds.run(fig3, scene={"t_end": 3.0}, system={"misalignment_deg": a}) for a in (1, 5, 10)}
-    figure = plot.compare(runs)
+    figure = plot.draw(runs)
     figure.draw_without_rendering()
     axes = np.array(figure.axes).reshape(6, 3)
     for row in axes:
@@ -175,12 +180,12 @@ def test_a_comparison_shares_scales_and_says_what_differs(fig3: ds.Scene) -> Non
         assert line.get_ydata().max() == run["spring_force_x"].max()
         assert column[-1].get_xlabel()
     fewer = runs | {"x": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": ["X", "psi"]})}
-    assert len(plot.compare(fewer).axes) == 2 * 4
+    assert len(plot.draw(fewer).axes) == 2 * 4
     for wrong in ({"a": runs["phi1"]}, {str(i): runs["phi1"] for i in range(7)}):
         with pytest.raises(ds.UsageError, match="two to 6"):
-            plot.compare(wrong)
+            plot.draw(wrong)
     with pytest.raises(ds.UsageError, match="share none"):
-        plot.compare(runs | {"y": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": "Y"})})
+        plot.draw(runs | {"y": ds.run(fig3, scene={"t_end": 0.05}, output={"fields": "Y"})})
 
 
 def test_command_draws_a_file(package: Program, tmp_path: Path, fig4_result: ds.Result) -> None:
@@ -268,17 +273,6 @@ def test_map_of_one_parameter_and_of_a_list(grid) -> None:
     np.testing.assert_allclose(offsets, np.column_stack([1e3 * VELOCITY[:3], np.degrees(points["slip_angle"].values)]))
 
 
-def test_lambda_puts_every_case_at_its_number(grid) -> None:
-    figure = plot.draw(grid, "lambda")
-    sine = np.sin(np.radians(PHI))[:, np.newaxis]
-    expected = 2.0 / (2.0 * VELOCITY * sine * np.sqrt(0.25 * 1e3))
-    found = np.concatenate([line.get_xdata() for line in figure.axes[0].lines])
-    slips = np.isfinite(grid["slip_angle"].values)
-    np.testing.assert_allclose(np.sort(found), np.sort(expected[slips]))
-    for each in (figure, plot.draw(grid)):
-        assert_readable_in_one_column(each, units=False)
-
-
 KEEP = {"keep": "cycles", "cycles": 8}
 
 
@@ -297,7 +291,7 @@ def lines_of(figure) -> list[np.ndarray]:
 
 
 def words(figure) -> str:
-    return "; ".join(text.get_text() for text in figure.axes[0].texts)
+    return "; ".join(text.get_text() for legend in figure.legends for text in legend.get_texts())
 
 
 def test_a_bifurcation_diagram_has_every_cycle_and_steady_sliding(cycles) -> None:
@@ -338,84 +332,17 @@ def test_a_bifurcation_diagram_of_two_parameters_has_colours(cycles) -> None:
 
 
 def test_what_a_sweep_cannot_show_is_refused(grid, cycles, fig4_result: ds.Result) -> None:
-    no_cycle, no_deck = grid.where(grid["period"] > 1e9), grid.assign_attrs(deck="")
+    no_cycle, no_deck = grid.where(grid["period"] > 1e9), cycles.assign_attrs(deck="")
     many = ds.sweep(LOW, {"system.misalignment_deg": [1.0], "drive.velocity": [1e-3], "system.mass": [0.25]}, sweep=KEEP, threads=1)
     for data, kind, quantity, words in (
-        (grid, "history", None, "the kinds are map, lambda, bifurcation"),
+        (grid, "history", None, "the kinds are map, bifurcation"),
         (grid, None, "perod", r"no quantity 'perod': the nearest is 'period', there are .*swing"),
-        (fig4_result, None, "period", "for the map or the bifurcation diagram of a sweep only"),
-        (grid, "lambda", "period", "for the map or the bifurcation diagram of a sweep only"),
+        (fig4_result, None, "period", "quantity can be chosen for the kinds branches, map, bifurcation, not for 'history'"),
         (grid, "bifurcation", None, r"keeps no cycles: run it with sweep\.keep = 'cycles'"),
         (cycles, "bifurcation", "swing", r"no quantity 'swing' of a cycle, only .*peak_force"),
         (many, "bifurcation", None, "one or two parameters, not 3"),
         (no_cycle, None, "period", "no case has a value of 'period'"),
-        (no_deck, "lambda", None, "lacks a number 'mu_0'"),
+        (no_deck, "bifurcation", None, "lacks a number 'mu_0'"),
     ):
         with pytest.raises(ds.UsageError, match=words):
             plot.draw(data, kind, quantity)
-
-
-# The cycle map
-
-
-@pytest.fixture(scope="module")
-def slipped(fig3: ds.Scene) -> ds.Result:
-    """Fig. 3 up to a moment after its second slip, with a row at each event."""
-    return ds.run(fig3, scene={"t_end": 3.2}, integrator={"cycle_map": "off"}, output={"interval": 0.0})
-
-
-def releases(result: ds.Result) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the releases and k_x u_x/F_0 there, from the rows at these times."""
-    time = result.events["time"][result.events["kind"] == 2]
-    rows = np.searchsorted(result.time, time)
-    np.testing.assert_array_equal(result.time[rows], time)
-    return time, result["u_x"][rows] * 1e3 / 2.0
-
-
-def test_the_cycle_map_is_that_of_the_events(slipped: ds.Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    time, u = releases(slipped)
-    far = np.diff(u) < -0.1
-    assert np.count_nonzero(far) == 2
-    figure = plot.draw(slipped, "cycle_map")
-    above, below, whole, stairs, excursions = figure.axes[:5]
-    for axis, values in ((above, 1e3 * np.diff(u)), (below, 1e3 * np.diff(time))):
-        points = np.asarray(axis.collections[0].get_offsets())
-        np.testing.assert_allclose(points, np.stack([u[:-1], values], axis=1)[~far], rtol=1e-9)
-        (marks,) = [line for line in axis.lines if line.get_marker() in "v^"]
-        np.testing.assert_allclose(marks.get_xdata(), np.sort(u[:-1][far]), rtol=1e-12)
-    assert [axis.texts[0].get_text() for axis in (above, below)] == ["excursions: −0.332 … −0.331", "excursions: 237 … 239 ms"]
-    # The last release before the first slip, and where it leads to.
-    assert u[1535] == pytest.approx(0.91954488, abs=1e-8)
-    assert u[1536] == pytest.approx(0.58886428, abs=1e-8)
-    corners = np.array([segment[0] for segment in whole.collections[0].get_segments()])
-    np.testing.assert_allclose(corners[::2], np.stack([u[:-1], u[:-1]], axis=1), rtol=1e-12)
-    np.testing.assert_allclose(corners[1::2], np.stack([u[:-1], u[1:]], axis=1), rtol=1e-12)
-    np.testing.assert_array_equal(whole.collections[0].get_array(), np.repeat(time[:-1], 2))
-    np.testing.assert_allclose(
-        np.asarray(excursions.collections[0].get_offsets()), np.stack([u[:-1], u[1:]], axis=1)[far], rtol=1e-12
-    )
-    last = int(np.flatnonzero(far)[-1])
-    np.testing.assert_allclose(stairs.lines[-1].get_xdata(), u[last])
-    # A long run shows its first releases.
-    monkeypatch.setattr("dynstiction.plot.cycle_map.MOST_RELEASES", 100)
-    above = plot.draw(slipped, "cycle_map").axes[0]
-    assert above.get_title() == f"the first 100 of {time.size} releases, up to {time[99]:.4g} s"
-    np.testing.assert_allclose(np.asarray(above.collections[0].get_offsets())[:, 0], u[:99], rtol=1e-12)
-
-
-def test_a_run_that_was_stopped_shows_what_it_reached(slipped: ds.Result) -> None:
-    time, _ = releases(slipped)
-    shorter = [(info, values[slipped.time <= 1.0]) for info, values in slipped.columns.info()]
-    stopped = replace(
-        slipped, columns=ds.Described(shorter), log=slipped.log[slipped.log["time"] <= 1.0], attributes=slipped.attributes
-    )
-    above, _, whole = plot.draw(stopped, "cycle_map").axes[:3]
-    assert not above.texts[1:], "there is no excursion before 1 s"
-    assert whole.collections[0].get_array().size == 2 * (np.count_nonzero(time <= 1.0) - 1)
-
-
-def test_a_map_seen_with_leaps_is_the_same(slipped: ds.Result, fig3: ds.Scene) -> None:
-    leapt = ds.run(fig3, scene={"t_end": 3.2}, integrator={"cycle_map": "auto"}, output={"interval": 0.1})
-    assert leapt.statistics["cycles_leapt"] > 1000
-    points = [np.asarray(plot.draw(result, "cycle_map").axes[1].collections[0].get_offsets()) for result in (slipped, leapt)]
-    np.testing.assert_allclose(points[1], points[0], rtol=1e-6)

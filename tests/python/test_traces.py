@@ -636,7 +636,7 @@ def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured
     comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.5})
     assert "slip_length" in comparison.differing
     axes = comparison.plot().axes
-    assert len(axes) == 4
+    assert len(axes) == 3
     np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.measured_lateral.force)
     mirrored = ds.compare(SCENE, measured, system={"misalignment_deg": -3.0})
     assert mirrored.differing == ("lateral_change",)
@@ -646,7 +646,7 @@ def test_without_them_they_are_not_compared(measured: ds.Trace) -> None:
     comparison = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
     assert {each.name for each in comparison.statistics}.isdisjoint({"slip_length", "lateral_change"})
     assert comparison.measured_lateral is None
-    assert len(comparison.plot().axes) == 3
+    assert len(comparison.plot().axes) == 2
 
 
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:

@@ -19,13 +19,14 @@ from matplotlib.patches import Circle, Rectangle
 from PIL import Image
 
 from .._output import check_outputs, make_folder, put
+from .._progress import progress_bar
 from ..errors import FileError, UsageError
 from ..result import Result
-from .notation import Floats, columns, label_of, thin
+from .notation import Floats, label_of, thin
 from .schematics import coil, principal_axes
 from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
-from .view import cycles_of, usual_end, window
+from .view import shown_part
 
 __all__ = ["animate", "view_from_above"]
 
@@ -54,7 +55,7 @@ def animate(
     end: float | None = None,
     frames_per_second: int = 20,
     seconds: float = 10.0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: bool | None = None,
     overwrite: bool = True,
 ) -> None:
     """Write an animation of a run as seen from above.
@@ -71,8 +72,8 @@ def animate(
         Frame rate.
     seconds : float
         Length of the animation [s].
-    progress : callable
-        Function of the number of the frame and the number of all frames.
+    progress : bool, optional
+        Whether to show a bar; by default as for `dynstiction.run`.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -87,64 +88,51 @@ def animate(
     is_film = output.suffix != "" and not output.is_dir()
     if is_film and output.suffix.lower() != ".gif":
         raise UsageError(f"{output}: an animation is X.gif, or a folder for PNG frames")
-    outputs = [output] if is_film else _frame_names(output, times.size)
+    digits = max(4, len(str(times.size)))
+    frames = [output / f"frame_{frame:0{digits}d}.png" for frame in range(1, times.size + 1)]
+    if not is_film and set(output.glob("frame_*.png")).difference(frames):
+        raise FileError(f"{output}: holds frames of another animation: name another folder, or remove them")
     if is_film or output.is_dir():
-        check_outputs(outputs, overwrite=overwrite)
-    with rc_context(STYLE):
-        figure, show = view_from_above(result, times)
-        pictures = _pictures(figure, show, times.size, progress)
+        check_outputs([output] if is_film else frames, overwrite=overwrite)
+    with rc_context(STYLE), progress_bar(progress, times.size, "frame {n:.0f}/{total:.0f}|{bar}|") as told:
+        pictures = _pictures(*view_from_above(result, times), times.size, told)
         if is_film:
-            put(output, _gif(pictures, frames_per_second), overwrite=overwrite)
+            # One palette for all frames: the others have the colours of the first.
+            first = next(pictures).quantize(colors=255, method=Image.Quantize.MEDIANCUT)
+            others = (picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
+            how: Any = {"duration": round(1000 / frames_per_second), "loop": 0, "disposal": 1}
+            put(
+                output,
+                _encoded(first, "GIF", save_all=True, append_images=others, optimize=False, **how),
+                overwrite=overwrite,
+            )
             return
         make_folder(output)
-        for name, picture in zip(outputs, pictures, strict=True):
-            image = io.BytesIO()
-            picture.save(image, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
-            put(name, image.getvalue(), overwrite=overwrite)
+        for name, picture in zip(frames, pictures, strict=True):
+            put(name, _encoded(picture, "PNG", dpi=(DOTS_PER_INCH, DOTS_PER_INCH)), overwrite=overwrite)
+
+
+def _encoded(picture: Image.Image, form: str, **how: Any) -> bytes:
+    content = io.BytesIO()
+    picture.save(content, form, **how)
+    return content.getvalue()
 
 
 def _pictures(
-    figure: Figure,
-    show: Callable[[int], Sequence[Artist]],
-    count: int,
-    progress: Callable[[int, int], None] | None,
+    figure: Figure, show: Callable[[int], Sequence[Artist]], count: int, told: Callable[[float], None]
 ) -> Iterator[Image.Image]:
     """The frames one by one; parts that do not move are drawn once."""
     canvas: Any = FigureCanvasAgg(figure)
-    moving = show(0)
-    for artist in moving:
+    for artist in show(0):
         artist.set_animated(True)
     canvas.draw()
     ground = canvas.copy_from_bbox(figure.bbox)
-    width, height = canvas.get_width_height()
     for frame in range(count):
         canvas.restore_region(ground)
-        for artist in sorted(show(frame), key=lambda each: each.get_zorder()):
+        for artist in sorted(show(frame), key=Artist.get_zorder):
             figure.draw_artist(artist)
-        yield Image.frombuffer("RGBA", (width, height), bytes(canvas.buffer_rgba())).convert("RGB")
-        if progress is not None:
-            progress(frame + 1, count)
-
-
-def _gif(pictures: Iterator[Image.Image], frames_per_second: int) -> bytes:
-    # One palette for all frames: the others have the colours of the first.
-    first = next(pictures)
-    palette = first.quantize(colors=255, method=Image.Quantize.MEDIANCUT)
-    others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
-    film = io.BytesIO()
-    how: Any = {"duration": round(1000 / frames_per_second), "loop": 0, "disposal": 1, "optimize": False}
-    palette.save(film, "GIF", save_all=True, append_images=others, **how)
-    return film.getvalue()
-
-
-def _frame_names(folder: Path, count: int) -> list[Path]:
-    """Names of the frames; refuses a folder with frames that would stay there among them."""
-    digits = max(4, len(str(count)))
-    names = [folder / f"frame_{frame:0{digits}d}.png" for frame in range(1, count + 1)]
-    others = set(folder.glob("frame_*.png")).difference(names)
-    if others:
-        raise FileError(f"{folder}: holds frames of another animation: name another folder, or remove them")
-    return names
+        yield Image.frombuffer("RGBA", canvas.get_width_height(), bytes(canvas.buffer_rgba())).convert("RGB")
+        told(frame + 1)
 
 
 def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
@@ -154,20 +142,21 @@ def view_from_above(result: Result, times: Floats) -> tuple[Figure, Callable[[in
     spring force, angle of friction and position against time. Oscillating quantities are drawn as means over ten periods of the
     stiff axis, at most since the last frame, and the tip of the friction vector as its path in this time.
     """
-    columns(result, *COLUMNS)
     first, last = np.searchsorted(result.time, [times[0], times[-1]])
     part = slice(int(first), int(last) + 1)
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.subplot_mosaic([["above"] * 3, [*TRACES]], height_ratios=(2.3, 1.0))
     scene = _draw_scene(axes["above"], result, part)
-    traces = _draw_traces([axes[name] for name in TRACES], result, part)
+    traces = [_draw_trace(axes[name], result, name, part) for name in TRACES]
     ends = np.clip(np.searchsorted(result.time, times, side="right"), 1, result.time.size)
     averaged = min(times[1] - times[0], AVERAGED_PERIODS / (stiff_frequency(result) or np.inf))
     begins = np.minimum(np.searchsorted(result.time, times - averaged), ends - 1)
 
     def show(frame: int) -> Sequence[Artist]:
         now = slice(int(begins[frame]), int(ends[frame]))
-        return [*scene(now, times[frame]), *traces(now)]
+        for dot, values in traces:
+            dot.set_data([result.time[now].mean()], [values[now].mean()])
+        return [*scene(now, times[frame]), *(dot for dot, _ in traces)]
 
     show(0)
     # Later frames keep the layout of the first: they must not shift, and the layout is slow.
@@ -200,17 +189,13 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
     spare = max(0.0, PANEL_RATIO * height - (right - left))
     axis.set(aspect="equal", xlabel=label, ylabel="$Y$ [mm]", ylim=(-0.46 * height, 0.54 * height))
     axis.set_xlim(left - 0.5 * spare, right + 0.5 * spare)
-    limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
-
-    def line(style: str = "-", **how: Any) -> Line2D:
-        return axis.plot([], [], style, **how)[0]
-
-    axis_line = line(color="0.6", linewidth=0.8, dashes=(8, 3, 2, 3), label="soft axis")
-    spring = line(color=BLUE, linewidth=1.0, label="spring")
-    end = line("D", color=GREEN, markersize=5.0, label="driven end")
-    trail = line(color=PURPLE, linewidth=0.8, alpha=0.5)
     half, angle = 0.13 * unit, np.degrees(math.atan2(soft[1], soft[0]))
     style: Any = {"rotation_point": "center", "facecolor": "0.85", "edgecolor": BLACK, "zorder": 3}
+    limit = Circle((0.0, 0.0), unit, fill=False, color="0.6", linewidth=0.6, linestyle=":")
+    (line,) = axis.plot([], [], color="0.6", linewidth=0.8, dashes=(8, 3, 2, 3), label="soft axis")
+    (spring,) = axis.plot([], [], color=BLUE, linewidth=1.0, label="spring")
+    (end,) = axis.plot([], [], "D", color=GREEN, markersize=5.0, label="driven end")
+    (trail,) = axis.plot([], [], color=PURPLE, linewidth=0.8, alpha=0.5)
     body = Rectangle((0.0, 0.0), 2 * half, 2 * half, angle=angle, **style)
     for patch in (limit, body):
         axis.add_patch(patch)
@@ -221,7 +206,7 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
 
     def show(now: slice, time: float) -> Sequence[Artist]:
         place, driven = places[now].mean(axis=0), ends[now].mean(axis=0)
-        axis_line.set_data(*(place + np.array([[-1.0], [1.0]]) * 20.0 * unit * soft).T)
+        line.set_data(*(place + np.array([[-1.0], [1.0]]) * 20.0 * unit * soft).T)
         spring.set_data(*coil(place, driven, turns=10, width=0.06 * unit).T)
         end.set_data(driven[:1], driven[1:])
         trail.set_data(*(place + vectors[now]).T)
@@ -230,50 +215,29 @@ def _draw_scene(axis: Axes, result: Result, part: slice) -> Callable[[slice, flo
         vector.set_offsets(place)
         vector.set_UVC(*vectors[now].mean(axis=0)[:, np.newaxis])
         clock.set_text(f"$t$ = {time:.3f} s")
-        return axis_line, spring, end, trail, limit, body, vector, clock
+        return line, spring, end, trail, limit, body, vector, clock
 
     return show
 
 
-def _draw_traces(axes: Sequence[Axes], result: Result, part: slice) -> Callable[[slice], Sequence[Artist]]:
-    """Spring force, angle and position against time; the function moves the dots that mark a frame."""
-    dots = []
-    time = result.time
-    for axis, name in zip(axes, TRACES, strict=True):
-        label, scale, colour = label_of(name, "", result[name][part])
-        values = scale * result[name]
-        axis.plot(*thin(time[part], values[part]), color=colour)
-        dots.append((axis.plot([], [], "o", color=VERMILION, markersize=4.5)[0], values))
-        axis.set(xlim=time[part][[0, -1]], xlabel="$t$ [s]", ylabel=label)
-        axis.margins(y=0.1)
-        axis.locator_params(axis="x", nbins=4)
-
-    def show(now: slice) -> Sequence[Artist]:
-        for dot, values in dots:
-            dot.set_data([time[now].mean()], [values[now].mean()])
-        return [dot for dot, _ in dots]
-
-    return show
+def _draw_trace(axis: Axes, result: Result, name: str, part: slice) -> tuple[Line2D, Floats]:
+    """A column against time; the dot that marks a frame, and the column in the unit of the figure."""
+    label, scale, colour = label_of(name, "", result[name][part])
+    time, values = result.time, scale * result[name]
+    axis.plot(*thin(time[part], values[part]), color=colour)
+    (dot,) = axis.plot([], [], "o", color=VERMILION, markersize=4.5)
+    axis.set(xlim=time[part][[0, -1]], xlabel="$t$ [s]", ylabel=label)
+    axis.margins(y=0.1)
+    axis.locator_params(axis="x", nbins=4)
+    return dot, values
 
 
 def _frame_times(
     result: Result, start: float | None, end: float | None, frames_per_second: int, seconds: float
 ) -> Floats:
-    if result.time.size < 2:
-        raise UsageError("nothing to show: the result has fewer than two samples")
-    if start is None and end is None:
-        begin, finish = float(result.time[0]), usual_end(result, cycles_of(result), CYCLES, CYCLES + 1)
-    else:
-        begin, finish = window(result, start, end)
-    if not (frames_per_second > 0 and 0.0 < seconds < math.inf):
-        raise UsageError("frames per second and seconds must be positive")
-    count = round(frames_per_second * seconds)
-    length = f"{frames_per_second} frames per second for {seconds:g} s"
-    if count > MOST_FRAMES:
+    _, begin, finish = shown_part(result, start, end, shown=CYCLES, most=CYCLES + 1)
+    if not 1.5 < frames_per_second * seconds < MOST_FRAMES or frames_per_second < 0:
         raise UsageError(
-            f"{length} are {count} frames, at most {MOST_FRAMES} are drawn: "
-            "give fewer frames per second, or fewer seconds"
+            f"{frames_per_second} frames per second for {seconds:g} s: an animation has from 2 to {MOST_FRAMES} frames"
         )
-    if count < 2:
-        raise UsageError(f"{length}: an animation has at least two frames")
-    return np.linspace(begin, finish, count)
+    return np.linspace(begin, finish, round(frames_per_second * seconds))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from .._native import group_of
 from ..errors import UsageError
+from ..record import headed
 from ..stability import CriticalMisalignment, critical_misalignment
 from .branches import put_branches
-from .notation import QUANTITIES, Floats, with_unit
-from .style import BLACK, BLUE, VERMILION, one_axes
+from .notation import QUANTITIES, Floats
+from .style import BLACK, BLUE, VERMILION, legend_above, one_axes
 from .sweep_table import Axis, Table, table_of
 
 if TYPE_CHECKING:
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
     from ..branches import Branches
 
-__all__ = ["critical_of", "draw_bifurcation", "draw_vertical_lines", "mark_below", "slider_at"]
+__all__ = ["critical_of", "draw_bifurcation", "draw_limits", "mark_below", "slider_at"]
 
 COLOURS = "viridis"
+ROW = 0.05
+"""Height of a row of marks over that of the diagram."""
 
 LOADS = ("peak_force", "valley_force")
 """Quantities that steady sliding has too."""
@@ -36,13 +39,6 @@ CONSEQUENCES = ("scene", "integrator")
 SLIDER = ("mass", "stiffness_x", "misalignment_deg", "mu_0", "normal_load", "velocity")
 """Parameters of the stability of steady sliding; in addition mu_inf and v_f if friction weakens, k_y, and dampers."""
 OPTIONAL = ("stiffness_y", "mu_inf", "v_f", "damping_x", "damping_y")
-
-WORDS: Any = {"fontsize": 7.0, "va": "bottom"}
-"""Of the words in the diagram."""
-CHARACTER = 0.019
-"""Width of a small character over that of the diagram."""
-LINE = 0.056
-"""Height of a line of small words over that of the diagram."""
 
 
 def draw_bifurcation(
@@ -72,7 +68,7 @@ def draw_bifurcation(
         dots = axis.scatter(shown, cycles[there], c=colour, cmap=COLOURS, norm=sides[1].norm, **how)
         figure.colorbar(dots, ax=axis, label=sides[1].symbol.label).solids.set_alpha(1.0)  # type: ignore[union-attr]
     about = table.data[f"cycle_{quantity}"].attrs
-    label = with_unit(QUANTITIES.get(quantity, about.get("long_name", quantity)), about["units"])
+    label = headed(QUANTITIES.get(quantity, about.get("long_name", quantity)), about["units"])
     axis.set(xscale=side.scale, xlim=side.span, xlabel=side.symbol.label, ylabel=label)
     if branches is not None:
         if branches.key.rpartition(".")[2] != side.name:
@@ -80,8 +76,9 @@ def draw_bifurcation(
         put_branches(axis, branches, quantity)
     _draw_others(axis, table, side, quantity)
     if len(sides) == 1:
-        places = draw_vertical_lines(axis, table, side)
-        _draw_steady_branch(axis, table, side, quantity, np.stack([shown, cycles[there]], axis=1), places)
+        draw_limits(axis, table, side)
+        _draw_steady_branch(axis, table, side, quantity)
+    legend_above(figure, axis.get_legend_handles_labels()[0], 2)
 
 
 def _cycles(table: Table, quantity: str) -> Floats:
@@ -128,30 +125,22 @@ def _draw_others(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
 
 
 def mark_below(axis: Axes, shown: Floats, rows: Sequence[tuple[str, NDArray[np.bool_], str]]) -> None:
-    """Rows of marks below all dots: a word, the cases that it applies to, and a colour; a row without cases takes no space."""
-    height = 0.02
-    for text, chosen, colour in rows:
-        if not chosen.any():
-            continue
-        marks: Any = {"markersize": 3.0, "markeredgewidth": 0.5, "rasterized": True}
-        level = np.full(np.count_nonzero(chosen), height)
-        axis.plot(shown[chosen], level, "|", color=colour, transform=axis.get_xaxis_transform(), **marks)
-        begin = _begin(_in_shares(axis, float(np.median(shown[chosen]))), CHARACTER * len(text), 0.01)
-        axis.text(begin, height + 0.025, text, color=colour, transform=axis.transAxes, **WORDS)
-        height += 0.09
-    if height > 0.02:
-        low, high = axis.get_ylim()
-        axis.set_ylim(low - (height - 0.02) / (1.02 - height) * (high - low), high)
-
-
-def _in_shares(axis: Axes, value: float) -> float:
-    """Position of a value of the parameter, as a share of the width of the diagram."""
-    return float((axis.get_xaxis_transform() + axis.transAxes.inverted()).transform((value, 0.0))[0])
-
-
-def _begin(middle: float, width: float, margin: float = 0.0) -> float:
-    """Left end of words with this middle, shifted so that they are within the diagram."""
-    return min(max(margin, middle - 0.5 * width), max(margin, 1.0 - margin - width))
+    """Rows of marks below all dots: words for the legend, the cases that they apply to, and a colour; empty rows take no space."""
+    rows = [row for row in rows if row[1].any()]
+    marks: Any = {
+        "markersize": 3.0,
+        "markeredgewidth": 0.5,
+        "rasterized": True,
+        "linestyle": "",
+        "marker": "|",
+    }
+    for i, (text, chosen, colour) in enumerate(rows):
+        level = np.full(np.count_nonzero(chosen), 0.02 + ROW * i)
+        place = axis.get_xaxis_transform()
+        axis.plot(shown[chosen], level, color=colour, transform=place, label=text, **marks)
+    if rows:
+        (low, high), room = axis.get_ylim(), ROW * len(rows)
+        axis.set_ylim(low - room / (1.0 - room) * (high - low), high)
 
 
 def slider_at(table: Table, side: Axis, values: Floats) -> dict[str, Floats] | None:
@@ -183,10 +172,8 @@ def _is_stable(slider: dict[str, Floats]) -> NDArray[np.bool_]:
         return np.asarray((angle > critical.window[..., 0]) & (angle < critical.window[..., 1]))
 
 
-def _draw_steady_branch(
-    axis: Axes, table: Table, side: Axis, quantity: str, dots: Floats, lines: list[float]
-) -> None:
-    """Draw the load of steady sliding, solid where it is stable, and its name where it hides few of the dots (n, 2) and lines."""
+def _draw_steady_branch(axis: Axes, table: Table, side: Axis, quantity: str) -> None:
+    """Draw the load of steady sliding, solid where it is stable."""
     slider = slider_at(table, side, side.fine)
     if quantity not in LOADS or slider is None or not np.ptp(side.fine) > 0.0:
         return
@@ -198,73 +185,26 @@ def _draw_steady_branch(
     load = friction * slider["normal_load"] * np.abs(np.cos(np.radians(slider["misalignment_deg"])))
     shown, stable = side.at(side.fine), _is_stable(slider)
     style: Any = {"color": BLUE, "linewidth": 0.7, "zorder": 1.5}
-    axis.plot(shown, np.where(stable, load, np.nan), **style)
-    axis.plot(shown, np.where(stable, np.nan, load), linestyle=(0, (4.0, 3.0)), **style)
-    text = "steady sliding" if stable.any() else "steady sliding, unstable"
-    branch = np.stack([shown, load], axis=1)
-    x, y = _quiet_place(axis, branch, dots, lines, CHARACTER * len(text))
-    axis.text(x, y, text, color=BLUE, transform=axis.transAxes, **WORDS)
+    unstable = "unstable" if stable.any() else "steady sliding, unstable"
+    for part, dashes, label in ((stable, "-", "steady sliding"), (~stable, (0, (4.0, 3.0)), unstable)):
+        if part.any():
+            axis.plot(shown, np.where(part, load, np.nan), linestyle=dashes, label=label, **style)
 
 
-def _quiet_place(
-    axis: Axes, branch: Floats, dots: Floats, lines: list[float], width: float
-) -> tuple[float, float]:
-    """Lower left corner of words next to a branch where they hide least, in shares of the diagram, as for the lines."""
-    axis.autoscale_view()
-    in_shares = axis.transData + axis.transAxes.inverted()
-    branch, dots = in_shares.transform(branch), in_shares.transform(dots)
-    best, least = (0.02, 0.02), np.inf
-    for x in np.linspace(0.02, 0.98 - width, 25):
-        left, right = x - 0.01, x + width + 0.01
-        near = branch[(branch[:, 0] > left) & (branch[:, 0] < right), 1]
-        if near.size == 0:
-            continue
-        crossed = sum(left < line < x + width for line in lines)
-        for y in (near.max() + 0.015, near.min() - LINE - 0.005):
-            # Dots between words and branch would seem to be what the words name.
-            low, high = min(y, near.min()) - 0.02, max(y + LINE, near.max()) + 0.02
-            inside = np.all((dots > (left, low)) & (dots < (right, high)), axis=1)
-            # Far from its line the name would not be understood.
-            cost = np.count_nonzero(inside) + 100.0 * np.ptp(near) + 50.0 * crossed
-            if cost < least and y > 0.02 and y < 0.97 - LINE:
-                best, least = (float(x), float(y)), cost
-    return best
-
-
-def _limits_of_steady_sliding(table: Table, side: Axis) -> Iterator[tuple[float, str]]:
-    """Where steady sliding gains or loses its stability along the parameter, by bisection, and on which side it is stable."""
+def draw_limits(axis: Axes, table: Table, side: Axis) -> None:
+    """Draw thin lines where steady sliding gains or loses its stability along the parameter, found by bisection."""
     slider = slider_at(table, side, side.fine)
     if slider is None:
         return
     stable = _is_stable(slider)
     changes = np.flatnonzero(np.diff(stable))
     low, high, before = side.fine[changes], side.fine[changes + 1], stable[changes]
+    here = {name: values[changes] for name, values in slider.items()}
     for _ in range(50 if changes.size else 0):
         middle = 0.5 * (low + high)
-        slider = slider_at(table, side, middle)
-        if slider is None:
-            return
-        same = _is_stable(slider) == before
+        same = _is_stable(here | {side.name: middle}) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    for value, was_stable in zip(high, before, strict=True):
-        yield float(value), "below" if was_stable else "above"
-
-
-def draw_vertical_lines(axis: Axes, table: Table, side: Axis) -> list[float]:
-    """Draw thin lines where steady sliding becomes stable or unstable, with names above the frame in as many rows as needed;
-    return the positions in shares of the diagram.
-    """
-    ends: list[float] = []
-    places = []
     unit = side.symbol.label.partition("[")[2].rstrip("]")
-    for value, where in sorted(_limits_of_steady_sliding(table, side)):
-        shown = float(side.at(np.array([value]))[0])
-        axis.axvline(shown, color=BLUE, linewidth=0.5, zorder=1.0)
-        text = f"steady sliding stable {where} {shown:.3g} {unit}".rstrip()
-        width = CHARACTER * len(text)
-        places.append(_in_shares(axis, shown))
-        begin = _begin(places[-1], width)
-        row = next((i for i, end in enumerate(ends) if end < begin), len(ends))
-        ends[row : row + 1] = [begin + width + 0.03]
-        axis.text(begin, 1.015 + LINE * row, text, color=BLUE, transform=axis.transAxes, **WORDS)
-    return places
+    for value, was_stable in zip(side.at(high), before, strict=True):
+        label = f"steady sliding stable {'below' if was_stable else 'above'} {value:.3g} {unit}".rstrip()
+        axis.axvline(value, color=BLUE, linewidth=0.5, zorder=1.0, label=label)

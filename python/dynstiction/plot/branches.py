@@ -1,4 +1,4 @@
-"""Branches of limit cycles over a key: stable cycles as solid lines, unstable ones broken, with their special points."""
+"""Limit cycles: their branches over a key, stable ones solid and unstable ones broken, and what a cycle hangs on."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from matplotlib.ticker import LogLocator
 
 from ..branches import Branches, cycles_in_words
 from ..errors import UsageError
-from .notation import PARAMETERS, QUANTITIES, Floats, with_unit
+from ..record import headed
+from ..tangents import Sensitivity
+from .notation import PARAMETERS, QUANTITIES, Floats
 from .style import (
     BLACK,
     BLUE,
     GREEN,
+    MM,
     ORANGE,
     PURPLE,
     SKY,
@@ -24,11 +27,12 @@ from .style import (
     legend_above,
     one_axes,
     plain_ticks,
+    sized,
     with_margin,
 )
 from .sweep_table import Axis
 
-__all__ = ["draw_branches", "put_branches"]
+__all__ = ["draw_branches", "draw_sensitivity", "put_branches"]
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 """Of branches of 1, 2, 3 ... slow cycles; the last one of all others."""
@@ -36,6 +40,8 @@ MARKS = {"fold": "s", "doubling": "o", "grazing": "x", "without rest": "^", "sli
 """Marks of special points; the border of the range has none."""
 MARK: dict[str, Any] = {"markersize": 3.5, "markerfacecolor": "white", "markeredgewidth": 0.8}
 UNSTABLE = (0, (2.5, 1.5))
+ROW = 3.4 * MM
+"""Height of the bar of a sensitivity with its label."""
 UNITS = {"period": "s", "stick_duration": "s", "slip_duration": "s", "slip_length": "m"}
 
 
@@ -49,7 +55,7 @@ def draw_branches(found: Branches, figure: FigureBase, quantity: str = "peak_for
         found.key.rpartition(".")[2], np.concatenate([each.values for each in found.branches]), found.units
     )
     axis.set_xlabel(side.symbol.label)
-    axis.set_ylabel(with_unit(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
+    axis.set_ylabel(headed(QUANTITIES.get(quantity, quantity.replace("_", " ")), UNITS.get(quantity, "N")))
     low, high = side.shown.min(), side.shown.max()
     is_wide = low > 0.0 and high > 10.0 * low
     if is_wide:
@@ -100,3 +106,20 @@ def put_branches(axis: Axes, found: Branches, quantity: str) -> None:
             if point.kind in MARKS and quantity in point._fields:
                 place = factor * point.value, getattr(point, quantity)
                 axis.plot(*place, MARKS[point.kind], color=colour, zorder=3.0, **MARK)
+
+
+def draw_sensitivity(result: Sensitivity, canvas: FigureBase) -> None:
+    """Elasticities: one panel for each measure of the cycle, with a bar for each parameter."""
+    keys = [key.partition(".")[2] for key in result.parameters]
+    names = list(result.cycle)
+    sized(canvas, (2.0 * ROW * (len(keys) + 3.5)) / MM)
+    axes = np.ravel(canvas.subplots(2, (len(names) + 1) // 2, sharey=True))
+    places = np.arange(len(keys))
+    for axis, name, changes in zip(axes, names, result.elasticities, strict=False):
+        axis.barh(places, changes, color=np.where(changes < 0.0, VERMILION, BLUE), height=0.7)
+        axis.axvline(0.0, color="0.35", linewidth=0.6)
+        axis.set_title(name.replace("_", " "), fontsize="medium")
+        axis.margins(x=0.12)
+    axes[0].set(yticks=places, yticklabels=keys)
+    axes[0].invert_yaxis()
+    canvas.supxlabel("percent per percent", fontsize="medium")

@@ -11,7 +11,7 @@ from ..creep import Form, creep_asymptotic
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
-from .notation import SPEED_RATIO, Floats, columns
+from .notation import SPEED_RATIO, Floats
 from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
 from .theory import creep, scaled_time, stiff_frequency
 from .view import View, coarseness
@@ -67,7 +67,6 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     It is a difference of means of X, so that the oscillation is not visible and the samples need not resolve it. A `UsageError`
     is raised if the closed form of creep does not apply to the run, or the run has no creep.
     """
-    columns(result, "X", "spring_force_x")
     end = first_release(result["spring_force_x"]) + 1
     tau = scaled_time(result, result.time[:end])
     if end < 2 * AVERAGED or np.sin(np.radians(float(result.parameters["misalignment_deg"]))) == 0.0:

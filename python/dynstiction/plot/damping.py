@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.figure import FigureBase
 from matplotlib.ticker import FixedLocator
 
 from ..errors import UsageError
 from ..result import Result
 from ..stability import damping_ratio
-from .notation import MISALIGNMENT, columns
-from .style import BLACK, one_axes, plain_ticks, ticks_outside
+from .notation import MISALIGNMENT
+from .style import BLACK, Canvas, one_axes, plain_ticks, ticks_outside
 from .theory import damping_crossing, slider
 from .view import View
 
@@ -37,12 +36,12 @@ FINE = 200
 """Cells of the map in each direction."""
 
 
-def draw_damping(view: View, canvas: FigureBase | Axes) -> None:
+def draw_damping(view: View, canvas: Canvas) -> None:
     """Damping ratio over Lambda and angle, with the line of one run."""
     draw_damping_of([view.whole], canvas)
 
 
-def draw_damping_of(results: Sequence[Result], canvas: FigureBase | Axes) -> None:
+def draw_damping_of(results: Sequence[Result], canvas: Canvas) -> None:
     """Damping ratio of Eq. (10) over Lambda and angle, with the lines of at most two runs (Fig. 5).
 
     A run has one Lambda. Its line leads from friction across the soft axis (90 deg) down to steady sliding (theta = phi), and is
@@ -109,7 +108,6 @@ def _draw_map(axis: Axes) -> None:
 
 def _draw_visited(axis: Axes, result: Result, ratio: float) -> None:
     """The part of the line on which the run is up to its first slip."""
-    columns(result, "theta", "spring_force_x")
     force = np.abs(result["spring_force_x"])
     fallen = np.flatnonzero(np.maximum.accumulate(force) - force > 0.05 * force.max())
     before = slice(0, int(np.argmax(force[: fallen[0]])) + 1 if fallen.size else force.size)

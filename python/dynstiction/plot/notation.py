@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._names import nearest
-from .._native import catalogue
-from ..errors import ColumnError
-from ..result import Result
+from ..record import headed
 from .style import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
-__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "columns", "label_of", "thin"]
+__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "label_of", "thin"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -39,7 +37,7 @@ class Symbol(NamedTuple):
     @property
     def label(self) -> str:
         """Symbol and unit, as for an axis."""
-        return with_unit(self.text, self.unit)
+        return headed(self.text, self.unit)
 
 
 QUANTITIES = {
@@ -110,11 +108,6 @@ LEAST = 0.5
 """A unit with a prefix is chosen so that the largest value is at least this."""
 
 
-def with_unit(text: str, unit: str) -> str:
-    """A label: text and unit, or the text alone if there is no unit."""
-    return text if unit in ("", "1", "–") else f"{text} [{unit}]"
-
-
 def prefixed(unit: str, size: float, least: float, prefixes: tuple[str, ...]) -> tuple[float, str]:
     """Factor to the unit with the first of these prefixes in which a size is at least `least`, or the last one, and this unit."""
     prefix = next((each for each in prefixes if size >= least * PREFIXES[each]), prefixes[-1])
@@ -134,31 +127,15 @@ def label_of(name: str, units: str, *values: Floats) -> tuple[str, float, str]:
     """Label, factor and colour of a column with these values in these units."""
     symbol = COLUMNS.get(name)
     if symbol is None:
-        return with_unit(name.replace("_", " "), units), 1.0, BLACK
+        return headed(name.replace("_", " "), units), 1.0, BLACK
     factor, unit = scaled(symbol.unit, *values)
-    return with_unit(symbol.text, unit), factor * symbol.factor, symbol.colour
+    return headed(symbol.text, unit), factor * symbol.factor, symbol.colour
 
 
 def the_nearest(name: str, known: Iterable[str]) -> str:
     """The part of a refusal that names what was probably meant; empty if nothing is similar."""
     near = nearest(name, known)
     return f"the nearest is '{near}', " if near else ""
-
-
-def columns(result: Result, *names: str) -> None:
-    """Refuse a result that lacks one of these columns: a `ColumnError` says how to get it, or that no run has it."""
-    missing = [name for name in names if name not in result]
-    known = [column["name"] for column in catalogue()["columns"]] if missing else []
-    for name in missing:
-        if name not in known:
-            near = nearest(name, known)
-            meant = f"did you mean '{near}'? " if near else ""
-            raise ColumnError(f"no column '{name}': {meant}The columns are {', '.join(known)}")
-    if missing:
-        listed = ", ".join(repr(name) for name in (*(n for n in result if n != "time"), *missing))
-        raise ColumnError(
-            f"the result lacks {', '.join(missing)}: run the deck again with output.fields = {listed}"
-        )
 
 
 def thin(time: Floats, values: Floats, bins: int = BINS) -> tuple[Floats, Floats]:

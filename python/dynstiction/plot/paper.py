@@ -38,7 +38,7 @@ FIG4_WINDOW = 0.1
 
 def _of_kind(title: str, name: str, kind: str, **how: float) -> PaperFigure:
     return PaperFigure(
-        title, (name,), lambda results, figure: KINDS[kind](view_of(results[0]), figure, **how)
+        title, (name,), lambda results, figure: KINDS[kind].draw(view_of(results[0]), figure, **how)
     )
 
 

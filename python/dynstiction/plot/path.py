@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import FigureBase
 
-from .notation import BINS, Floats, columns
-from .style import note, one_axes
+from .notation import BINS, Floats
+from .style import Canvas, note, one_axes
 from .view import View
 
 __all__ = ["draw_path"]
@@ -22,9 +20,8 @@ FINEST = 1e-9
 ARC_POINTS = 2000
 
 
-def draw_path(view: View, canvas: FigureBase | Axes) -> None:
+def draw_path(view: View, canvas: Canvas) -> None:
     """Path of the tip of the friction vector in the plane of the principal axes, over a circle."""
-    columns(view.whole, "friction", "theta")
     # At t = 0 the object has its start velocity; friction jumps when the object comes to rest, which takes no time.
     first = int(view.result.time[0] == 0.0 and view.result.time.size > 2)
     time, force, theta = (view.result[name][first:] for name in ("time", "friction", "theta"))

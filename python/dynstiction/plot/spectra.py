@@ -15,7 +15,7 @@ from ..errors import UsageError
 from ..result import Result
 from ..spectrum import Spectrogram, oscillation_frequency, spectrogram
 from ..stick_slip import first_release
-from .notation import COLUMNS, Floats, columns
+from .notation import COLUMNS, Floats
 from .style import note, panels
 from .theory import creep, slider, stiff_frequency
 from .time_series import VELOCITIES, draw_column, show_time
@@ -51,7 +51,6 @@ def draw_spectrogram(view: View, figure: FigureBase, *, length: float | None = N
     window [s] follows from the scene if it is not given.
     """
     names = RATES if all(name in view.whole for name in RATES) else VELOCITIES
-    columns(view.whole, *names)
     stiff = stiff_frequency(view.whole)
     folds = _folds(view.result, stiff)
     length, shown = length or _length(view, stiff), view.result
@@ -98,7 +97,6 @@ def _length(view: View, stiff: float | None) -> float:
 def predicted_ridge(result: Result) -> tuple[Floats, Floats]:
     """Times [s] of the first creep and the frequency [Hz] that `creep_exact` predicts for them, if it applies to the run."""
     system = slider(result)
-    columns(result, "spring_force_x")
     times = np.linspace(0.0, result.time[first_release(result["spring_force_x"])], 500)
     stiffness = {name: system[name] for name in ("mass", "stiffness_x", "stiffness_y")}
     return times, oscillation_frequency(creep(result, times).theta, **stiffness)

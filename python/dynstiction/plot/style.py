@@ -6,7 +6,8 @@ import io
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from string import ascii_lowercase
+from typing import Any, TypeAlias
 
 from matplotlib import rc_context
 from matplotlib.artist import Artist
@@ -26,6 +27,8 @@ __all__ = ["COLUMN_WIDTH", "DOTS_PER_INCH", "MM", "STYLE", "format_of", "new_fig
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
 DOTS_PER_INCH = 400
+WIDEST = 52
+"""Characters in a row of a legend."""
 NOTE = "0.35"
 """Grey of the notes in a figure."""
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
@@ -60,12 +63,17 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def new_figure(draw: Callable[[Any], None], canvas: Figure | SubFigure | Axes | None = None) -> Figure:
+Canvas: TypeAlias = FigureBase | Sequence[Axes]
+"""What a kind of figure is drawn into: a figure or a part of one, or axes of the user."""
+
+
+def new_figure(draw: Callable[[Any], None], canvas: Figure | SubFigure | list[Axes] | None = None) -> Figure:
     """The figure in which `draw` has filled a canvas of the user, or a new one, which is not attached to any window.
 
     A figure of the user keeps its size; if it has no layout engine, it gets ours.
     """
-    root = Figure(layout="constrained") if canvas is None else canvas.get_figure(root=True)
+    first = canvas[0] if isinstance(canvas, list) else canvas
+    root = Figure(layout="constrained") if first is None else first.get_figure(root=True)
     if root is None:
         raise UsageError("ax belongs to no figure: make it with figure.subplots()")
     part = canvas or root
@@ -84,18 +92,28 @@ def sized(figure: FigureBase, height: float, width: float = COLUMN_WIDTH / MM) -
         figure.set_size_inches(width * MM, height * MM)
 
 
-def one_axes(canvas: FigureBase | Axes, height: float) -> Axes:
+def given_axes(axes: Sequence[Axes], count: int) -> Sequence[Axes]:
+    """Axes of the user for this number of panels."""
+    if len(axes) != count:
+        raise UsageError(f"{count} panels for {len(axes)} axes: give as many axes as panels")
+    return axes
+
+
+def one_axes(canvas: Canvas, height: float) -> Axes:
     """Axes of a figure with one panel of `height` mm: new ones, or the given ones."""
-    if isinstance(canvas, Axes):
-        return canvas
+    if not isinstance(canvas, FigureBase):
+        return given_axes(canvas, 1)[0]
     sized(canvas, height)
     return canvas.subplots()
 
 
 def legend_above(figure: FigureBase, handles: Sequence[Artist], most: int = 9) -> None:
-    """Legend above all panels, with at most so many columns; none without handles."""
+    """Legend above all panels, with at most so many columns, fewer if they are too wide; none without handles."""
     if handles:
-        columns = min(most, len(handles))
+        lengths = sorted((len(str(each.get_label())) for each in handles), reverse=True)
+        columns = next(
+            n for n in range(min(most, len(handles)), 0, -1) if n == 1 or sum(lengths[:n]) <= WIDEST
+        )
         how: Any = {"loc": "outside upper center", "handlelength": 1.8, "columnspacing": 1.0}
         figure.legend(handles=handles, ncols=columns, **how)
 
@@ -171,14 +189,12 @@ def degree_ticks(axis: Axes, column: str) -> None:
         axis.yaxis.set_major_locator(MultipleLocator(steps[0]))
 
 
-def panels(
-    figure: FigureBase, count: int, height: float, letters: str = "abcdefgh", **how: Any
-) -> NDArray[Any]:
+def panels(figure: FigureBase, count: int, height: float, **how: Any) -> NDArray[Any]:
     """Axes one above the other in a column of `height` mm, named by letters; `how` as for `Figure.subplots`."""
     sized(figure, height)
     axes: NDArray[Any] = figure.subplots(count, 1, squeeze=False, **how)[:, 0]
     # A letter is at the left edge of the figure, left of the numbers of the axis, however wide they are.
-    for axis, name in zip(axes, letters, strict=False):
+    for axis, name in zip(axes, ascii_lowercase, strict=False):
         place = blended_transform_factory(axis.get_figure(root=False).transSubfigure, axis.transAxes)
         text = axis.text(0.005, 1.0, f"({name})", transform=place, va="top", fontweight="bold")
         text.set_in_layout(False)

@@ -13,8 +13,9 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from ..errors import UsageError
-from .bifurcation import critical_of, draw_vertical_lines, mark_below, slider_at
-from .notation import QUANTITIES, Floats, scaled, with_unit
+from ..record import headed
+from .bifurcation import critical_of, draw_limits, mark_below, slider_at
+from .notation import QUANTITIES, Floats, scaled
 from .style import BLACK, BLUE, BROWN, GREEN, PURPLE, SKY, VERMILION, legend_above, one_axes, ticks_outside
 from .sweep_table import Axis, Table, table_of
 
@@ -63,6 +64,7 @@ def draw_map(data: xarray.Dataset, figure: FigureBase, quantity: str = "swing") 
     axis = one_axes(figure, 72.0)
     if len(table.axes) == 1:
         _draw_line(axis, table, quantity, values, label)
+        legend_above(figure, axis.get_legend_handles_labels()[0], 2)
     elif table.is_grid and len(table.axes) == 2:
         _draw_colours(figure, axis, table, quantity, values, label)
     elif table.is_grid:
@@ -90,9 +92,9 @@ def _values(table: Table, quantity: str) -> tuple[Floats, str]:
             return values / np.prod([table.parameter(name) for name in names], axis=0), label
     text = QUANTITIES.get(quantity, str(about["long_name"]).replace("_", " "))
     if about["units"] == "rad":
-        return np.degrees(values), with_unit(text, "deg")
+        return np.degrees(values), headed(text, "deg")
     factor, unit = scaled(str(about["units"]), values)
-    return factor * values, with_unit(text, unit)
+    return factor * values, headed(text, unit)
 
 
 def _of_cycles(quantity: str) -> bool:
@@ -135,22 +137,22 @@ def _draw_line(axis: Axes, table: Table, quantity: str, values: Floats, label: s
     # The limits are those of all cases, also if no case has a value.
     axis.set(xscale=side.scale, xlim=side.span, xlabel=side.symbol.label, ylabel=label)
     rows = [*_absent(table, quantity, values), ("irregular", _is(IRREGULAR, table), BLACK)]
-    # The words are in a colour that is visible on paper.
+    # In a colour that is visible on paper.
     mark_below(axis, side.shown, [(*row[:2], "0.35" if row[2] == NOTHING else row[2]) for row in rows])
-    draw_vertical_lines(axis, table, side)
+    draw_limits(axis, table, side)
 
 
 def _draw_colours(
     figure: FigureBase, axis: Axes, table: Table, quantity: str, values: Floats, label: str
 ) -> None:
     """Draw the first parameter upwards and the second to the right, or vice versa if the second is the misalignment."""
+    if table.axes[1].name == "misalignment_deg":
+        dims = table.data["result_code"].dims[::-1]
+        table, values = table._replace(data=table.data.transpose(*dims, ...), axes=table.axes[::-1]), values.T
     up, right = table.axes
     absent = [row for row in _absent(table, quantity, values) if row[1].any()]
     irregular = _is(IRREGULAR, table)
     decay = table.quantity("fast_decay") if "fast_decay" in table.data else np.ones_like(values)
-    if right.name == "misalignment_deg":
-        up, right, values, irregular, decay = right, up, values.T, irregular.T, decay.T
-        absent = [(text, cases.T, colour) for text, cases, colour in absent]
     colours, extend = COLOURS, "neither"
     lowest, highest = min(0.0, float(np.nanmin(values))), float(np.nanmax(values))
     usual = float(np.nanpercentile(values, USUAL_SHARE))
@@ -188,10 +190,9 @@ def _draw_colours(
 def _edges(side: Axis) -> Floats:
     """Borders of the cells around the values, in the unit of the figure."""
     values = np.log(side.shown) if side.scale == "log" else side.shown
-    half = 0.5 * np.diff(values) if values.size > 1 else np.array([0.5])
-    edges = np.concatenate(
-        [values[:1] - half[0], values[:-1] + half[: values.size - 1], values[-1:] + half[-1]]
-    )
+    steps = np.diff(values) if values.size > 1 else np.ones(1)
+    wider = np.concatenate([values[:1] - steps[0], values, values[-1:] + steps[-1]])
+    edges = 0.5 * (wider[1:] + wider[:-1])
     if side.scale == "log":
         return np.asarray(np.exp(edges))
     # Positive values have no cells below 0.

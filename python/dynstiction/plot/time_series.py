@@ -15,11 +15,23 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
 from ..errors import ColumnError, UsageError
-from ..record import Described
+from ..record import Described, headed, number_shown
 from ..result import Result
 from ..stick_slip import drive_profile, first_release
-from .notation import COLUMNS, PARAMETERS, Floats, columns, label_of, scaled, thin, with_unit
-from .style import BLACK, COLUMN_WIDTH, MM, PALETTE, degree_ticks, legend_above, note, panels, sized
+from .notation import COLUMNS, PARAMETERS, Floats, label_of, scaled, thin
+from .style import (
+    BLACK,
+    COLUMN_WIDTH,
+    MM,
+    PALETTE,
+    Canvas,
+    degree_ticks,
+    given_axes,
+    legend_above,
+    note,
+    panels,
+    sized,
+)
 from .theory import driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
@@ -38,8 +50,11 @@ AT_START = ("friction", "theta", "theta_deg", "psi")
 
 DETAIL_PERIODS, DETAIL_SAMPLES = 5.0, 40
 
-FEW = 6
-"""Number of columns above which the panels are lower, so that they fit on a page."""
+FEW = 7
+"""Number of panels above which they are lower, so that they fit on a page."""
+
+MOST_RESULTS = 6
+"""Largest number of results in a figure; more would be too narrow to read."""
 
 ADDED_WIDTH = 46.0
 """Width of each result after the first [mm]."""
@@ -77,7 +92,8 @@ def draw_column(
     axis: Axes, result: Result, name: str, margin: float = 0.12, scale: tuple[Floats, ...] = ()
 ) -> None:
     """Draw one column against time, with its label, in the unit that suits the column or the values `scale`."""
-    label, factor, colour = label_of(name, result.columns.units[name], *(scale or (result[name],)))
+    scale = scale or (result[name],)
+    label, factor, colour = label_of(name, result.columns.units[name], *scale)
     axis.plot(*_line(result, name, factor), color=colour)
     axis.set_ylabel(label)
     axis.margins(y=margin)
@@ -89,23 +105,25 @@ def show_time(axis: Axes, result: Result) -> None:
     axis.set_xlabel("$t$ [s]")
 
 
-def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -> None:
+def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> None:
     """Spring forces, the force of the load cell, friction force and angle, position against time (Fig. 3), or other columns; above
-    them V(t) of a profile.
+    them V(t) of a profile. Axes of the user show their columns alone.
     """
+    if not isinstance(canvas, FigureBase):
+        _draw_in_axes(view, canvas, columns or ("spring_force_x",))
+        return
     # A file of an earlier version has no pull_force.
-    names = names or [name for name in HISTORY if name != "pull_force" or name in view.whole]
-    columns(view.whole, *names)
+    names = columns or [name for name in HISTORY if name != "pull_force" or name in view.whole]
     profile = drive_profile(view.whole)
     count = len(names) + (profile is not None)
-    axes = panels(figure, count, 28.0 * count + 20.0, sharex=True)
+    axes = panels(canvas, count, (28.0 if count <= FEW else 18.0) * count + 20.0, sharex=True)
     note(axes[0], view.notes)
     if profile is not None:
         # V(t) as a line through the corners of the drive.
         factor, unit = scaled("m/s", profile[1])
         time = np.append(profile[0], max(profile[0][-1], view.result.time[-1]))
         axes[0].plot(time, factor * np.append(profile[1], profile[1][-1]), color=BLACK)
-        axes[0].set_ylabel(with_unit("$V$", unit))
+        axes[0].set_ylabel(headed("$V$", unit))
         axes[0].margins(y=0.12)
     named: dict[str, Artist] = {}
     for axis, name in zip(axes[count - len(names) :], names, strict=True):
@@ -123,15 +141,11 @@ def draw_history(view: View, figure: FigureBase, *, names: Sequence[str] = ()) -
     show_time(axes[-1], view.result)
     if "X" in names:
         _draw_creep_inset(axes[count - len(names) + list(names).index("X")], view)
-    legend_above(figure, list(named.values()))
+    legend_above(canvas, list(named.values()))
 
 
-def draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
-    """Draw one column into each of several axes."""
-    if len(names) != len(axes):
-        raise UsageError(f"{len(names)} columns for {len(axes)} axes: give as many axes as columns")
-    columns(view.whole, *names)
-    for axis, name in zip(axes, names, strict=True):
+def _draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
+    for axis, name in zip(given_axes(axes, len(names)), names, strict=True):
         draw_column(axis, view.result, name)
         show_time(axis, view.result)
     note(axes[0], view.notes)
@@ -205,7 +219,6 @@ def _free_corner(axis: Axes) -> tuple[float, float, float, float] | None:
 
 def draw_velocities(view: View, figure: FigureBase) -> None:
     """Both slip velocities: left in the part shown, right in five periods of the stiff axis halfway to the first slip."""
-    columns(view.whole, *VELOCITIES)
     sized(figure, 80.0)
     axes = figure.subplots(2, 2, sharex="col", width_ratios=(3.0, 2.0))
     shown, slips = view.result, view.slips()
@@ -234,24 +247,18 @@ def draw_series(view: View, figure: FigureBase) -> None:
     if not names:
         raise UsageError("nothing to draw: the result holds times only: run again with other output.fields")
     # Known columns in the order of the figures, the others in the order of the file.
-    order = {name: place for place, name in enumerate(COLUMNS)}
-    names.sort(key=lambda name: order.get(name, len(order)))
-    height = 26.0 if len(names) <= FEW else 18.0
-    axes = panels(figure, len(names), height * len(names) + 12.0, letters="", sharex=True)
-    for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        draw_column(axis, view.result, name)
-        axis.lines[0].set_color(COLOURS[i % len(COLOURS)])
-        degree_ticks(axis, name)
-    note(axes[0], view.notes)
-    show_time(axes[-1], view.result)
+    names.sort(key=lambda name: list(COLUMNS).index(name) if name in COLUMNS else len(COLUMNS))
+    draw_history(view, figure, columns=names)
 
 
 def _shared(results: Mapping[str, Result], names: Sequence[str], wanted: Sequence[str]) -> list[str]:
     """The columns to compare: the named ones, which all results must have, or those of the usual ones that all have."""
+    if not 2 <= len(results) <= MOST_RESULTS:
+        raise UsageError(f"{len(results)} results to compare: give two to {MOST_RESULTS}, of different names")
     if names:
         for name, result in results.items():
             try:
-                columns(result, *names)
+                _ = [result[each] for each in names]
             except ColumnError as error:
                 raise ColumnError(f"{name}: {error}") from None
         return list(names)
@@ -265,12 +272,12 @@ def draw_comparison(
     results: Mapping[str, Result],
     figure: FigureBase,
     *,
-    names: Sequence[str] = (),
+    columns: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
 ) -> None:
     """One column of panels for each result, one row for each quantity that all have; rows share their scales."""
-    shown = _shared(results, names, HISTORY)
+    shown = _shared(results, columns, HISTORY)
     views = [view_of(result, start, end) for result in results.values()]
     sized(figure, 12.0 + 30.0 * len(shown), COLUMN_WIDTH / MM + ADDED_WIDTH * (len(results) - 1))
     axes = figure.subplots(len(shown), len(results), sharex="col", sharey="row", squeeze=False)
@@ -292,58 +299,38 @@ def draw_overlay(
     results: Mapping[str, Result],
     figure: FigureBase,
     *,
-    names: Sequence[str] = (),
+    columns: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
-    over_distance: bool = False,
 ) -> None:
-    """One panel for each quantity, with a line for each result, over time or over the distance of the driven end."""
-    shown = _shared(results, names, OVERLAID)
+    """One panel for each quantity, with a line for each result."""
+    shown = _shared(results, columns, OVERLAID)
     notes: list[str] = []
-    ends: list[float | None] = [end] * len(results)
-    lasts = [float(result.time[-1]) for result in results.values()]
-    if start is None and end is None and over_distance:
-        # Up to the distance that all have reached.
-        driven = [(_distance(name, result, result.time), result.time) for name, result in results.items()]
-        reach = min(float(length[-1]) for length, _ in driven)
-        ends = [float(np.interp(reach, length, time)) for length, time in driven]
-    elif start is None and end is None:
+    views = [view_of(result, start, end) for result in results.values()]
+    if start is None and end is None:
         # One window for all results: the longest of their windows.
-        window = max(float(view_of(result).result.time[-1]) for result in results.values())
-        ends = [min(window, last) for last in lasts]
+        lasts = [float(result.time[-1]) for result in results.values()]
+        window = max(float(view.result.time[-1]) for view in views)
         notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
-    views = [view_of(result, start, until) for result, until in zip(results.values(), ends, strict=True)]
+        ends = [min(window, last) for last in lasts]
+        views = [view_of(result, None, until) for result, until in zip(results.values(), ends, strict=True)]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
     for axis, name in zip(axes, shown, strict=True):
         units = views[0].result.columns.units[name]
         label, factor, _ = label_of(name, units, *(view.result[name] for view in views))
-        for i, (of, view) in enumerate(zip(results, views, strict=True)):
-            time, values = _line(view.result, name, factor)
-            along = 1e3 * _distance(of, view.whole, time) if over_distance else time
-            axis.plot(along, values, color=COLOURS[i], linestyle=DASHES[i])
+        for i, view in enumerate(views):
+            axis.plot(*_line(view.result, name, factor), color=COLOURS[i], linestyle=DASHES[i])
         axis.set_ylabel(label)
         axis.margins(y=0.12)
         degree_ticks(axis, name)
-    if over_distance:
-        axes[-1].set_xlabel("distance of the driven end [mm]")
-        axes[-1].margins(x=0.0)
-    else:
-        times = [view.result.time for view in views]
-        axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
+    times = [view.result.time for view in views]
+    axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
     titles = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
     handles = [
         Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(titles)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=1, handlelength=2.8)
     note(axes[0], [*notes, *dict.fromkeys(line for view in views for line in view.notes)])
-
-
-def _distance(name: str, result: Result, time: Floats) -> Floats:
-    """How far the driven end has come [m]."""
-    length = driven_length(result, time)
-    if length is None or not np.all(np.diff(np.abs(length)) >= 0.0) or not length[-1]:
-        raise UsageError(f"{name}: no distance that grows: its drive has no velocity, or goes back")
-    return np.abs(length)
 
 
 def what_differs(results: Mapping[str, Result]) -> list[str]:
@@ -366,7 +353,6 @@ def _value(name: str, parameters: Described[float | str]) -> str:
     text, factor = name.removesuffix("_deg").replace("_", " "), 1.0
     if name in PARAMETERS:
         text, units, factor = PARAMETERS[name][:3]
-    shown = str(value)
-    if isinstance(value, float):
-        shown = f"{factor * value:.6g}".replace("e+0", "e").replace("e-0", "e-")
+    shown = number_shown(factor * value if isinstance(value, float) else value)
+    shown = shown.replace("e+0", "e").replace("e-0", "e-")
     return f"{text} = {shown}{'' if units in ('', '1') else '°' if units == 'deg' else f' {units}'}"

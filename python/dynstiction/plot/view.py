@@ -14,7 +14,7 @@ from ..stick_slip import StickSlip, drive_profile, stick_slip_statistics
 from .notation import Floats, prefixed
 from .theory import stiff_frequency
 
-__all__ = ["View", "coarseness", "cycles_of", "usual_end", "view_of", "window"]
+__all__ = ["View", "coarseness", "shown_part", "view_of"]
 
 MOST_CYCLES = 12
 """A run with more cycles is shown up to its first cycles."""
@@ -22,6 +22,8 @@ SHOWN_CYCLES = 8
 """Number of cycles that are shown after the first slip."""
 COARSE = 0.25
 """Distance of samples over the period of an oscillation above which they do not show it: 0.5 is the limit of Nyquist."""
+LARGEST = 1e100
+"""Larger values would overflow in the computations for a figure."""
 SLACK = 1e-9
 """Share of the run's length by which an end of the window may be outside the run."""
 
@@ -54,14 +56,11 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
     Raises
     ------
     UsageError
-        If the start is not before the end, or one of them is outside the run.
+        If the run has fewer than two samples, or values that no axis holds; if the start is not before the end, or one of them is
+        outside the run.
     """
-    cycles = cycles_of(result)
+    cycles, begin, finish = shown_part(result, start, end)
     first, last = float(result.time[0]), float(result.time[-1])
-    if start is None and end is None:
-        begin, finish = first, usual_end(result, cycles, SHOWN_CYCLES, MOST_CYCLES)
-    else:
-        begin, finish = window(result, start, end)
     notes = []
     shown = result
     if (begin, finish) != (first, last):
@@ -71,7 +70,7 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
             raise UsageError(
                 f"from {begin:g} to {finish:g} s: the run has fewer than two samples there: choose a longer part"
             )
-        held = Described((info, values[part]) for info, values in result.columns.info())
+        held = Described(((info, values[part]) for info, values in result.columns.info()), "columns")
         shown = replace(result, columns=held)
         if start is None and end is None:
             notes.append(f"first {finish - first:.3g} s of {last - first:.4g} s")
@@ -79,9 +78,35 @@ def view_of(result: Result, start: float | None = None, end: float | None = None
     return View(result, shown, cycles, (*notes, *([coarse] if coarse else [])))
 
 
-def window(result: Result, start: float | None, end: float | None) -> tuple[float, float]:
-    """Both ends [s] of a part of a run; a `UsageError` if they are not valid."""
+def shown_part(
+    result: Result,
+    start: float | None,
+    end: float | None,
+    shown: int = SHOWN_CYCLES,
+    most: int = MOST_CYCLES,
+) -> tuple[StickSlip | None, float, float]:
+    """Cycles of a run, None if it lacks the columns for them, and both ends [s] of the part from `start` to `end`.
+
+    Without both, a run with more than `most` cycles is shown up to `shown` cycles after its first slip; one whose drive changes, and
+    one whose cycles end, as a whole. It is refused as by `view_of`.
+    """
+    if result.time.size < 2:
+        raise UsageError("nothing to draw: the result has fewer than two samples")
+    for name, values in result.columns.items():
+        if not np.all(np.abs(values) < LARGEST):
+            raise UsageError(
+                f"nothing to draw: '{name}' reaches {np.max(np.abs(values)):g}: no axis holds {LARGEST:g} or more"
+            )
+    try:
+        cycles = stick_slip_statistics(result)
+    except Error:
+        cycles = None
     first, last = float(result.time[0]), float(result.time[-1])
+    if start is None and end is None:
+        if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
+            return cycles, first, last
+        peaks = cycles["peak_time"]
+        return cycles, first, float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
     begin, finish = first if start is None else start, last if end is None else end
     slack = SLACK * (last - first)
     if not first - slack <= begin < finish <= last + slack:
@@ -89,19 +114,7 @@ def window(result: Result, start: float | None, end: float | None) -> tuple[floa
             f"from {begin:g} to {finish:g} s: the run has samples from {first:g} to {last:g} s: "
             "choose a part of it that begins before it ends"
         )
-    return max(begin, first), min(finish, last)
-
-
-def usual_end(result: Result, cycles: StickSlip | None, shown: int, most: int) -> float:
-    """Time [s] up to which a run with more than `most` cycles is shown: some cycles after its first slip.
-
-    A run whose drive changes, and one whose cycles end, is shown as a whole.
-    """
-    last = float(result.time[-1])
-    if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
-        return last
-    peaks = cycles["peak_time"]
-    return float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
+    return cycles, max(begin, first), min(finish, last)
 
 
 def coarseness(result: Result) -> str | None:
@@ -127,11 +140,3 @@ def coarseness(result: Result) -> str | None:
     )
     oscillation = f"the oscillation of {fast * frequency:.3g} {hertz}"
     return f"samples {apart * step:.3g} {second} apart do not show {oscillation}"
-
-
-def cycles_of(result: Result) -> StickSlip | None:
-    """Cycles of a run; None if it lacks the columns for them."""
-    try:
-        return stick_slip_statistics(result)
-    except Error:
-        return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
+import re
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -12,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from .. import plot
-from .._native import catalogue
 from .._output import put
 from ..errors import Error, UsageError
 from ..html import table
@@ -31,15 +31,14 @@ DOTS_PER_INCH = 220
 HEAD = ("", "value", "unit", "")
 """Of a table of names, values, units and meanings."""
 
+KEY = re.compile(r"^(?:&|  )(\w+)(?: = .*? +! (\w+)(?:, ([^;\n]*))?; ([^\n]*))?$", re.MULTILINE | re.DOTALL)
+"""A group of the resolved deck, or a key: its name, source (user or default), unit and meaning."""
+
 MOST_CYCLES = 50
 """Largest number of rows in the table of cycles."""
 
 MOST_VALUES = 12
 """Largest number of values of a list that are shown."""
-
-SAME = 1e-9
-"""Share of a mean below which its scatter is due to rounding."""
-MOST_DIGITS = 9
 
 SOURCES = (
     "The model: K. Nakano and V. L. Popov, Dynamic stiction without static friction: The role of friction vector rotation, "
@@ -56,7 +55,6 @@ CAPTIONS = {
     "damping": "Damping ratio of the slow motion against the angle of friction.",
     "creep": "Mean velocity of the first creep, compared with its closed form.",
     "path": "Tip of the friction vector in the plane of the principal axes, coloured by time.",
-    "cycle_map": "From release to release: the change of the load and the time of fast cycles, and the iterates of the run.",
     "columns": "The columns of the file.",
 }
 
@@ -66,29 +64,30 @@ def report(result: Result, name: str) -> str:
 
     The name identifies the run, for example by its file. The page loads nothing, and its security policy does not allow it.
     """
-    pieces = files(__name__)
-    figures, missing = _figures(result)
-    title = str(result.parameters.get("title", "")) or name
-    page = Template(pieces.joinpath("page.html").read_text(encoding="utf-8"))
+    sections = {
+        "What was set": _given(result),
+        "Summary": _described(result.summary),
+        "Figures": _samples(result) + _figures(result),
+        "Stick-slip cycles": _cycles(result),
+        "Every parameter": _described(result.parameters),
+        "Work done by the solver": _described(result.statistics),
+        "Provenance": table(("", ""), [(key, str(value)) for key, value in result.attributes.items()]),
+        "How to cite": _cite(result),
+        "Deck": f"<pre>{escape(result.deck)}</pre>"
+        + _folded("every key as used", f"<pre>{escape(result.resolved_deck)}</pre>"),
+    }
+    page = Template(files(__name__).joinpath("page.html").read_text(encoding="utf-8"))
     return page.substitute(
-        title=escape(title),
+        title=escape(str(result.parameters.get("title", "")) or name),
         name=escape(name),
         heading=escape(_heading(result)),
         state="complete" if result.complete else "incomplete",
-        style=pieces.joinpath("page.css").read_text(encoding="utf-8"),
-        given=_given(result),
-        summary=_described(result.summary),
-        samples=_samples(result),
-        figures=figures,
-        missing=missing,
-        cycles=_cycles(result),
-        parameters=_described(result.parameters),
-        statistics=_described(result.statistics),
-        cite=_cite(result),
-        provenance=table(("", ""), [(key, str(value)) for key, value in result.attributes.items()]),
-        deck=escape(result.deck),
-        resolved=escape(result.resolved_deck),
+        sections="\n".join(f"<section><h2>{title}</h2>{body}</section>" for title, body in sections.items()),
     )
+
+
+def _folded(title: str, content: str) -> str:
+    return f"<details><summary>{title}</summary>{content}</details>"
 
 
 def write_report(result: Result, path: str | os.PathLike[str], name: str, *, overwrite: bool = False) -> None:
@@ -109,38 +108,18 @@ def _heading(result: Result) -> str:
 
 
 def _given(result: Result) -> str:
-    """Keys that the user has set, in the deck or by settings, in the order of the deck, with the values used."""
-    # The keys of the deck; a list is not a parameter of a run, because parameters are numbers and texts.
-    known = {(key["group"], key["name"]): (key["units"], key["meaning"]) for key in catalogue()["keys"]}
-    rows = []
-    for group, keys in _set_keys(result).items():
-        for key, value in keys.items():
-            units, meaning = known.get((group, key), ("1", ""))
-            rows.append((f"{group}.{key}", _shown(value), unit_shown(units), meaning))
+    """Keys that the user has set, in the deck or by settings, which the resolved deck marks, with the values used."""
+    rows, group = [], ""
+    try:
+        values = Scene(result.resolved_deck).groups()
+    except Error:
+        values = {}
+    for name, source, units, meaning in KEY.findall(result.resolved_deck if values else ""):
+        if not source:
+            group = name
+        elif source == "user" and name in values.get(group, {}):
+            rows.append((f"{group}.{name}", _shown(values[group][name]), units, meaning))
     return table(HEAD, rows) if rows else "<p>The file does not contain the deck.</p>"
-
-
-def _set_keys(result: Result) -> dict[str, dict[str, object]]:
-    """Keys of the deck as read, and keys whose values differ from those of the deck alone, with the values used."""
-    if not (result.deck and result.resolved_deck):
-        return {}
-    try:
-        deck = Scene(result.deck)
-        given, used = deck.groups(), Scene(result.resolved_deck).groups()
-    except Error:
-        return {}
-    try:
-        alone = Scene(deck.check()).groups()
-    except Error:
-        # Without the other settings the text is not a deck.
-        alone = used
-    found: dict[str, dict[str, object]] = {}
-    for group, values in used.items():
-        first = [key for key in given.get(group, {}) if key in values]
-        others = [key for key in values if key not in first and alone.get(group, {}).get(key) != values[key]]
-        if first or others:
-            found[group] = {key: values[key] for key in (*first, *others)}
-    return found
 
 
 def _shown(value: Any) -> str:
@@ -158,18 +137,19 @@ def _described(values: Described[float] | Described[float | str]) -> str:
 
 def _samples(result: Result) -> str:
     """A note if the samples do not show the oscillation, or figures show only a part of the run."""
-    if result.time.size < 2:
+    try:
+        notes = view_of(result).notes
+    except UsageError:
         return ""
-    notes = view_of(result).notes
-    kind = "caution" if plot.coarseness(result) else "name"
-    return f'<p class="{kind}">In the figures: {escape("; ".join(notes))}.</p>' if notes else ""
+    kind = ' class="caution"' if plot.coarseness(result) else ""
+    return f"<p{kind}>In the figures: {escape('; '.join(notes))}.</p>" if notes else ""
 
 
-def _figures(result: Result) -> tuple[str, str]:
+def _figures(result: Result) -> str:
     """All kinds of figure that the run can show, the columns only if there is no other; and why it cannot show the others."""
     drawn: list[str] = []
     missing: list[str] = []
-    for kind in plot.KINDS:
+    for kind, caption in CAPTIONS.items():
         if kind == "columns" and drawn:
             continue
         try:
@@ -177,15 +157,13 @@ def _figures(result: Result) -> tuple[str, str]:
         except UsageError as error:
             missing.append(f"<li><b>{kind}</b>: {escape(str(error))}</li>")
             continue
-        caption, data = escape(CAPTIONS[kind]), base64.b64encode(picture).decode("ascii")
+        data = base64.b64encode(picture).decode("ascii")
         drawn.append(
-            f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{caption}</figcaption></figure>"
+            f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
         )
-    why = (
-        f"<p>Figures that this run does not have, and why:</p><ul>{''.join(missing)}</ul>" if missing else ""
-    )
-    return "\n".join(drawn) or "<p>Too few samples for a figure.</p>", why
+    why = f"<p>Figures that this run does not have, and why:</p><ul>{''.join(missing)}</ul>"
+    figures = "".join(drawn) or "<p>Too few samples for a figure.</p>"
+    return f'<div class="figures">{figures}</div>' + (why if missing else "")
 
 
 def _cite(result: Result) -> str:
@@ -212,30 +190,22 @@ def _cycles(result: Result) -> str:
     # The values of the summary are more accurate: it finds extremes between the samples.
     found = result.summary
     if means:
-        scatters = {name: found.get(f"{name}_scatter", scatter.get(name)) for name in means}
         rows = [
-            (name, _with_scatter(found.get(name, value), scatters[name]), unit_shown(units), meaning)
+            (
+                name,
+                number_shown(found.get(name, value)),
+                number_shown(found.get(f"{name}_scatter", scatter.get(name, "")), 2),
+                unit_shown(units),
+                meaning,
+            )
             for (name, units, meaning), value in means.info()
         ]
-        count = int(np.count_nonzero(cycles.settled))
-        settled = f"<p>Mean ± standard deviation of {count} settled cycles, of {len(cycles)} slips:</p>"
-        settled += table(HEAD, rows)
+        settled = f"<p>{np.count_nonzero(cycles.settled)} settled cycles, of {len(cycles)} slips:</p>"
+        settled += table(("", "mean", "standard deviation", "unit", ""), rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
     head = [headed(name, units) for name, units in cycles.columns.units.items()]
     values = np.stack([cycles[name] for name in cycles], axis=1)[:MOST_CYCLES]
     cells = [["" if np.isnan(value) else f"{value:.6g}" for value in row] for row in values]
     more = f"<p>The first {MOST_CYCLES} of {len(cycles)}.</p>" if len(cycles) > MOST_CYCLES else ""
-    return f"{settled}<details><summary>Every cycle</summary>{table(head, cells)}{more}</details>"
-
-
-def _with_scatter(mean: float, scatter: float | None) -> str:
-    """Mean and standard deviation with two digits of the latter; without scatter, six digits of the mean."""
-    if scatter is None:
-        return f"{mean:.6g}"
-    if not scatter > SAME * abs(mean):
-        return f"{mean:.6g} ± 0"
-    digits = 1 - int(np.floor(np.log10(scatter)))
-    if digits <= 0 or digits > MOST_DIGITS:
-        return f"{mean:.6g} ± {scatter:.2g}"
-    return f"{mean:.{digits}f} ± {scatter:.{digits}f}"
+    return settled + _folded("Every cycle", table(head, cells) + more)

@@ -1,4 +1,6 @@
-"""A fit: its waveform over the cycle and around the slip with the residuals, each cycle by itself, and its parameters two by two."""
+"""A measured trace: the mean waveforms of it and of a run; a fit with its residuals, each cycle by itself, and its parameters two by
+two.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,25 @@ from matplotlib.figure import Figure
 
 from .._fit.problem import explained_by_each, unit_of
 from ..errors import UsageError
-from .notation import Floats
+from .notation import Floats, prefixed
 from .style import BLACK, BLUE, VERMILION, new_figure, panels, sized
 
 if TYPE_CHECKING:
+    from ..trace_comparison import TraceComparison
     from ..trace_fit import Fit
 
-__all__ = ["FIT_KINDS", "check_fit_kind", "draw_corner", "draw_cycles", "draw_fit", "fit_figure"]
+__all__ = [
+    "FIT_KINDS",
+    "check_fit_kind",
+    "draw_corner",
+    "draw_cycles",
+    "draw_fit",
+    "draw_trace_comparison",
+    "fit_figure",
+]
 
+ERRORS = 2.0
+"""Half width of the band of a mean waveform in standard errors."""
 LIMIT = 4.0
 """Colours show residuals of a cycle up to so many of its errors."""
 BINS = 12
@@ -32,6 +45,38 @@ SIDE = 24.0
 AROUND = 2.5
 """Time that is shown before and after the middle of the slip, in durations of the fall."""
 DOTS: Any = {"marker": ".", "linestyle": "", "color": BLUE, "markersize": 2.5}
+
+
+def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
+    """(a) Mean force over a cycle, (b) around the slip, (c) the lateral force if the trace has one.
+
+    Bands are two standard errors wide to either side.
+    """
+    longest = float(np.max(np.abs(comparison.measured_slip.phase)))
+    scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
+    around, over_cycle = f"time from the middle of the slip [{unit}]", "phase from slip to slip"
+    force, lateral = "force along the pull [N]", "lateral force [N]"
+    rows = [
+        (1.0, over_cycle, force, (comparison.measured_waveform, comparison.simulated_waveform)),
+        (scale, around, force, (comparison.measured_slip, comparison.simulated_slip)),
+    ]
+    if comparison.measured_lateral is not None and comparison.simulated_lateral is not None:
+        rows.append((1.0, over_cycle, lateral, (comparison.measured_lateral, comparison.simulated_lateral)))
+    axes = panels(figure, len(rows), 54.0 * len(rows))
+    for axis, (factor, xlabel, ylabel, forms) in zip(axes, rows, strict=True):
+        # Where both lines are the same, the wider one is visible beneath the other.
+        for form, colour, name, width in zip(
+            forms, (BLUE, VERMILION), ("measured", "simulated"), (1.6, 0.7), strict=True
+        ):
+            phase, band = factor * form.phase, ERRORS * np.nan_to_num(form.error)
+            ends = (form.force - band, form.force + band)
+            axis.fill_between(phase, *ends, color=colour, alpha=0.25, linewidth=0.0)
+            label = f"{name}, {form.cycles} cycles"
+            axis.plot(phase, form.force, color=colour, linewidth=width, label=label)
+        axis.margins(y=0.08)
+        axis.set(xlabel=xlabel, ylabel=ylabel)
+        axis.set_xlim(factor * forms[0].phase[[0, -1]] if xlabel == around else (0.0, 1.0))
+    figure.axes[0].legend(loc="lower right")
 
 
 def check_fit_kind(kind: str) -> None:
@@ -50,8 +95,9 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     """Mean force over a cycle and around the slip, displacement in the creep if it was measured, residuals in standard errors."""
     wave = fit.waveform
     has_way = wave.ahead is not None
+    ratios = (3.0, 3.0, *([3.0] * has_way), 2.0)
     sized(figure, 170.0 if has_way else 130.0)
-    axes = figure.subplots(3 + has_way, 1, height_ratios=(3.0, 3.0, *([3.0] * has_way), 2.0))
+    axes = figure.subplots(len(ratios), 1, height_ratios=ratios)
     cycle, slip, residual = axes[0], axes[1], axes[-1]
     if wave.ahead is not None:
         time = wave.time[: fit.ahead.size]
