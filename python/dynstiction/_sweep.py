@@ -150,10 +150,7 @@ def sweep(
             warnings.warn(core.stiffness_note, StiffnessWarning, stacklevel=2)
         work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
-            if executor is None:
-                work.run(threads, show)
-            else:
-                work.run_on(executor, scene.source, show)
+            work.run(scene.source, threads, executor, show)
         if work.stopped:
             with held_back(forget=True):
                 done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
