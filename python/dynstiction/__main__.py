@@ -14,12 +14,11 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ._arguments import names_in
+from ._arguments import names_in, nearest
 from ._commands import PROGRAM, Layout, add_commands
 from ._native import catalogue
 from ._output import check_outputs, put
@@ -116,7 +115,8 @@ def _how_to_run(command: str) -> str:
 
 def _nearest(given: str, known: Sequence[str]) -> str:
     """The nearest known word, as the beginning of a remedy; empty if no word is near."""
-    return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
+    near = nearest(given, known)
+    return f"the nearest is '{near}', " if near else ""
 
 
 def _say(text: object, end: str = "\n") -> None:
@@ -284,6 +284,15 @@ def _warn_of_samples(results: Mapping[str, Result]) -> None:
             )
 
 
+def _scene(options: argparse.Namespace) -> Scene:
+    """The scene of the deck, with settings as those of the executable, in which text has no quotes."""
+    scene = Scene(Path(options.deck))
+    scene._name = options.deck
+    for setting in options.set:
+        name, _, scene._settings[name.lower()] = setting.partition("=")
+    return scene
+
+
 def _trace(options: argparse.Namespace, path: str) -> Trace:
     """The trace in a file that the options of a command describe."""
     from .trace_file import read_trace  # noqa: PLC0415
@@ -368,7 +377,7 @@ def _compare(options: argparse.Namespace) -> None:
 
     write = _figure(options, f"{_stem(options.trace)}_compared.png", [options.deck, options.trace])
     trace = _trace(options, options.trace)
-    comparison = compare(Scene.of_command(options.deck, options.set), trace, chain=_chain(options))
+    comparison = compare(_scene(options), trace, chain=_chain(options))
     _say(comparison.report())
     write(comparison.plot())
 
@@ -387,7 +396,7 @@ def _fit(options: argparse.Namespace) -> int:
         warnings.simplefilter("ignore", FitWarning)
         traces = [_trace(options, each) for each in options.traces]
         found = fit(
-            Scene.of_command(options.deck, options.set),
+            _scene(options),
             traces,
             options.free,
             each=_pairs("--with", vars(options)["with"], "KEY=VALUE,VALUE", ",", None),
@@ -436,7 +445,7 @@ def _trade(options: argparse.Namespace) -> None:
     from ._trade import trade  # noqa: PLC0415
 
     write = _figure(options, f"{Path(options.deck).stem}_trade.png", [options.deck])
-    found = trade(Scene.of_command(options.deck, options.set), options.budget, options.quantities or "")
+    found = trade(_scene(options), options.budget, options.quantities or "")
     _say(found.report())
     write(found.plot())
     _say(found.recommend(options.accuracy)[1], end="")
@@ -445,7 +454,7 @@ def _trade(options: argparse.Namespace) -> None:
 def _range(options: argparse.Namespace) -> None:
     from .ranges import KEYS, stick_slip_range  # noqa: PLC0415
 
-    _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.key or KEYS))
+    _say(stick_slip_range(_scene(options), options.key or KEYS))
 
 
 def _branch(options: argparse.Namespace) -> None:
@@ -460,7 +469,7 @@ def _branch(options: argparse.Namespace) -> None:
         raise UsageError(
             f"--along {options.along!r}: write GROUP.KEY=FROM:TO, like system.misalignment_deg=1:9"
         ) from None
-    found = branch(Scene.of_command(options.deck, options.set), key, start, end, slow_cycles=options.most)
+    found = branch(_scene(options), key, start, end, slow_cycles=options.most)
     _say(found)
     if found.branches:
         write(draw(found))

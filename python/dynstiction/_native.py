@@ -10,9 +10,8 @@ from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, Ty
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import shown
+from ._arguments import nearest, shown
 from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
-from ._names import Info, nearest
 from .errors import Error, UsageError, error_for
 
 # Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
@@ -25,6 +24,7 @@ __all__ = [
     "Cycles",
     "DeckSource",
     "Derivatives",
+    "Info",
     "KeyInfo",
     "Run",
     "Sensitivity",
@@ -100,6 +100,14 @@ class DeckSource(NamedTuple):
         if setting > 0:
             return self.settings[setting - 1].partition("=")[0]
         return self.fields.get(line) or (f"{self.name}:{line}" if line > 0 else self.name)
+
+
+class Info(NamedTuple):
+    """Name, unit and meaning of a column or a scalar."""
+
+    name: str
+    units: str
+    long_name: str
 
 
 class KeyInfo(NamedTuple):

@@ -14,7 +14,6 @@ from . import _native
 from ._arguments import flag, reals, shown, whole
 from ._interrupt import held_back, interrupted
 from ._open import info_of, own_datasets, values_in
-from ._optional import needed
 from ._progress import progress_bar
 from ._sweep_work import Work
 from .errors import DeckError, IncompleteWarning, StiffnessWarning, UsageError
@@ -104,8 +103,6 @@ def sweep(
         is not positive, `executor` is not an executor, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
     KeyboardInterrupt
         On Ctrl-C; its attribute ``partial`` is the dataset with the finished cases.
-    PackageError
-        If xarray is not installed.
     MemoryError
         If the results of all cases do not fit into the memory.
 
@@ -124,7 +121,6 @@ def sweep(
     >>> with concurrent.futures.ProcessPoolExecutor() as pool:                   # doctest: +SKIP
     ...     data = ds.sweep("inputs/fig3.nml", {"mu_0": [0.2, 0.3]}, executor=pool)
     """
-    needed("xarray", "sweep")
     scene = Scene(deck, **changes)
     if not (parameters is None or isinstance(parameters, Mapping)):
         raise UsageError(f"parameters = {shown(parameters)}: a mapping, {{'misalignment_deg': values}}")
@@ -232,7 +228,6 @@ def _about(info: Info) -> dict[str, str]:
 
 def read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
     """The sweep in a file, as `sweep` gives it; see `dynstiction.open`."""
-    needed("xarray", "open")
     code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
     if code != 0:
         warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=4)

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .._names import nearest
+from .._arguments import nearest
 from .._native import catalogue
 from ..errors import ColumnError
 from ..result import Result
