@@ -10,7 +10,7 @@ module dst_python_api
   use dst_build_info, only: version, git_revision, compiler, build_flags
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
-  use dst_kinds, only: wp, int64, pi
+  use dst_kinds, only: wp, int64
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_cycle_return, only: find_return, return_values
@@ -802,59 +802,42 @@ contains
     end do
   end subroutine equations
 
-  !> Creep at n points of phi [rad] and kappa. For the form 'exact' values(:, k) are
-  !> alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed',
-  !> 'third_order'. fault: 0, or the condition that the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
-  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 for Eq. (8).
-  subroutine creep(form, n, tau, phi, kappa, n_values, values, point, fault)
+  !> Creep at n points of tau, phi [rad] and kappa within the range of the `form`. For 'exact' values(:, k) are alpha, theta, psi
+  !> [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed', 'third_order'.
+  subroutine creep(form, n, tau, phi, kappa, n_values, values)
     character(len=*), intent(in) :: form
     integer(c_int), intent(in) :: n, n_values
     real(c_double), intent(in) :: tau(n), phi(n), kappa(n)
     real(c_double), intent(out) :: values(n, n_values)
-    integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
     type(creep_path_t) :: path
     type(creep_t) :: here
     real(wp) :: angle, ratio, side, time
     integer :: i
 
-    angle = 0.0_wp
+    angle = huge(angle)
     ratio = 0.0_wp
     side = 1.0_wp
-    path = new_creep_path(angle, ratio)
-    fault = 0
     do i = 1, n
-      point = int(i, c_int)
-      ! Not `>`: a NaN must be found, too.
-      if (.not. (abs(phi(i) - angle) <= 0.0_wp .and. abs(kappa(i) - ratio) <= 0.0_wp)) then
-        angle = phi(i)
-        ratio = kappa(i)
-        if (.not. abs(angle) < 0.5_wp*pi) fault = 2
-        if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
-        if (fault > 0) return
-        if (form == 'exact') path = new_creep_path(abs(angle), ratio)
-        side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
-      end if
       time = real(tau(i), wp)
-      if (form /= 'exact') then
-        if (.not. (time >= 0.0_wp .and. time < 1.0_wp)) fault = 5
-      else if (.not. (time >= 0.0_wp .and. time <= huge(tau))) then
-        fault = 1
-      else if (.not. abs(angle) > 0.0_wp .and. time >= 1.0_wp) then
-        fault = 4
-      end if
-      if (fault > 0) return
       select case (form)
       case ('exact')
+        ! A path serves all times on it.
+        if (abs(phi(i) - angle) > 0.0_wp .or. abs(kappa(i) - ratio) > 0.0_wp) then
+          angle = phi(i)
+          ratio = kappa(i)
+          path = new_creep_path(abs(angle), ratio)
+          side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
+        end if
         here = creep_at(path, time)
         values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
                              here%position, here%deficit], c_double)
       case ('first_power')
-        values(i, 1) = real(first_power(abs(angle), time), c_double)
+        values(i, 1) = real(first_power(abs(real(phi(i), wp)), time), c_double)
       case ('printed')
-        values(i, 1) = real(printed(abs(angle), time), c_double)
+        values(i, 1) = real(printed(abs(real(phi(i), wp)), time), c_double)
       case default
-        values(i, 1) = real(third_order(abs(angle), time), c_double)
+        values(i, 1) = real(third_order(abs(real(phi(i), wp)), time), c_double)
       end select
     end do
   end subroutine creep

@@ -14,24 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import UsageError
 
-__all__ = [
-    "LARGEST",
-    "SMALLEST",
-    "finite",
-    "flag",
-    "generator",
-    "instance",
-    "names_in",
-    "nearest",
-    "number",
-    "path_name",
-    "reals",
-    "shape_of",
-    "shown",
-    "text",
-    "whole",
-]
-
 ALIKE = 0.6
 """Similarity from which a name is suggested; the default of `difflib`."""
 

@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ARGUMENTS", "PROGRAM", "Layout", "add_commands", "argument_of", "described"]
-
 PROGRAM = "dynstiction"
 """Name of the executable, and of what wrote a result."""
 

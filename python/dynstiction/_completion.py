@@ -12,8 +12,6 @@ from itertools import pairwise
 from ._commands import ARGUMENTS, argument_of
 from ._native import catalogue
 
-__all__ = ["completions"]
-
 
 def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
     """Candidates for the last of the words after the program's name."""

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["held_back", "interrupted"]
-
 
 def interrupted(message: str, partial: object) -> KeyboardInterrupt:
     """A `KeyboardInterrupt` with the results until then as the attribute ``partial``.

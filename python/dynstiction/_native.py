@@ -17,52 +17,11 @@ from .errors import Error, UsageError, error_for
 # Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
 _core: Any = dst_python_api
 
-__all__ = [
-    "CHUNK_SECONDS",
-    "Advance",
-    "Closing",
-    "Cycles",
-    "DeckSource",
-    "Derivatives",
-    "Info",
-    "KeyInfo",
-    "Run",
-    "Sensitivity",
-    "Session",
-    "Settling",
-    "Steady",
-    "Sweep",
-    "Value",
-    "catalogue",
-    "creep",
-    "deck_values",
-    "equations",
-    "group_names",
-    "group_of",
-    "key_info",
-    "origin",
-    "schema",
-    "steady_sliding",
-    "text_from",
-    "unknown_key",
-    "with_integers",
-]
-
 CHUNK_SECONDS = 0.05
 """Wall time between two checks for Ctrl-C."""
 
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
 """Result codes of a case that was not run, of a run that has not ended, and of one that stopped early; others are errors."""
-
-RANGES = {
-    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
-    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
-    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
-    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
-    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
-}
-"""Limit that a point of creep violates, by the core's number for it."""
-
 
 COUNTS = ("cycles", "sticks", "repeats", "regularity")
 """Summary values that are whole numbers."""
@@ -426,11 +385,8 @@ class Sweep(Session):
         edges = np.cumsum(self.numbers("axes")[0], dtype=int)[:-1]
         self.axes = list(zip(self.infos("axes"), np.split(self.numbers("points")[:, 0], edges), strict=True))
         self.quantities = self.infos("quantities")
-        self.stiffness_note = self.text("stiffness_note")
-        """Why the method is slow on the scene of the deck; empty if it is not."""
         self.cycle_quantities = self.infos("cycles")
         self.most_cycles = int(self.numbers("cycles").max(initial=0))
-        self.resolved_deck = self.text("resolved")
 
     def run(self, first: int, count: int) -> Cases:
         """Run cases `first` (from 0) and following. Several threads may do so at once."""
@@ -569,12 +525,22 @@ def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points (n), from the routine of the core."""
-    values: NDArray[np.float64]
-    values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
-    if fault != 0:
-        points = {"tau": tau, "phi": phi, "kappa": kappa}
-        here = {name: float(array[point - 1]) for name, array in points.items()}
-        raise UsageError(RANGES[fault].format(**here))
+    ranges = {
+        "kappa = {kappa:.17g}: kappa must be in [0, 1)": (kappa >= 0.0) & (kappa < 1.0),
+        "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad": np.abs(phi) < 0.5 * np.pi,
+    }
+    if form == "exact":
+        ranges["tau = {tau:.17g}: tau must be finite and in [0, inf)"] = (tau >= 0.0) & np.isfinite(tau)
+        ranges[
+            "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
+        ] = (phi != 0.0) | (tau < 1.0)
+    else:
+        ranges["tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)"] = (tau >= 0.0) & (tau < 1.0)
+    wrong = np.argwhere(~np.array(list(ranges.values())).T)
+    if wrong.size > 0:
+        point, which = wrong[0]
+        raise UsageError(list(ranges)[which].format(tau=tau[point], phi=phi[point], kappa=kappa[point]))
+    values: NDArray[np.float64] = _core.creep(form, tau, phi, kappa, n_values)
     return values.T
 
 

@@ -12,8 +12,6 @@ from collections.abc import Iterable
 
 from .errors import FileError
 
-__all__ = ["check_outputs", "make_folder", "put"]
-
 Path = str | os.PathLike[str]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"

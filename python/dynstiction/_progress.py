@@ -12,8 +12,6 @@ from typing import Any
 from ._arguments import flag
 from .errors import PackageError
 
-__all__ = ["progress_bar"]
-
 DELAY = 1.0
 """Shorter tasks have no bar [s]."""
 

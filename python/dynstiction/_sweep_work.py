@@ -22,8 +22,6 @@ from .errors import IncompleteWarning
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
 
-__all__ = ["Work"]
-
 SHORTEST_TASK = 4
 """If several cases run side by side in a thread, each place is used this many times before the thread fetches more."""
 
