@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import nearest, shown
 from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
-from .errors import Error, UsageError, error_for
+from .errors import UsageError, error_for
 
 # Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
 _core: Any = dst_python_api
@@ -42,20 +42,8 @@ class DeckSource(NamedTuple):
     fields: Mapping[int, str] = {}
     """Group or key of each line, if the text was made from groups: messages name the key, not the line."""
 
-    def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
-        """Exception for a status of the core; its text names keys if the user gave keys.
-
-        Parameters
-        ----------
-        status, message
-            Status and message of the core.
-        faults : iterable of (int, int, str)
-            Line of the deck, number of the setting (0 if it is not a setting), and what is wrong, for each fault of a deck.
-        """
-        lines = [f"{self._place(line, setting)}: {text}" for line, setting, text in faults]
-        return error_for(status, "\n".join(lines) or message)
-
-    def _place(self, line: int, setting: int) -> str:
+    def place(self, line: int, setting: int) -> str:
+        """Where a fault is, by its line or, if it is in a setting, the number of that: the key, if the user gave keys."""
         if setting > 0:
             return self.settings[setting - 1].partition("=")[0]
         return self.fields.get(line) or (f"{self.name}:{line}" if line > 0 else self.name)
@@ -86,20 +74,6 @@ class KeyInfo(NamedTuple):
     used_by: tuple[tuple[str, tuple[str, ...]], ...]
     """Keys on which the use of this key depends, and the choices with which it is used."""
     meaning: str
-
-
-class Advance(NamedTuple):
-    """Results of one call of `Run.advance`."""
-
-    outcome: tuple[int, str] | None
-    """Result code (0 done) and its text, if the run has ended."""
-    reached: bool
-    time: float
-    """Simulated time reached [s]."""
-    samples: NDArray[np.float64]
-    """(columns, rows), C-contiguous"""
-    events: NDArray[np.float64]
-    """(rows, 4)"""
 
 
 class Closing:
@@ -193,9 +167,9 @@ class Session(Closing):
         """Raise an exception if the core has refused the deck."""
         if status != 0:
             texts, places = self.table("faults")
-            lines, settings = places.astype(int).tolist()
-            faults = zip(lines, settings, (text for (text,) in texts), strict=True)
-            raise self._deck.error(status, self.text("message"), faults)
+            faults = zip(texts, places.T.astype(int).tolist(), strict=True)
+            lines = [f"{self._deck.place(*place)}: {text}" for (text,), place in faults]
+            raise error_for(status, "\n".join(lines) or self.text("message"))
 
 
 class Run(Session):
@@ -213,9 +187,11 @@ class Run(Session):
 
     def advance(
         self, seconds: float, until: float = np.inf, before: NDArray[np.float64] | None = None
-    ) -> Advance:
-        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock; the samples follow
-        those `before`.
+    ) -> tuple[tuple[int, str] | None, bool, float, NDArray[np.float64], NDArray[np.float64]]:
+        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock.
+
+        Returns the result code and its text, if the run has ended; whether `until` is reached; the time that is reached [s]; samples
+        (columns, rows), C-contiguous, which follow those `before`; and events (rows, 4).
         """
         handle, n_columns = self.handle, len(self.columns)
         finished, reached, n_rows, n_events, time, status = _core.proceed(handle, seconds, until)
@@ -227,7 +203,7 @@ class Run(Session):
             _core.run_samples(handle, first, samples.T)
         events = self.numbers("events").T if n_events > 0 else np.empty((0, 4))
         text = self.text("message") if status != 0 else "done"
-        return Advance((status, text) if finished else None, bool(reached), time, samples, events)
+        return (status, text) if finished else None, bool(reached), time, samples, events
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""

@@ -16,7 +16,7 @@ from . import _native
 from ._arguments import number, reals
 from ._interrupt import held_back, interrupted
 from ._progress import progress_bar
-from .errors import IncompleteWarning, SolverError, UsageError
+from .errors import IncompleteWarning, SolverError, UsageError, error_for
 from .groups import Changes
 from .record import EVENTS, LOG_DTYPE, Described, events_between, log_until
 from .result import Result
@@ -279,11 +279,12 @@ class Simulation(_native.Closing):
             with held_back():
                 # Another thread may read the samples meanwhile: the list is changed at the end.
                 short = [piece for piece in self._samples[-1:] if piece.shape[1] < SHORT]
-                done = self._core.advance(_native.CHUNK_SECONDS, aim, *short)
-                self._samples[len(self._samples) - len(short) :] = [done.samples]
-                self._log.append(done.events)
-                self._reached, self._outcome = done.time, done.outcome
-            reached = done.reached
+                outcome, reached, time, samples, events = self._core.advance(
+                    _native.CHUNK_SECONDS, aim, *short
+                )
+                self._samples[len(self._samples) - len(short) :] = [samples]
+                self._log.append(events)
+                self._reached, self._outcome = time, outcome
             if self._outcome is not None:
                 summary, work = self._core.ending()
                 self._summary = Described(summary, "summary")
@@ -310,7 +311,7 @@ class Simulation(_native.Closing):
         if code == _native.STOPPED_EARLY:
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
         elif code != 0:
-            error = self._scene.source.error(code, text)
+            error = error_for(code, text)
             if isinstance(error, SolverError):
                 error.result = self._result_so_far()
             raise error
