@@ -280,12 +280,11 @@ contains
   end subroutine find_steady
 
   !> Continue for at most `seconds` of wall time [s]: with derivatives, with the motion from rest, or with a run until it has
-  !> `reached` the simulated time `until` [s]; rows and events of a run can then be fetched. `time` [s] is how far it has come,
-  !> `status` the result code of a run that has ended.
-  subroutine proceed(handle, seconds, until, finished, reached, n_rows, n_events, time, status)
+  !> `reached` the simulated time `until` [s]. `time` [s] is how far it has come, `status` the result code of a run that has ended.
+  subroutine proceed(handle, seconds, until, finished, reached, time, status)
     integer(c_long_long), intent(in) :: handle
     real(c_double), intent(in) :: seconds, until
-    integer(c_int), intent(out) :: finished, reached, n_rows, n_events, status
+    integer(c_int), intent(out) :: finished, reached, status
     real(c_double), intent(out) :: time
     !f2py threadsafe
     type(holder_t), pointer :: held
@@ -293,17 +292,14 @@ contains
 
     held => holder_of(handle)
     has_reached = .false.
-    n_rows = 0
-    n_events = 0
     time = 0.0_c_double
     if (associated(held%run)) then
-      associate (self => held%run)
-        call self%simulation%proceed(real(seconds, wp), self%writer, self%error, until=real(until, wp))
-        is_finished = self%simulation%finished
-        has_reached = self%simulation%has_reached(real(until, wp))
-        n_rows = int(self%writer%rows, c_int)
-        n_events = int(self%writer%events, c_int)
-        time = real(self%simulation%motion%piece%to%time, c_double)
+      associate (simulation => held%run%simulation)
+        if (.not. simulation%finished) &
+          call simulation%proceed(real(seconds, wp), held%run%writer, held%run%error, until=real(until, wp))
+        is_finished = simulation%finished
+        has_reached = simulation%has_reached(real(until, wp))
+        time = real(simulation%motion%piece%to%time, c_double)
       end associate
     else if (allocated(held%cycles%derivatives%key)) then
       call held%cycles%derivatives%proceed(real(seconds, wp), held%cycles%error)
@@ -513,8 +509,8 @@ contains
 
   !> Also 'about', whose lines are the model, the method, why model 'auto' was taken as it, what the samples will not show, why the
   !> method is slow, and then the resolved deck; 'columns', 'parameters', in which a text has the second number 1, 'summary', and
-  !> 'statistics', in which a counter has it, as far as the run has proceeded, and the waiting 'events': time [s], kind (1 = stick
-  !> begins, 2 = slip begins), how often it occurs, and its period [s].
+  !> 'statistics', in which a counter has it, as far as the run has proceeded, and the 'events' so far: time [s], kind (1 = stick
+  !> begins, 2 = slip begins), how often it occurs, and its period [s]; 'rows', the number of samples.
   subroutine reply_of_run(self, which, text)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
@@ -554,7 +550,8 @@ contains
         call give(self, reshape([(log(i)%time, real(log(i)%kind, wp), real(log(i)%occurs, wp), log(i)%period, i=1, size(log))], &
           [4, size(log)]))
       end associate
-      self%writer%events = 0
+    case ('rows')
+      call give_row(self, [real(self%writer%rows, wp)])
     case default
       call self%session_t%reply(which, text)
     end select
@@ -691,10 +688,10 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Fetch the waiting samples (row, column) into the rows after the first `before` ones.
-  subroutine run_samples(handle, before, n_rows, n_columns, samples)
+  !> The samples so far (row, column).
+  subroutine run_samples(handle, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: before, n_rows, n_columns
+    integer(c_int), intent(in) :: n_rows, n_columns
     real(c_double), intent(inout) :: samples(n_rows, n_columns)   !! f2py would clear one that is made here, which takes as long
     type(holder_t), pointer :: held
     !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
@@ -703,11 +700,10 @@ contains
     integer :: from, to
 
     held => holder_of(handle)
-    do from = 1, n_rows - before, block_rows
-      to = min(from + block_rows - 1, int(n_rows - before))
-      samples(before + from:before + to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
+    do from = 1, n_rows, block_rows
+      to = min(from + block_rows - 1, int(n_rows))
+      samples(from:to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
     end do
-    held%run%writer%rows = 0
   end subroutine run_samples
 
   !> Run the cases `first` to `first + n - 1`: values (value, case), cycles (quantity, cycle, case) with their numbers, result

@@ -185,25 +185,21 @@ class Run(Session):
         self.sampling_note, self.stiffness_note = notes
         """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
-    def advance(
-        self, seconds: float, until: float = np.inf, before: NDArray[np.float64] | None = None
-    ) -> tuple[tuple[int, str] | None, bool, float, NDArray[np.float64], NDArray[np.float64]]:
+    def advance(self, seconds: float, until: float = np.inf) -> tuple[tuple[int, str] | None, bool, float]:
         """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock.
 
-        Returns the result code and its text, if the run has ended; whether `until` is reached; the time that is reached [s]; samples
-        (columns, rows), C-contiguous, which follow those `before`; and events (rows, 4).
+        Returns the result code and its text, if the run has ended; whether `until` is reached; the time that is reached [s].
         """
-        handle, n_columns = self.handle, len(self.columns)
-        finished, reached, n_rows, n_events, time, status = _core.proceed(handle, seconds, until)
-        first = 0 if before is None else before.shape[1]
-        samples = np.empty((n_columns, first + n_rows))
-        if first > 0:
-            samples[:, :first] = before
-        if n_rows > 0:
-            _core.run_samples(handle, first, samples.T)
-        events = self.numbers("events").T if n_events > 0 else np.empty((0, 4))
+        finished, reached, time, status = _core.proceed(self.handle, seconds, until)
         text = self.text("message") if status != 0 else "done"
-        return (status, text) if finished else None, bool(reached), time, samples, events
+        return (status, text) if finished else None, bool(reached), time
+
+    def samples(self) -> NDArray[np.float64]:
+        """The samples so far (columns, rows), C-contiguous."""
+        samples = np.empty((len(self.columns), int(self.numbers("rows")[0, 0])))
+        if samples.size > 0:
+            _core.run_samples(self.handle, samples.T)
+        return samples
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import flag, reals, shown, whole
-from ._interrupt import held_back, interrupted
+from ._interrupt import interrupted
 from ._progress import progress_bar
 from ._sweep_work import Work
 from .errors import DeckError, StiffnessWarning, UsageError
@@ -144,9 +144,10 @@ def sweep(
         with progress_bar(progress, core.cases, BAR) as show:
             work.run(scene.source, threads, executor, show)
         if work.stopped:
-            with held_back(forget=True):
-                done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
-                raise interrupted(f"stopped after {done}; `partial` has their results", _data_of(core, work))
+            done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
+            raise interrupted(
+                f"stopped after {done}; `partial` has their results", lambda: _data_of(core, work)
+            )
         data = _data_of(core, work)
     work.warn(stacklevel=2)
     return data
