@@ -5,7 +5,7 @@
 !> state, so different runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_loc, c_f_pointer, c_intptr_t, c_null_ptr
   use dst_assembly, only: slider_from_scene
   use dst_build_info, only: version, git_revision, compiler, build_flags
   use dst_catalogue, only: catalogue
@@ -149,7 +149,7 @@ contains
     type(holder_t), pointer :: holder
 
     allocate (holder)
-    handle = handle_of(c_loc(holder))
+    handle = int(transfer(c_loc(holder), 0_c_intptr_t), c_long_long)
     select case (what)
     case ('library', 'deck')
       allocate (holder%session)
@@ -370,25 +370,13 @@ contains
     deallocate (held)
   end subroutine release
 
+  !> The target of a handle: the number is its address.
   function holder_of(handle) result(holder)
     integer(c_long_long), intent(in) :: handle
     type(holder_t), pointer :: holder
 
-    call c_f_pointer(address_of(handle), holder)
+    call c_f_pointer(transfer(int(handle, c_intptr_t), c_null_ptr), holder)
   end function holder_of
-
-  !> Conversion between an address and the number that Python keeps for it.
-  pure integer(c_long_long) function handle_of(address)
-    type(c_ptr), intent(in) :: address
-
-    handle_of = int(transfer(address, 0_c_intptr_t), c_long_long)
-  end function handle_of
-
-  pure type(c_ptr) function address_of(handle)
-    integer(c_long_long), intent(in) :: handle
-
-    address_of = transfer(int(handle, c_intptr_t), address_of)
-  end function address_of
 
   !> Numbers for an answer.
   subroutine give(self, number)
