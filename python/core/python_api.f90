@@ -516,9 +516,9 @@ contains
       call describe(self, text, self%simulation%output_columns())
     case ('parameters')
       call parameters_of(self%deck, parameters, self%simulation%scene%interval)
-      call give(self, reshape([(parameters(i)%value, merge(1.0_wp, 0.0_wp, allocated(parameters(i)%text)), &
-        i=1, size(parameters))], [2, size(parameters)]))
+      call give(self, reshape([(0.0_wp, i=1, 2*size(parameters))], [2, size(parameters)]))
       do i = 1, size(parameters)
+        self%number(:, i) = [parameters(i)%value, merge(1.0_wp, 0.0_wp, allocated(parameters(i)%text))]
         if (.not. allocated(parameters(i)%text)) parameters(i)%text = ''
         call text%line(row_of(parameters(i)%quantity)//bar//parameters(i)%text)
       end do
