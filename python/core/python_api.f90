@@ -1,16 +1,16 @@
 !> The one flat file for f2py: decks, runs and sweeps by handle, and for arrays the equations of motion and slow creep.
 !>
-!> Texts are passed in as arrays of single characters, since f2py cuts a longer one at a NUL; texts that are returned are UTF-8,
-!> padded with blanks. Objects on the heap are accessed by handles, and described by named tables and texts: there is no module
+!> Texts are passed in as arrays of single characters, since f2py cuts a longer one at a NUL; texts that are returned are UTF-8.
+!> Objects on the heap are accessed by handles and asked by name; each answer is a text and an array of numbers. There is no module
 !> state, so different runs may proceed in different threads. Status 0 is success, otherwise a code of dst_errors.
 module dst_python_api
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_ptr, c_loc, c_f_pointer, c_intptr_t
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, c_long_long, c_loc, c_f_pointer, c_intptr_t, c_null_ptr
   use dst_assembly, only: slider_from_scene
   use dst_build_info, only: version, git_revision, compiler, build_flags
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
-  use dst_kinds, only: wp, int64, pi
+  use dst_kinds, only: wp, int64
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
     first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
   use dst_cycle_return, only: find_return, return_values
@@ -43,38 +43,30 @@ module dst_python_api
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
   use dst_sweep_points, only: points_of_csv
-  use dst_text, only: integer_text, printable, short_text
+  use dst_text, only: text_builder_t, integer_text, printable, short_text
   use dst_writer, only: quantity_t, outcome_t
   implicit none
   private
 
-  public :: make, proceed, table_size, table, text_size, text, release
-  public :: run_advance, run_state, run_instants, run_samples, sweep_run, sweep_stop
+  public :: make, proceed, ask, answer, release
+  public :: run_state, run_instants, run_samples, sweep_run, sweep_stop
   public :: equations, creep, steady_sliding
 
-  character(*), parameter :: nl = new_line('a')
-  !> No text in a table is longer than this.
-  integer, parameter :: longest_cell = 512
+  !> What parts the rows of an answer, and the cells of a row: no deck has the second one.
+  character, parameter :: nl = new_line('a'), bar = achar(31)
 
   !> The parameters of a slider in the order of the vectors that the routines for arrays use: in SI units.
   character(*), parameter :: slider_parameters(12) = [character(12) :: 'mass', 'stiffness_x', 'stiffness_y', 'misalignment', &
     'mu_0', 'mu_inf', 'v_f', 'normal_load', 'velocity', 'v_smooth', 'damping_x', 'damping_y']
 
-  !> Texts and numbers (column, row) that describe an object.
-  type :: table_t
-    character(longest_cell), allocatable :: text(:, :)
-    real(wp), allocatable :: number(:, :)
-  end type table_t
-
   !> The object of a handle: the library itself, a deck, or one of the types below.
   type :: session_t
     type(error_t), allocatable :: error
     type(deck_t), allocatable :: deck
-    type(table_t) :: table                   !! the last one that was requested
-    character(:), allocatable :: text        !! the last one that was requested
+    character(:), allocatable :: text        !! of the last answer
+    real(wp), allocatable :: number(:, :)    !! of the last answer (column, row)
   contains
-    procedure :: make_table
-    procedure :: make_text
+    procedure :: reply
   end type session_t
 
   !> A run with everything that Python may need of it.
@@ -85,8 +77,7 @@ module dst_python_api
     logical :: is_summed_up = .false.        !! `outcome` is that of the finished run
     character(:), allocatable :: model_choice
   contains
-    procedure :: make_table => make_run_table
-    procedure :: make_text => make_run_text
+    procedure :: reply => reply_of_run
   end type run_t
 
   !> A sweep. Its threads only read it, except `stop`; each copies the worker, which is made under the interpreter's lock.
@@ -95,8 +86,7 @@ module dst_python_api
     type(worker_t) :: worker
     logical :: stop = .false.
   contains
-    procedure :: make_table => make_sweep_table
-    procedure :: make_text => make_sweep_text
+    procedure :: reply => reply_of_sweep
   end type sweep_session_t
 
   !> What was found of the settled motion, the cycles or the steady sliding of a scene.
@@ -105,10 +95,9 @@ module dst_python_api
     type(sensitivity_t) :: sensitivity
     type(derivatives_t) :: derivatives
     type(settling_t) :: settling
-    real(wp), allocatable :: found(:)        !! the row of the table 'found'
+    real(wp), allocatable :: found(:)        !! the answer 'found'
   contains
-    procedure :: make_table => make_cycles_table
-    procedure :: make_text => make_cycles_text
+    procedure :: reply => reply_of_cycles
   end type cycles_session_t
 
   !> The target of a handle. (f2py cannot parse a `select type` in it.)
@@ -127,12 +116,11 @@ module dst_python_api
 
 contains
 
-  !> Make the object of a handle, which is valid until `release`, also on failure; then the text 'message' says why, and the table
+  !> Make the object of a handle, which is valid until `release`, also on failure; then the answer 'message' says why, and
   !> 'faults' where (line, setting). All but the library read a deck: its text, its name for messages, and its overrides
   !> 'group.key=value', one in each line. What they need beside it is in `words` and `numbers`:
   !>
-  !> * 'library': data that do not depend on a deck, the table 'slider' and the texts 'catalogue' (commands, options, keys, columns,
-  !>   ... as JSON) and 'origin'.
+  !> * 'library': answers that do not depend on a deck, 'slider', 'catalogue' and 'origin'.
   !> * 'deck': a deck of which each value is checked against its own key only.
   !> * 'run': a run from its beginning.
   !> * 'sweep': the cases for the parameters that are varied, their names in the lines of `words`. The numbers are 1 if the values
@@ -144,8 +132,8 @@ contains
   !> * 'derivatives': those of the run with respect to these keys, not yet begun; the numbers are times [s], or none for those of
   !>   its samples.
   !> * 'settling': the motion from rest, not yet begun.
-  !> * 'steady': the linear theory of steady sliding; its row 'found' is the velocity [m/s], the misalignment [rad], and the values
-  !>   of `steady_sliding` for 'eigenvalues' and 'critical'.
+  !> * 'steady': the linear theory of steady sliding; its answer 'found' is the velocity [m/s], the misalignment [rad], and the
+  !>   values of `steady_sliding` for 'eigenvalues' and 'critical'.
   !>
   !> Cycles, sensitivity, settling and steady sliding are those under the only drive velocity that is kept for some time and is not
   !> 0.
@@ -161,7 +149,7 @@ contains
     type(holder_t), pointer :: holder
 
     allocate (holder)
-    handle = handle_of(c_loc(holder))
+    handle = int(transfer(c_loc(holder), 0_c_intptr_t), c_long_long)
     select case (what)
     case ('library', 'deck')
       allocate (holder%session)
@@ -291,27 +279,38 @@ contains
       merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit])
   end subroutine find_steady
 
-  !> Continue with derivatives, or with the motion from rest, for at most `seconds` of wall time [s].
-  subroutine proceed(handle, seconds, finished, status)
+  !> Continue for at most `seconds` of wall time [s]: with derivatives, with the motion from rest, or with a run until it has
+  !> `reached` the simulated time `until` [s]. `time` [s] is how far it has come, `status` the result code of a run that has ended.
+  subroutine proceed(handle, seconds, until, finished, reached, time, status)
     integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds
-    integer(c_int), intent(out) :: finished, status
+    real(c_double), intent(in) :: seconds, until
+    integer(c_int), intent(out) :: finished, reached, status
+    real(c_double), intent(out) :: time
     !f2py threadsafe
     type(holder_t), pointer :: held
-    logical :: is_finished
+    logical :: is_finished, has_reached
 
     held => holder_of(handle)
-    associate (self => held%cycles)
-      if (allocated(self%derivatives%key)) then
-        call self%derivatives%proceed(real(seconds, wp), self%error)
-        is_finished = self%derivatives%is_finished
-      else
-        call self%settling%proceed(real(seconds, wp), self%error)
-        is_finished = self%settling%is_finished
-      end if
-    end associate
+    has_reached = .false.
+    time = 0.0_c_double
+    if (associated(held%run)) then
+      associate (simulation => held%run%simulation)
+        if (.not. simulation%finished) &
+          call simulation%proceed(real(seconds, wp), held%run%writer, held%run%error, until=real(until, wp))
+        is_finished = simulation%finished
+        has_reached = simulation%has_reached(real(until, wp))
+        time = real(simulation%motion%piece%to%time, c_double)
+      end associate
+    else if (allocated(held%cycles%derivatives%key)) then
+      call held%cycles%derivatives%proceed(real(seconds, wp), held%cycles%error)
+      is_finished = held%cycles%derivatives%is_finished
+    else
+      call held%cycles%settling%proceed(real(seconds, wp), held%cycles%error)
+      is_finished = held%cycles%settling%is_finished
+    end if
     finished = merge(1_c_int, 0_c_int, is_finished)
-    status = status_of(held%cycles)
+    reached = merge(1_c_int, 0_c_int, has_reached)
+    status = status_of(held%session)
   end subroutine proceed
 
   !> Texts as arguments of their own: gfortran 12 mistakes the length of a text function inside another one in a call.
@@ -331,56 +330,35 @@ contains
     if (allocated(session%error)) status_of = int(session%error%code, c_int)
   end function status_of
 
-  !> Make the table `which`, and its sizes: rows, columns of texts and of numbers, and bytes of the longest text.
-  subroutine table_size(handle, which, n_rows, n_texts, n_numbers, n_bytes)
+  !> Ask for `which`: how many bytes, columns and rows the answer has.
+  subroutine ask(handle, which, n_bytes, n_columns, n_rows)
     integer(c_long_long), intent(in) :: handle
     character(len=*), intent(in) :: which
-    integer(c_int), intent(out) :: n_rows, n_texts, n_numbers, n_bytes
+    integer(c_int), intent(out) :: n_bytes, n_columns, n_rows
     type(holder_t), pointer :: held
+    type(text_builder_t) :: text
 
     held => holder_of(handle)
-    call held%session%make_table(which)
-    n_rows = int(size(held%session%table%text, 2), c_int)
-    n_texts = int(size(held%session%table%text, 1), c_int)
-    n_numbers = int(size(held%session%table%number, 1), c_int)
-    n_bytes = max(1_c_int, int(maxval(len_trim(held%session%table%text)), c_int))
-  end subroutine table_size
-
-  !> The table whose sizes were requested last: texts and numbers (column, row).
-  subroutine table(handle, n_rows, n_texts, n_numbers, n_bytes, texts, numbers)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n_rows, n_texts, n_numbers, n_bytes
-    character(len=n_bytes), intent(out) :: texts(n_texts, n_rows)
-    real(c_double), intent(out) :: numbers(n_numbers, n_rows)
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    texts = held%session%table%text
-    numbers = real(held%session%table%number, c_double)
-  end subroutine table
-
-  !> Make the text `which`, and its number of bytes.
-  subroutine text_size(handle, which, n_bytes)
-    integer(c_long_long), intent(in) :: handle
-    character(len=*), intent(in) :: which
-    integer(c_int), intent(out) :: n_bytes
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    call held%session%make_text(which)
+    call give(held%session, reshape([real(wp) ::], [0, 0]))
+    call held%session%reply(which, text)
+    held%session%text = text%content()
     n_bytes = int(len(held%session%text), c_int)
-  end subroutine text_size
+    n_columns = int(size(held%session%number, 1), c_int)
+    n_rows = int(size(held%session%number, 2), c_int)
+  end subroutine ask
 
-  !> The text whose size was requested last.
-  subroutine text(handle, n_bytes, content)
+  !> The answer for which was asked last: its text, and its numbers (column, row).
+  subroutine answer(handle, n_bytes, n_columns, n_rows, text, numbers)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n_bytes
-    character(len=n_bytes), intent(out) :: content
+    integer(c_int), intent(in) :: n_bytes, n_columns, n_rows
+    character(len=n_bytes), intent(out) :: text
+    real(c_double), intent(out) :: numbers(n_columns, n_rows)
     type(holder_t), pointer :: held
 
     held => holder_of(handle)
-    content = held%session%text
-  end subroutine text
+    text = held%session%text
+    numbers = real(held%session%number, c_double)
+  end subroutine answer
 
   !> Free the object of a handle; the handle is invalid afterwards.
   subroutine release(handle)
@@ -392,378 +370,282 @@ contains
     deallocate (held)
   end subroutine release
 
+  !> The target of a handle: the number is its address.
   function holder_of(handle) result(holder)
     integer(c_long_long), intent(in) :: handle
     type(holder_t), pointer :: holder
 
-    call c_f_pointer(address_of(handle), holder)
+    call c_f_pointer(transfer(int(handle, c_intptr_t), c_null_ptr), holder)
   end function holder_of
 
-  !> Conversion between an address and the number that Python keeps for it.
-  pure integer(c_long_long) function handle_of(address)
-    type(c_ptr), intent(in) :: address
-
-    handle_of = int(transfer(address, 0_c_intptr_t), c_long_long)
-  end function handle_of
-
-  pure type(c_ptr) function address_of(handle)
-    integer(c_long_long), intent(in) :: handle
-
-    address_of = transfer(int(handle, c_intptr_t), address_of)
-  end function address_of
-
-  pure subroutine new_table(table, rows, texts, numbers)
-    type(table_t), intent(out) :: table
-    integer, intent(in) :: rows, texts, numbers
-
-    allocate (table%text(texts, rows), table%number(numbers, rows))
-    table%text = ''
-    table%number = 0.0_wp
-  end subroutine new_table
-
-  !> A table of numbers alone, (column, row).
-  pure subroutine put_numbers(table, number)
-    type(table_t), intent(out) :: table
+  !> Numbers for an answer.
+  subroutine give(self, number)
+    class(session_t), intent(inout) :: self
     real(wp), intent(in) :: number(:, :)
 
-    allocate (table%text(0, size(number, 2)))
-    allocate (table%number, source=number)
-  end subroutine put_numbers
+    ! Not by assignment: gfortran 12 writes beside a component.
+    if (allocated(self%number)) deallocate (self%number)
+    allocate (self%number, source=number)
+  end subroutine give
 
-  !> A table of one row of numbers.
-  pure subroutine put_row(table, number)
-    type(table_t), intent(out) :: table
+  !> Numbers for an answer, in one row.
+  subroutine give_row(self, number)
+    class(session_t), intent(inout) :: self
     real(wp), intent(in) :: number(:)
 
-    call put_numbers(table, reshape(number, [size(number), 1]))
-  end subroutine put_row
+    call give(self, reshape(number, [size(number), 1]))
+  end subroutine give_row
 
-  !> Tables of every session: 'slider', 'faults', and for a deck 'values'.
-  subroutine make_table(self, which)
+  !> Quantities and their numbers (column, row) for an answer.
+  subroutine describe(self, text, quantities, number)
+    class(session_t), intent(inout) :: self
+    type(text_builder_t), intent(inout) :: text
+    type(quantity_t), intent(in) :: quantities(:)
+    real(wp), intent(in), optional :: number(:, :)
+    integer :: i
+
+    do i = 1, size(quantities)
+      call text%line(row_of(quantities(i)))
+    end do
+    if (present(number)) then
+      call give(self, number)
+    else
+      call give(self, reshape([real(wp) ::], [0, size(quantities)]))
+    end if
+  end subroutine describe
+
+  !> Name, unit and meaning.
+  pure function row_of(quantity) result(row)
+    type(quantity_t), intent(in) :: quantity
+    character(:), allocatable :: row
+
+    row = trim(quantity%name)//bar//trim(quantity%units)//bar//trim(quantity%long_name)
+  end function row_of
+
+  subroutine list(text, names)
+    type(text_builder_t), intent(inout) :: text
+    character(*), intent(in) :: names(:)
+    integer :: i
+
+    do i = 1, size(names)
+      call text%line(names(i))
+    end do
+  end subroutine list
+
+  !> Answers of every session: 'message', 'resolved' (deck), 'catalogue' (commands, options, keys, columns, ... as JSON), in the
+  !> lines of 'origin' the source and the build of the core, the host of this process, and the name that the scheduler gives the
+  !> job; 'slider' (names), 'faults' (line, setting), and for a deck 'values'.
+  subroutine reply(self, which, text)
     class(session_t), intent(inout) :: self
     character(*), intent(in) :: which
+    type(text_builder_t), intent(inout) :: text
     integer :: i
 
     select case (which)
+    case ('message')
+      if (allocated(self%error)) call text%append(self%error%text)
+    case ('resolved')
+      call text%append(resolved(self%deck))
+    case ('catalogue')
+      call text%append(catalogue(version))
+    case ('origin')
+      call text%append(version//nl//git_revision//nl//compiler//nl//build_flags//nl//host_name()//nl//job_name())
     case ('slider')
-      call new_table(self%table, size(slider_parameters), 1, 0)
-      self%table%text(1, :) = slider_parameters
+      call list(text, slider_parameters)
     case ('faults')
       associate (faults => self%deck%faults)
-        call new_table(self%table, faults%count + merge(1, 0, faults%full()), 1, 2)
-        if (faults%full()) self%table%text(1, faults%count + 1) = not_all_faults
         do i = 1, faults%count
-          self%table%text(1, i) = printable(trim(faults%item(i)%text))
-          self%table%number(:, i) = real([faults%item(i)%place%line, faults%item(i)%place%setting], wp)
+          call text%line(printable(trim(faults%item(i)%text)))
         end do
+        if (faults%full()) call text%line(not_all_faults)
+        call give(self, reshape(real([(faults%item(i)%place%line, faults%item(i)%place%setting, i=1, faults%count), &
+          (0, 0, i=1, merge(1, 0, faults%full()))], wp), [2, faults%count + merge(1, 0, faults%full())]))
       end associate
     case ('values')
-      call make_table_of_values(self%deck, self%table)
-    case default
-      call new_table(self%table, 0, 0, 0)
+      call reply_values(self, text)
     end select
-  end subroutine make_table
+  end subroutine reply
 
-  !> Group, key and value of every key that is set: a text, or a number. A list has a row for each of its values.
-  subroutine make_table_of_values(deck, table)
-    type(deck_t), intent(in) :: deck
-    type(table_t), intent(out) :: table
+  !> GROUP.KEY and value of every key that is set: a text, or a number. A list has a row for each of its values.
+  subroutine reply_values(self, text)
+    class(session_t), intent(inout) :: self
+    type(text_builder_t), intent(inout) :: text
+    character(:), allocatable :: word
     integer :: counts(key_count), i, k, row
 
-    counts = [(element_count(deck%value(i)), i=1, key_count)]
-    where (.not. deck%value%user) counts = 0
-    call new_table(table, sum(counts), 3, 1)
+    counts = [(element_count(self%deck%value(i)), i=1, key_count)]
+    where (.not. self%deck%value%user) counts = 0
+    call give(self, reshape([(0.0_wp, i=1, sum(counts))], [1, sum(counts)]))
     row = 0
     do i = 1, key_count
       do k = 1, counts(i)
         row = row + 1
-        table%text(1:2, row) = [character(longest_cell) :: schema(i)%group, schema(i)%name]
+        word = ''
         select case (schema(i)%kind)
         case (integer_kind)
-          table%text(3, row) = integer_text(nint(deck%value(i)%reals(k), int64))
+          word = integer_text(nint(self%deck%value(i)%reals(k), int64))
         case (real_kind, reals_kind)
-          table%number(1, row) = deck%value(i)%reals(k)
-          if (is_automatic(schema(i), deck%value(i)%reals(k))) table%text(3, row) = schema(i)%choices
+          self%number(1, row) = self%deck%value(i)%reals(k)
+          if (is_automatic(schema(i), self%number(1, row))) word = schema(i)%choices
         case default
-          table%text(3, row) = deck%value(i)%texts(k)
+          word = self%deck%value(i)%texts(k)
         end select
+        call text%line(trim(schema(i)%group)//'.'//trim(schema(i)%name)//bar//word)
       end do
     end do
+  end subroutine reply_values
 
-  end subroutine make_table_of_values
-
-  !> Also 'columns', 'parameters', in which a text has the second number 1, 'summary', and 'statistics', in which a counter has it,
-  !> as far as the run has proceeded, and the waiting 'events': time [s], kind (1 = stick begins, 2 = slip begins), how often it
-  !> occurs, and its period [s].
-  subroutine make_run_table(self, which)
+  !> Also 'about', whose lines are the model, the method, why model 'auto' was taken as it, what the samples will not show, why the
+  !> method is slow, and then the resolved deck; 'columns', 'parameters', in which a text has the second number 1, 'summary', and
+  !> 'statistics', in which a counter has it, as far as the run has proceeded, and the 'events' so far: time [s], kind (1 = stick
+  !> begins, 2 = slip begins), how often it occurs, and its period [s]; 'rows', the number of samples.
+  subroutine reply_of_run(self, which, text)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
+    type(text_builder_t), intent(inout) :: text
     type(parameter_t), allocatable :: parameters(:)
     integer :: i
 
     select case (which)
+    case ('about')
+      associate (scene => self%simulation%scene)
+        call text%append(trim(scene%model)//nl//trim(scene%method_name())//nl//self%model_choice//nl//sampling_note(scene)//nl// &
+          stiffness_note(scene, 1.0_wp)//nl//resolved(self%deck))
+      end associate
     case ('columns')
-      call describe(self%table, self%simulation%output_columns(), 0)
+      call describe(self, text, self%simulation%output_columns())
     case ('parameters')
       call parameters_of(self%deck, parameters, self%simulation%scene%interval)
-      call new_table(self%table, size(parameters), 4, 2)
+      call give(self, reshape([(0.0_wp, i=1, 2*size(parameters))], [2, size(parameters)]))
       do i = 1, size(parameters)
-        call put_quantity(self%table%text(:3, i), parameters(i)%quantity)
-        self%table%number(1, i) = parameters(i)%value
-        if (.not. allocated(parameters(i)%text)) cycle
-        self%table%text(4, i) = parameters(i)%text
-        self%table%number(2, i) = 1.0_wp
+        self%number(:, i) = [parameters(i)%value, merge(1.0_wp, 0.0_wp, allocated(parameters(i)%text))]
+        if (.not. allocated(parameters(i)%text)) parameters(i)%text = ''
+        call text%line(row_of(parameters(i)%quantity)//bar//parameters(i)%text)
       end do
     case ('summary', 'statistics')
       if (.not. self%is_summed_up) call self%simulation%outcome(self%error, self%outcome)
       self%is_summed_up = self%simulation%finished
       associate (outcome => self%outcome)
         if (which == 'summary') then
-          call describe(self%table, outcome%summary, 1)
-          self%table%number(1, :) = outcome%summary_value
+          call describe(self, text, outcome%summary, reshape(outcome%summary_value, [1, size(outcome%summary)]))
         else
-          call describe(self%table, outcome%statistics, 2)
-          self%table%number(1, :) = outcome%statistics_value
-          self%table%number(2, :) = merge(1.0_wp, 0.0_wp, outcome%statistics%counts)
+          call describe(self, text, outcome%statistics, reshape([(outcome%statistics_value(i), &
+            merge(1.0_wp, 0.0_wp, outcome%statistics(i)%counts), i=1, size(outcome%statistics))], [2, size(outcome%statistics)]))
         end if
       end associate
     case ('events')
-      call new_table(self%table, self%writer%events, 0, 4)
       associate (log => self%writer%log(:self%writer%events))
-        self%table%number(1, :) = log%time
-        self%table%number(2, :) = real(log%kind, wp)
-        self%table%number(3, :) = real(log%occurs, wp)
-        self%table%number(4, :) = log%period
+        call give(self, reshape([(log(i)%time, real(log(i)%kind, wp), real(log(i)%occurs, wp), log(i)%period, i=1, size(log))], &
+          [4, size(log)]))
       end associate
-      self%writer%events = 0
+    case ('rows')
+      call give_row(self, [real(self%writer%rows, wp)])
     case default
-      call self%session_t%make_table(which)
+      call self%session_t%reply(which, text)
     end select
-  end subroutine make_run_table
+  end subroutine reply_of_run
 
-  !> Also its 'size' (cases, how many of them run side by side, and whether it is a list), 'axes' with the numbers of their values,
-  !> the values of all 'points', one axis after the other, 'quantities' of a case, and those of its 'cycles', with the number of
-  !> cycles that are kept.
-  subroutine make_sweep_table(self, which)
+  !> The 'resolved' deck is that of the sweep, with the values that it determines; also its 'size' (cases, how many of them run side
+  !> by side, and whether it is a list), 'axes' with the numbers of their values, the values of all 'points', one axis after the
+  !> other, 'quantities' of a case, those of its 'cycles', with the number of cycles that are kept, and 'stiffness_note'.
+  subroutine reply_of_sweep(self, which, text)
     class(sweep_session_t), intent(inout) :: self
     character(*), intent(in) :: which
+    type(text_builder_t), intent(inout) :: text
+    type(scene_t) :: scene
     integer :: i
 
-    select case (which)
-    case ('size')
-      call put_row(self%table, real([self%sweep%cases, cases_at_once(self%sweep), merge(1, 0, self%sweep%is_list)], wp))
-    case ('axes')
-      call new_table(self%table, size(self%sweep%axes), 3, 1)
-      do i = 1, size(self%sweep%axes)
-        associate (axis => self%sweep%axes(i))
-          call put_quantity(self%table%text(:, i), quantity_t(axis%name, schema(axis%key)%unit, schema(axis%key)%meaning))
-          self%table%number(1, i) = size(axis%values)
-        end associate
-      end do
-    case ('points')
-      call put_row(self%table, [(self%sweep%axes(i)%values, i=1, size(self%sweep%axes))])
-    case ('quantities')
-      call describe(self%table, value_quantities(), 0)
-    case ('cycles')
-      if (self%sweep%keeps_cycles) then
-        call describe(self%table, table_quantities(self%sweep), 1)
-        self%table%number = real(self%sweep%table_rows(), wp)
-      else
-        call new_table(self%table, 0, 3, 1)
-      end if
-    case default
-      call self%session_t%make_table(which)
-    end select
-  end subroutine make_sweep_table
+    associate (axes => self%sweep%axes)
+      select case (which)
+      case ('resolved')
+        call text%append(resolved(self%sweep%deck))
+      case ('stiffness_note')
+        call scene_from_deck(self%sweep%deck, scene)
+        call text%append(stiffness_note(scene, real(self%sweep%cases, wp)))
+      case ('size')
+        call give_row(self, real([self%sweep%cases, cases_at_once(self%sweep), merge(1, 0, self%sweep%is_list)], wp))
+      case ('axes')
+        call describe(self, text, [(quantity_t(axes(i)%name, schema(axes(i)%key)%unit, schema(axes(i)%key)%meaning), &
+          i=1, size(axes))], reshape(real([(size(axes(i)%values), i=1, size(axes))], wp), [1, size(axes)]))
+      case ('points')
+        call give_row(self, [(axes(i)%values, i=1, size(axes))])
+      case ('quantities')
+        call describe(self, text, value_quantities())
+      case ('cycles')
+        if (self%sweep%keeps_cycles) then
+          associate (quantities => table_quantities(self%sweep))
+            call describe(self, text, quantities, spread(spread(real(self%sweep%table_rows(), wp), 1, 1), 2, size(quantities)))
+          end associate
+        end if
+      case default
+        call self%session_t%reply(which, text)
+      end select
+    end associate
+  end subroutine reply_of_sweep
 
-  !> Also 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), its 'verdict'
-  !> (with exponent, error, slow cycles, cycles, repeats, searched; then the load of steady sliding, whether that is stable, the
-  !> velocity, the error of the model) and the 'eigenvalues' of steady sliding, 'regularity' (mean and scatter of each quantity),
-  !> 'sensitivity', of each measure of the cycle the value and the derivatives with respect to the 'parameters', 'columns',
-  !> 'samples' and 'events' of a run with derivatives, 'settling' (F_0, the swing of the load, and that from which on it is
-  !> stick-slip [N]), and the row 'found'.
-  subroutine make_cycles_table(self, which)
+  !> Also 'model', 'cycle_quantities', the values of all 'cycles' (a row for each, the last value says whether it is stable), its
+  !> 'verdict' (with exponent, error, slow cycles, cycles, repeats, searched; then the load of steady sliding, whether that is
+  !> stable, the velocity, the error of the model) and the 'eigenvalues' of steady sliding, 'regularity' (mean and scatter of each
+  !> quantity), 'sensitivity', of each measure of the cycle the value and the derivatives with respect to the 'parameters',
+  !> 'columns', 'samples' and 'events' of a run with derivatives, 'settling' (F_0, the swing of the load, and that from which on it
+  !> is stick-slip [N]), and the row 'found'.
+  subroutine reply_of_cycles(self, which, text)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
-    integer :: i
+    type(text_builder_t), intent(inout) :: text
+    integer :: i, n
 
-    select case (which)
-    case ('cycle_quantities')
-      call describe(self%table, limit_cycle_quantities, 0)
-    case ('cycles')
-      associate (cycles => self%cycles)
-        call new_table(self%table, cycles%number(), 0, size(limit_cycle_quantities) + 1)
-        self%table%number(:size(limit_cycle_quantities), :) = cycles%value
-        self%table%number(size(limit_cycle_quantities) + 1, :) = merge(1.0_wp, 0.0_wp, cycles%is_stable)
-      end associate
-    case ('eigenvalues')
-      call put_row(self%table, [real(self%cycles%eigenvalues, wp), aimag(self%cycles%eigenvalues)])
-    case ('regularity')
-      associate (regularity => self%cycles%regularity)
-        call describe(self%table, cycle_quantities, 2)
-        self%table%number(1, :) = regularity%mean
-        self%table%number(2, :) = regularity%scatter
-      end associate
-    case ('verdict')
-      associate (regularity => self%cycles%regularity, cycles => self%cycles)
-        call put_row(self%table, [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
+    associate (cycles => self%cycles, regularity => self%cycles%regularity, derivatives => self%derivatives)
+      select case (which)
+      case ('model')
+        call text%append(cycles%model)
+      case ('cycle_quantities')
+        call describe(self, text, limit_cycle_quantities)
+      case ('cycles')
+        n = size(limit_cycle_quantities) + 1
+        call give(self, reshape([(cycles%value(:, i), merge(1.0_wp, 0.0_wp, cycles%is_stable(i)), i=1, cycles%number())], &
+          [n, cycles%number()]))
+      case ('eigenvalues')
+        call give_row(self, [real(cycles%eigenvalues, wp), aimag(cycles%eigenvalues)])
+      case ('regularity')
+        call describe(self, text, cycle_quantities, &
+          transpose(reshape([regularity%mean, regularity%scatter], [size(cycle_quantities), 2])))
+      case ('verdict')
+        call give_row(self, [real(regularity%verdict, wp), regularity%exponent, regularity%error, &
           real([regularity%slow_cycles, regularity%cycles, regularity%repeats, regularity%searched], wp), &
           cycles%sliding_load, merge(1.0_wp, 0.0_wp, cycles%sliding_is_stable), cycles%velocity, cycles%error])
-      end associate
-    case ('sensitivity')
-      associate (derivative => self%sensitivity%derivative)
-        call describe(self%table, cycle_quantities, 1 + size(derivative, 2))
-        self%table%number(1, :) = self%sensitivity%value
-        self%table%number(2:, :) = transpose(derivative)
-      end associate
-    case ('columns')
-      call describe(self%table, columns(self%derivatives%selected), 0)
-    case ('samples')
-      associate (value => self%derivatives%value, change => self%derivatives%change)
-        call new_table(self%table, size(value, 2), 0, size(value, 1)*(1 + size(change, 2)))
-        self%table%number(:size(value, 1), :) = value
-        do i = 1, size(value, 2)
-          self%table%number(size(value, 1) + 1:, i) = reshape(change(:, :, i), [size(value, 1)*size(change, 2)])
-        end do
-      end associate
-    case ('events')
-      associate (derivatives => self%derivatives, n => self%derivatives%events)
-        call new_table(self%table, n, 0, 2 + size(derivatives%key))
-        self%table%number(1, :) = derivatives%event(:n)%time
-        self%table%number(2, :) = derivatives%event(:n)%kind
-        self%table%number(3:, :) = derivatives%shift(:, :n)
-      end associate
-    case ('parameters')
-      if (allocated(self%derivatives%key)) then
-        call list_parameters(self%derivatives%key, self%derivatives%parameter)
-      else
-        call list_parameters(self%sensitivity%key, self%sensitivity%parameter)
-      end if
-    case ('settling')
-      call put_row(self%table, [self%settling%limit, self%settling%swing, self%settling%least()])
-    case ('found')
-      call put_row(self%table, self%found)
-    case default
-      call self%session_t%make_table(which)
-    end select
-
-  contains
-
-    subroutine list_parameters(key, value)
-      character(*), intent(in) :: key(:)
-      real(wp), intent(in) :: value(:)
-
-      call new_table(self%table, size(key), 1, 1)
-      self%table%text(1, :) = key
-      self%table%number(1, :) = value
-    end subroutine list_parameters
-  end subroutine make_cycles_table
-
-  !> Also 'model'.
-  subroutine make_cycles_text(self, which)
-    class(cycles_session_t), intent(inout) :: self
-    character(*), intent(in) :: which
-
-    if (which == 'model') then
-      self%text = self%cycles%model
-    else
-      call self%session_t%make_text(which)
-    end if
-  end subroutine make_cycles_text
-
-  !> Name, units and meaning of quantities, with room for numbers.
-  subroutine describe(table, quantities, numbers)
-    type(table_t), intent(out) :: table
-    type(quantity_t), intent(in) :: quantities(:)
-    integer, intent(in) :: numbers
-    integer :: i
-
-    call new_table(table, size(quantities), 3, numbers)
-    do i = 1, size(quantities)
-      call put_quantity(table%text(:, i), quantities(i))
-    end do
-  end subroutine describe
-
-  pure subroutine put_quantity(cells, quantity)
-    character(*), intent(out) :: cells(:)
-    type(quantity_t), intent(in) :: quantity
-
-    cells(1) = quantity%name
-    cells(2) = quantity%units
-    cells(3) = quantity%long_name
-  end subroutine put_quantity
-
-  !> Texts of every session: 'message', 'resolved' (deck), 'catalogue', and in the lines of 'origin' the source and the build of the
-  !> core, the host of this process, and the name that the scheduler gives the job.
-  subroutine make_text(self, which)
-    class(session_t), intent(inout) :: self
-    character(*), intent(in) :: which
-
-    self%text = ''
-    select case (which)
-    case ('message')
-      if (allocated(self%error)) self%text = self%error%text
-    case ('resolved')
-      self%text = resolved(self%deck)
-    case ('catalogue')
-      self%text = catalogue(version)
-    case ('origin')
-      self%text = version//nl//git_revision//nl//compiler//nl//build_flags//nl//host_name()//nl//job_name()
-    end select
-  end subroutine make_text
-
-  !> Also 'about', whose lines are the model, the method, why model 'auto' was taken as it, what the samples will not show, why the
-  !> method is slow, and then the resolved deck.
-  subroutine make_run_text(self, which)
-    class(run_t), intent(inout) :: self
-    character(*), intent(in) :: which
-
-    if (which == 'about') then
-      associate (scene => self%simulation%scene)
-        self%text = trim(scene%model)//nl//trim(scene%method_name())//nl//self%model_choice//nl//sampling_note(scene)//nl// &
-          stiffness_note(scene, 1.0_wp)//nl//resolved(self%deck)
-      end associate
-    else
-      call self%session_t%make_text(which)
-    end if
-  end subroutine make_run_text
-
-  !> The deck is that of the sweep, with the values that it determines; also 'stiffness_note'.
-  subroutine make_sweep_text(self, which)
-    class(sweep_session_t), intent(inout) :: self
-    character(*), intent(in) :: which
-    type(scene_t) :: scene
-
-    select case (which)
-    case ('resolved')
-      self%text = resolved(self%sweep%deck)
-    case ('stiffness_note')
-      call scene_from_deck(self%sweep%deck, scene)
-      self%text = stiffness_note(scene, real(self%sweep%cases, wp))
-    case default
-      call self%session_t%make_text(which)
-    end select
-  end subroutine make_sweep_text
-
-  !> Integrate for at most `seconds` of wall time [s] or until the simulated time `until` [s] has been `reached`; rows and events
-  !> can then be fetched. `time` [s] is how far it has come, `status` the result code of a run that has ended.
-  subroutine run_advance(handle, seconds, until, finished, reached, n_rows, n_events, time, status)
-    integer(c_long_long), intent(in) :: handle
-    real(c_double), intent(in) :: seconds, until
-    integer(c_int), intent(out) :: finished, reached, n_rows, n_events, status
-    real(c_double), intent(out) :: time
-    !f2py threadsafe
-    type(holder_t), pointer :: held
-
-    held => holder_of(handle)
-    call held%run%simulation%proceed(real(seconds, wp), held%run%writer, held%run%error, until=real(until, wp))
-    finished = merge(1_c_int, 0_c_int, held%run%simulation%finished)
-    reached = merge(1_c_int, 0_c_int, held%run%simulation%has_reached(real(until, wp)))
-    n_rows = int(held%run%writer%rows, c_int)
-    n_events = int(held%run%writer%events, c_int)
-    time = real(held%run%simulation%motion%piece%to%time, c_double)
-    status = status_of(held%run)
-  end subroutine run_advance
+      case ('sensitivity')
+        associate (derivative => self%sensitivity%derivative)
+          call describe(self, text, cycle_quantities, &
+            transpose(reshape([self%sensitivity%value, derivative], [size(derivative, 1), 1 + size(derivative, 2)])))
+        end associate
+      case ('columns')
+        call describe(self, text, columns(derivatives%selected))
+      case ('samples')
+        n = size(derivatives%value, 1)*(1 + size(derivatives%change, 2))
+        call give(self, reshape([(derivatives%value(:, i), derivatives%change(:, :, i), i=1, size(derivatives%value, 2))], &
+          [n, size(derivatives%value, 2)]))
+      case ('events')
+        n = derivatives%events
+        call give(self, reshape([(derivatives%event(i)%time, real(derivatives%event(i)%kind, wp), derivatives%shift(:, i), &
+          i=1, n)], [2 + size(derivatives%key), n]))
+      case ('parameters')
+        if (allocated(derivatives%key)) then
+          call list(text, derivatives%key)
+          call give(self, reshape(derivatives%parameter, [1, size(derivatives%parameter)]))
+        else
+          call list(text, self%sensitivity%key)
+          call give(self, reshape(self%sensitivity%parameter, [1, size(self%sensitivity%parameter)]))
+        end if
+      case ('settling')
+        call give_row(self, [self%settling%limit, self%settling%swing, self%settling%least()])
+      case ('found')
+        call give_row(self, self%found)
+      case default
+        call self%session_t%reply(which, text)
+      end select
+    end associate
+  end subroutine reply_of_cycles
 
   !> The values of a sample at `time` [s], within the last advance.
   subroutine run_state(handle, time, n_columns, state)
@@ -779,6 +661,7 @@ contains
     state = real(row, c_double)
   end subroutine run_state
 
+
   !> Sample at these instants [s] from now on, not at equal intervals: from 0 to the end, with at least one for each sample so far.
   subroutine run_instants(handle, n, instants)
     integer(c_long_long), intent(in) :: handle
@@ -793,10 +676,10 @@ contains
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 
-  !> Fetch the waiting samples (row, column) into the rows after the first `before` ones.
-  subroutine run_samples(handle, before, n_rows, n_columns, samples)
+  !> The samples so far (row, column).
+  subroutine run_samples(handle, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: before, n_rows, n_columns
+    integer(c_int), intent(in) :: n_rows, n_columns
     real(c_double), intent(inout) :: samples(n_rows, n_columns)   !! f2py would clear one that is made here, which takes as long
     type(holder_t), pointer :: held
     !> Number of rows that fit into a processor's cache: if all were transposed at once, this would take longer than the rest of
@@ -805,11 +688,10 @@ contains
     integer :: from, to
 
     held => holder_of(handle)
-    do from = 1, n_rows - before, block_rows
-      to = min(from + block_rows - 1, int(n_rows - before))
-      samples(before + from:before + to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
+    do from = 1, n_rows, block_rows
+      to = min(from + block_rows - 1, int(n_rows))
+      samples(from:to, :) = transpose(real(held%run%writer%samples(:, from:to), c_double))
     end do
-    held%run%writer%rows = 0
   end subroutine run_samples
 
   !> Run the cases `first` to `first + n - 1`: values (value, case), cycles (quantity, cycle, case) with their numbers, result
@@ -904,59 +786,42 @@ contains
     end do
   end subroutine equations
 
-  !> Creep at n points of phi [rad] and kappa. For the form 'exact' values(:, k) are
-  !> alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed',
-  !> 'third_order'. fault: 0, or the condition that the first point out of range (`point`, from 1) violates: 1 tau >= 0 and finite,
-  !> 2 |phi| < pi/2, 3 0 <= kappa < 1, 4 tau < 1 if phi = 0, 5 0 <= tau < 1 for Eq. (8).
-  subroutine creep(form, n, tau, phi, kappa, n_values, values, point, fault)
+  !> Creep at n points of tau, phi [rad] and kappa within the range of the `form`. For 'exact' values(:, k) are alpha, theta, psi
+  !> [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed', 'third_order'.
+  subroutine creep(form, n, tau, phi, kappa, n_values, values)
     character(len=*), intent(in) :: form
     integer(c_int), intent(in) :: n, n_values
     real(c_double), intent(in) :: tau(n), phi(n), kappa(n)
     real(c_double), intent(out) :: values(n, n_values)
-    integer(c_int), intent(out) :: point, fault
     !f2py threadsafe
     type(creep_path_t) :: path
     type(creep_t) :: here
     real(wp) :: angle, ratio, side, time
     integer :: i
 
-    angle = 0.0_wp
+    angle = huge(angle)
     ratio = 0.0_wp
     side = 1.0_wp
-    path = new_creep_path(angle, ratio)
-    fault = 0
     do i = 1, n
-      point = int(i, c_int)
-      ! Not `>`: a NaN must be found, too.
-      if (.not. (abs(phi(i) - angle) <= 0.0_wp .and. abs(kappa(i) - ratio) <= 0.0_wp)) then
-        angle = phi(i)
-        ratio = kappa(i)
-        if (.not. abs(angle) < 0.5_wp*pi) fault = 2
-        if (.not. (ratio >= 0.0_wp .and. ratio < 1.0_wp)) fault = 3
-        if (fault > 0) return
-        if (form == 'exact') path = new_creep_path(abs(angle), ratio)
-        side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
-      end if
       time = real(tau(i), wp)
-      if (form /= 'exact') then
-        if (.not. (time >= 0.0_wp .and. time < 1.0_wp)) fault = 5
-      else if (.not. (time >= 0.0_wp .and. time <= huge(tau))) then
-        fault = 1
-      else if (.not. abs(angle) > 0.0_wp .and. time >= 1.0_wp) then
-        fault = 4
-      end if
-      if (fault > 0) return
       select case (form)
       case ('exact')
+        ! A path serves all times on it.
+        if (abs(phi(i) - angle) > 0.0_wp .or. abs(kappa(i) - ratio) > 0.0_wp) then
+          angle = phi(i)
+          ratio = kappa(i)
+          path = new_creep_path(abs(angle), ratio)
+          side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
+        end if
         here = creep_at(path, time)
         values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
                              here%position, here%deficit], c_double)
       case ('first_power')
-        values(i, 1) = real(first_power(abs(angle), time), c_double)
+        values(i, 1) = real(first_power(abs(real(phi(i), wp)), time), c_double)
       case ('printed')
-        values(i, 1) = real(printed(abs(angle), time), c_double)
+        values(i, 1) = real(printed(abs(real(phi(i), wp)), time), c_double)
       case default
-        values(i, 1) = real(third_order(abs(angle), time), c_double)
+        values(i, 1) = real(third_order(abs(real(phi(i), wp)), time), c_double)
       end select
     end do
   end subroutine creep

@@ -14,11 +14,11 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ._arguments import names_in
+from ._arguments import names_in, nearest
 from ._commands import PROGRAM, Layout, add_commands
 from ._native import catalogue
 from ._output import check_outputs, put
@@ -36,6 +36,8 @@ from .result import Result, open
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from .trace import Trace
     from .trace_chain import Chain
 
@@ -113,7 +115,8 @@ def _how_to_run(command: str) -> str:
 
 def _nearest(given: str, known: Sequence[str]) -> str:
     """The nearest known word, as the beginning of a remedy; empty if no word is near."""
-    return "".join(f"the nearest is '{name}', " for name in get_close_matches(given, known, 1))
+    near = nearest(given, known)
+    return f"the nearest is '{near}', " if near else ""
 
 
 def _say(text: object, end: str = "\n") -> None:
@@ -234,7 +237,6 @@ def _parser(program: str) -> _Parser:
 
 def _plot(options: argparse.Namespace) -> None:
     from . import plot  # noqa: PLC0415
-    from .plot.style import format_of  # noqa: PLC0415
 
     part: dict[str, Any] = {"start": vars(options)["from"], "end": options.to}
     if options.columns is not None:
@@ -242,27 +244,26 @@ def _plot(options: argparse.Namespace) -> None:
         if not part["columns"]:
             raise UsageError("--columns: name at least one, as --columns friction,theta")
     one = len(options.files) == 1
-    output = options.output or (options.files[0].with_suffix(".png") if one else Path("comparison.png"))
-    format_of(output)
-    check_outputs([output], options.files, overwrite=options.overwrite)
+    name = options.files[0].with_suffix(".png") if one else "comparison.png"
+    write = _figure(options, name, options.files)
     if one:
         (file,) = options.files
         if options.overlay:
             raise UsageError("--overlay is for several files: give the others too")
         drawable = _open_any(file)
-        plot.save(drawable, output, options.kind, options.quantity, overwrite=options.overwrite, **part)
+        write(plot.draw(drawable, options.kind, options.quantity, **part))
         drawn = {file.stem: drawable} if isinstance(drawable, Result) else {}
     else:
         if options.kind is not None or options.quantity is not None:
             raise UsageError(
                 "--kind and --quantity are for one file: several are compared, with --columns and --overlay"
             )
-        names = _short_names(options.files)
+        stems = [file.stem for file in options.files]
+        # Without folder and suffix, or complete where that is needed to distinguish them.
+        names = stems if len(set(stems)) == len(stems) else map(str, options.files)
         drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
-        kind = "overlay" if options.overlay else "compare"
-        plot.save(drawn, output, kind, overwrite=options.overwrite, **part)
+        write(plot.draw(drawn, "overlay" if options.overlay else "compare", **part))
     _warn_of_samples(drawn)
-    _say(printable(str(output)))
 
 
 def _warn_of_samples(results: Mapping[str, Result]) -> None:
@@ -278,10 +279,13 @@ def _warn_of_samples(results: Mapping[str, Result]) -> None:
             )
 
 
-def _short_names(files: Sequence[Path]) -> list[str]:
-    """Names of the files without folder and suffix, or complete where that is needed to distinguish them."""
-    stems = [file.stem for file in files]
-    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+def _scene(options: argparse.Namespace) -> Scene:
+    """The scene of the deck, with settings as those of the executable, in which text has no quotes."""
+    scene = Scene(Path(options.deck))
+    scene._name = options.deck
+    for setting in options.set:
+        name, _, scene._settings[name.lower()] = setting.partition("=")
+    return scene
 
 
 def _trace(options: argparse.Namespace, path: str) -> Trace:
@@ -333,7 +337,7 @@ def _numbers(option: str, text: str, form: str, mark: str, count: int | None) ->
         numbers = [float(each) for each in text.split(mark)]
     except ValueError:
         numbers = []
-    if not numbers or (count is not None and len(numbers) != count):
+    if len(numbers) != (count or max(1, len(numbers))):
         raise UsageError(f"{option} {text}: write {option} {form}")
     return numbers
 
@@ -342,48 +346,52 @@ def _pairs(
     option: str, settings: Sequence[str], form: str, mark: str, count: int | None
 ) -> dict[str, tuple[float, ...]]:
     """Numbers by key, of an option that may be repeated."""
-    found = {}
-    for setting in settings:
-        key, _, values = setting.partition("=")
-        found[key] = tuple(_numbers(f"{option} {key}", values, form, mark, count))
-    return found
+    parted = (setting.partition("=")[::2] for setting in settings)
+    return {key: tuple(_numbers(f"{option} {key}", values, form, mark, count)) for key, values in parted}
+
+
+def _figure(
+    options: argparse.Namespace, name: str, inputs: Sequence[Any], outputs: Sequence[Path] = ()
+) -> Callable[[Figure], None]:
+    """Check the file of a figure and other outputs before anything is computed; what writes the figure, and says so."""
+    from .plot.style import format_of, write  # noqa: PLC0415
+
+    path = options.output or Path(name)
+    format_of(path)
+    check_outputs([*outputs, path], inputs, overwrite=options.overwrite)
+
+    def put_figure(figure: Figure) -> None:
+        write(figure, path, overwrite=options.overwrite)
+        _say(printable(str(path)))
+
+    return put_figure
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from .plot.style import format_of, write  # noqa: PLC0415
     from .trace_comparison import compare  # noqa: PLC0415
 
-    output = options.output or Path(f"{_stem(options.trace)}_compared.png")
-    format_of(output)
-    check_outputs([output], [options.deck, options.trace], overwrite=options.overwrite)
+    write = _figure(options, f"{_stem(options.trace)}_compared.png", [options.deck, options.trace])
     trace = _trace(options, options.trace)
-    comparison = compare(Scene.of_command(options.deck, options.set), trace, chain=_chain(options))
+    comparison = compare(_scene(options), trace, chain=_chain(options))
     _say(comparison.report())
-    write(comparison.plot(), output, overwrite=options.overwrite)
-    _say(printable(str(output)))
+    write(comparison.plot())
 
 
 def _fit(options: argparse.Namespace) -> int:
-    from .plot.style import format_of, write  # noqa: PLC0415
     from .plot.traces import check_fit_kind  # noqa: PLC0415
     from .trace_fit import fit, verdict  # noqa: PLC0415
     from .trace_rivals import explanations  # noqa: PLC0415
 
-    stem = _stem(options.trace[0])
+    stem, kind = _stem(options.traces[0]), options.kind or "waveform"
     deck = options.fitted or Path(f"{stem}_fitted.nml")
-    output = options.output or Path(f"{stem}_fitted.png")
-    format_of(output)
-    check_fit_kind(options.kind)
-    check_outputs([deck, output], [options.deck, *options.trace], overwrite=options.overwrite)
+    check_fit_kind(kind)
+    write = _figure(options, f"{stem}_fitted.png", [options.deck, *options.traces], [deck])
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
-        given, traces = (
-            Scene.of_command(options.deck, options.set),
-            [_trace(options, each) for each in options.trace],
-        )
+        traces = [_trace(options, each) for each in options.traces]
         found = fit(
-            given,
+            _scene(options),
             traces,
             options.free,
             each=_pairs("--with", vars(options)["with"], "KEY=VALUE,VALUE", ",", None),
@@ -402,9 +410,8 @@ def _fit(options: argparse.Namespace) -> int:
         _say(f"{printable(trace.name)}: {trace.units}")
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
-    write(found.plot(options.kind), output, overwrite=options.overwrite)
     _say(printable(str(deck)))
-    _say(printable(str(output)))
+    write(found.plot(kind))
     return 0 if explains else UNEXPLAINED
 
 
@@ -425,38 +432,31 @@ def _export(options: argparse.Namespace) -> None:
     from .export import export_csv  # noqa: PLC0415
 
     found = _open_any(options.file)
-    for file in export_csv(found, options.output, options.file.stem, overwrite=options.overwrite):
+    for file in export_csv(found, options.output or Path(), options.file.stem, overwrite=options.overwrite):
         _say(printable(str(file)))
 
 
 def _trade(options: argparse.Namespace) -> None:
     from ._trade import trade  # noqa: PLC0415
-    from .plot.style import format_of, write  # noqa: PLC0415
 
-    output = options.output or Path(f"{Path(options.deck).stem}_trade.png")
-    format_of(output)
-    check_outputs([output], [options.deck], overwrite=options.overwrite)
-    found = trade(Scene.of_command(options.deck, options.set), options.budget, options.quantities)
+    write = _figure(options, f"{Path(options.deck).stem}_trade.png", [options.deck])
+    found = trade(_scene(options), options.budget, options.quantities or "")
     _say(found.report())
-    write(found.plot(), output, overwrite=options.overwrite)
-    _say(printable(str(output)))
+    write(found.plot())
     _say(found.recommend(options.accuracy)[1], end="")
 
 
 def _range(options: argparse.Namespace) -> None:
     from .ranges import KEYS, stick_slip_range  # noqa: PLC0415
 
-    _say(stick_slip_range(Scene.of_command(options.deck, options.set), options.key or KEYS))
+    _say(stick_slip_range(_scene(options), options.key or KEYS))
 
 
 def _branch(options: argparse.Namespace) -> None:
     from .branches import branch  # noqa: PLC0415
     from .plot import draw  # noqa: PLC0415
-    from .plot.style import format_of, write  # noqa: PLC0415
 
-    output = options.output or Path(f"{Path(options.deck).stem}_branches.png")
-    format_of(output)
-    check_outputs([output], [options.deck], overwrite=options.overwrite)
+    write = _figure(options, f"{Path(options.deck).stem}_branches.png", [options.deck])
     key, _, ends = options.along.partition("=")
     try:
         start, end = map(float, ends.split(":"))
@@ -464,20 +464,17 @@ def _branch(options: argparse.Namespace) -> None:
         raise UsageError(
             f"--along {options.along!r}: write GROUP.KEY=FROM:TO, like system.misalignment_deg=1:9"
         ) from None
-    found = branch(Scene.of_command(options.deck, options.set), key, start, end, slow_cycles=options.most)
+    found = branch(_scene(options), key, start, end, slow_cycles=options.most)
     _say(found)
     if found.branches:
-        write(draw(found), output, overwrite=options.overwrite)
-        _say(printable(str(output)))
+        write(draw(found))
 
 
 def _paper(options: argparse.Namespace) -> None:
     from .plot.paper import draw_paper  # noqa: PLC0415
 
-    def progress(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    for file in draw_paper(options.output, options.format, progress=progress, overwrite=options.overwrite):
+    show = partial(print, file=sys.stderr, flush=True)
+    for file in draw_paper(options.output, options.format, progress=show, overwrite=options.overwrite):
         _say(file)
 
 
@@ -489,6 +486,7 @@ def _animate(options: argparse.Namespace) -> None:
         raise UsageError(f"--from {start:g} is not before --to {options.to:g}: exchange them")
     if options.output.suffix:
         check_outputs([options.output], [options.file], overwrite=options.overwrite)
+
     animate(
         _open(options.file),
         options.output,
@@ -523,16 +521,8 @@ PAGES = (".html", ".htm")
 """Suffixes of a report."""
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
-    "plot": _plot,
-    "report": _report,
-    "export": _export,
-    "animate": _animate,
-    "paper": _paper,
-    "trade": _trade,
-    "range": _range,
-    "branch": _branch,
-    "compare": _compare,
-    "fit": _fit,
+    function.__name__[1:]: function
+    for function in (_plot, _report, _export, _animate, _paper, _trade, _range, _branch, _compare, _fit)
 }
 """Function of each command."""
 

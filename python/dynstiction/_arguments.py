@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 import os
+from collections.abc import Iterable
 from decimal import Decimal
 from typing import Any, TypeVar
 
@@ -13,22 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import UsageError
 
-__all__ = [
-    "LARGEST",
-    "SMALLEST",
-    "finite",
-    "flag",
-    "generator",
-    "instance",
-    "names_in",
-    "number",
-    "path_name",
-    "reals",
-    "shape_of",
-    "shown",
-    "text",
-    "whole",
-]
+ALIKE = 0.6
+"""Similarity from which a name is suggested; the default of `difflib`."""
 
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
 """Smaller numbers have lost digits."""
@@ -209,3 +196,14 @@ def shown(value: object) -> str:
     except Exception:  # from an object of the user
         words = f"a {type(value).__name__}"
     return words if len(words) <= 60 else f"{words[:57]}..."
+
+
+def nearest(name: object, names: Iterable[str]) -> str:
+    """The name that is most similar to another one, ignoring case; empty if no name is similar."""
+    if not isinstance(name, str):
+        return ""
+    by_case = {known.lower(): known for known in names}
+    from difflib import get_close_matches  # noqa: PLC0415  (only after a mistake)
+
+    found = get_close_matches(name.lower(), by_case, n=1, cutoff=ALIKE)
+    return by_case[found[0]] if found else ""

@@ -6,25 +6,11 @@ They have the form of those of the executable, which calls this (src/app/complet
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
-from ._commands import argument_of
+from ._commands import ARGUMENTS, argument_of
 from ._native import catalogue
-
-__all__ = ["completions"]
-
-FILES = {
-    "DECK": ("*.nml",),
-    "NML": ("*.nml",),
-    "FILE.h5": ("*.h5",),
-    "TRACE": ("*.csv", "*.h5"),
-    "FIGURE": ("*.png",),
-    "HTML": ("*.html",),
-    "OUT": ("*.gif",),
-    "DIR": ("*/",),
-}
-"""Endings of the files that an argument names."""
 
 
 def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
@@ -54,37 +40,32 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
 
 def _values(action: argparse.Action, typed: str) -> list[str]:
     kind = argument_of(action)
-    if kind in FILES:
-        return list(FILES[kind])
+    if files := ARGUMENTS.get(kind, (str, ()))[1]:
+        return list(files)
     # The last word of a list with commas is being typed.
     first = typed[: typed.rfind(",") + 1] if kind in ("COLUMNS", "KEYS", "NAMES") else ""
     return [first + word for word in _words(kind, typed) if (first + word).startswith(typed)]
 
 
-def _words(kind: str, typed: str) -> Iterator[str]:
-    names = catalogue()
+def _words(kind: str, typed: str) -> Iterable[str]:
     if kind == "KIND":
         from .plot import KINDS, SWEEP_KINDS  # noqa: PLC0415
 
-        yield from (*KINDS, *SWEEP_KINDS)
-    elif kind in ("NAME", "NAMES"):
-        yield from (entry["name"] for entry in names["summary"])
-    elif kind == "COLUMNS":
-        yield from (entry["name"] for entry in names["columns"])
-    elif kind == "KEYS":
-        # What can be fitted.
-        yield from (
-            f"{k['group']}.{k['name']}"
-            for k in names["keys"]
-            if k["kind"] == "real" and k["group"] in ("system", "friction")
-        )
-    elif kind == "GROUP.KEY=VALUE":
-        for key in names["keys"]:
-            name = f"{key['group']}.{key['name']}="
-            yield from (f"{name}{choice}" for choice in key["choices"]) if typed.startswith(name) else (name,)
-    elif kind.startswith("KEY="):
-        yield from (f"{k['group']}.{k['name']}=" for k in names["keys"] if k["kind"] in ("real", "reals"))
-    elif kind == "QUANTITY=UNIT":
-        yield from ("time=", "force=")
-    elif "|" in kind:
-        yield from kind.split("|")
+        return (*KINDS, *SWEEP_KINDS)
+    names = catalogue()
+    keys = {f"{key['group']}.{key['name']}": key for key in names["keys"]}
+    name, equals, _ = typed.partition("=")
+    fitted = [n for n, k in keys.items() if k["kind"] == "real" and k["group"] in ("system", "friction")]
+    summary = [entry["name"] for entry in names["summary"]]
+    words = {
+        "NAME": summary,
+        "NAMES": summary,
+        "COLUMNS": [entry["name"] for entry in names["columns"]],
+        "KEYS": fitted,
+        "QUANTITY=UNIT": ["time=", "force="],
+        "GROUP.KEY=VALUE": [f"{name}={each}" for each in keys[name]["choices"]]
+        if equals and name in keys
+        else [f"{key}=" for key in keys],
+        "KEY=": [f"{n}=" for n, key in keys.items() if key["kind"] in ("real", "reals")],
+    }
+    return words.get("KEY=" if kind.startswith("KEY=") else kind, kind.split("|") if "|" in kind else [])

@@ -1,17 +1,21 @@
 """The HDF5 file of a run, in the layout of the executable (see the manual, "The result file").
 
 It is created in memory and written as bytes, so that HDF5 itself never writes to a full disk; after such an error HDF5 would
-fail again and again, also at the end of the process.
+fail again and again, also at the end of the process. Of other files h5py reads what h5py reads: a checksum is compared, and nothing
+leads out of the file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import mmap
 import os
+import struct
 import warnings
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py  # type: ignore[import-untyped]
@@ -20,16 +24,14 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._commands import PROGRAM
-from ._open import SEAL, dataset_in, info_of, open_file, own_datasets, values_in
 from ._output import check_outputs, put
-from .errors import FileError, IncompleteWarning
+from ._sweep import CYCLE_COUNT, ORIGIN, dataset_of, of_cycle
+from .errors import Error, FileError, IncompleteWarning
 from .record import EVENTS, LOG_DTYPE, Described, Info
 from .result import Result
 
 if TYPE_CHECKING:
     import xarray
-
-__all__ = ["read", "write"]
 
 COUNTS = ("complete", "result_code", "threads")
 """Attributes that are Python integers, as in a run in memory; every other one is what h5py reads, also what others have added."""
@@ -39,6 +41,19 @@ FORMAT = ("v108", "v108")
 """The oldest one in which the descriptions of the data have checksums."""
 STORED_AS = {"sticking": np.int8, "kind": np.int8, "occurs": np.int64}
 
+SEAL = b"dynstiction CRC-32 %08X\n"
+"""The last line of a whole file: CRC-32 of all bytes before it. Who changes a file with HDF5 takes it away."""
+MARK = SEAL[:19]
+SEAL_LENGTH = len(SEAL % 0)
+BEGINNING = 4096
+"""Bytes by which a deck is recognised that is given in place of a result."""
+HEAP, HEAD = b"GCOL\x01\0\0\0", 16
+"""How a list of texts begins in a file; bytes before its texts, and before each of them."""
+MOST_COMPRESSED = 1100
+"""More bytes than this for one byte in the file no filter of HDF5 gives back: the dataset claims what it does not have."""
+UNREAD = 2**20
+"""Bytes that may be claimed all the same."""
+
 T = TypeVar("T")
 
 
@@ -46,9 +61,7 @@ def read(name: str) -> Result | xarray.Dataset:
     """Read a run or a sweep; see `dynstiction.open`."""
     with open_file(name) as file:
         if "sweep" in file:
-            from ._sweep import read_sweep  # noqa: PLC0415
-
-            return read_sweep(file, name)
+            return _read_sweep(file, name)
         result = _read_contents(file, name)
     if not result.complete:
         reached = f"ends at t = {result.time[-1]:g} s" if result.time.size else "holds no samples"
@@ -128,6 +141,45 @@ def _read_text(file: h5py.File, name: str) -> str:
     return "" if dataset_in(file, name) is None else values_in(file, name)
 
 
+def _read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
+    """The sweep in a file, as `sweep` gives it; see `dynstiction.open`."""
+    code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
+    if code != 0:
+        warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=4)
+    group = file["sweep"]
+    grid = str(group.attrs["grid"])
+    is_list = grid == "list"
+    shape = () if is_list else tuple(int(size) for size in grid.split())
+    axes = []
+    for i, key in enumerate(str(group.attrs["parameters"]).split()):
+        values = values_in(group, key)
+        if not is_list:
+            # Along its own side, at the first place of the others.
+            values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
+        axes.append((info_of(key, group[key]), np.ascontiguousarray(values)))
+    summary = group["summary"]
+    codes = values_in(group, "result_code").astype(np.int32)
+    columns = [
+        (info_of(quantity, data), data[:])
+        for quantity, data in own_datasets(summary, 1)
+        if data.shape == codes.shape and data.dtype.kind in "iuf"
+    ]
+    columns.append((info_of("wall_time", group["wall_time"]), values_in(group, "wall_time")))
+    if "cycles" in group:
+        cycles = group["cycles"]
+        columns.append((CYCLE_COUNT, values_in(cycles, "count").astype(np.int32)))
+        shape = (codes.size, values_in(cycles, "cycle").size)
+        columns += [
+            (of_cycle(info_of(name, data)), data[:])
+            for name, data in own_datasets(cycles, 2)
+            if data.shape == shape and data.dtype.kind in "iuf"
+        ]
+    failures = group["failures"]
+    messages = dict(zip(values_in(failures, "case") - 1, values_in(failures, "result_text"), strict=True))
+    about_all = {"deck": values_in(file, "deck/resolved")} | {name: str(file.attrs[name]) for name in ORIGIN}
+    return dataset_of(axes, columns, codes, messages, is_list, about_all)
+
+
 def write(result: Result, path: str, *, overwrite: bool) -> None:
     """Write a result; the file appears under its name only when it is complete and on the disk.
 
@@ -200,3 +252,152 @@ def _put(group: h5py.Group, info: Info, data: Any, **how: Any) -> None:
     """Write a dataset with its unit and its meaning."""
     dataset = group.create_dataset(info.name, data=data, **how)
     dataset.attrs["units"], dataset.attrs["long_name"] = info.units, info.long_name
+
+
+@contextmanager
+def open_file(name: str) -> Iterator[h5py.File]:
+    """A result file, open for reading.
+
+    Parameters
+    ----------
+    name : str
+        The file.
+
+    Yields
+    ------
+    h5py.File
+        Exceptions that h5py and NumPy raise while it is used become a `FileError` too.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, is no HDF5 file, or does not have the checksum in its last line.
+    """
+    # Opening a pipe would wait for its writer without end.
+    if os.path.exists(name) and not os.path.isfile(name):
+        raise FileError(f"{name}: is not a regular file")
+    try:
+        if not h5py.is_hdf5(name):
+            raise FileError(f"{name}: {_what_it_is(name)}")
+        _check_bytes(name)
+        with _opened(name) as file:
+            yield file
+    except Error:
+        raise
+    except Exception as error:  # damaged files cause exceptions of any kind in h5py and NumPy
+        reason = "no such file" if isinstance(error, FileNotFoundError) else str(error)
+        raise FileError(f"{name}: cannot be read: {reason}") from error
+
+
+def _opened(name: str) -> h5py.File:
+    """The file without a lock: nobody changes one that has its name."""
+    try:
+        return h5py.File(name, "r", locking=False)
+    except OSError as error:
+        # The caller has opened the file with a lock; HDF5 wants the same from all openings of a process.
+        if "locking" not in str(error):
+            raise
+        return h5py.File(name, "r")
+
+
+def dataset_in(group: h5py.Group, path: str) -> h5py.Dataset | None:
+    """A dataset whose data are in this file, and are as many as it says; None if there is none.
+
+    Raises
+    ------
+    FileError
+        If the dataset, or a group on the way, is in another file, or it claims more values than the file can hold.
+    """
+    item = _item_in(group, path)
+    if not isinstance(item, h5py.Dataset):
+        return None
+    if item.external or item.is_virtual:
+        raise FileError(
+            f"{group.file.filename}: {path} has its data in another file: copy them into this one"
+        )
+    if item.size and item.size * item.dtype.itemsize > MOST_COMPRESSED * item.id.get_storage_size() + UNREAD:
+        raise FileError(f"{group.file.filename}: is damaged: {path} claims {item.size} values, and has fewer")
+    return item
+
+
+def values_in(group: h5py.Group, path: str) -> Any:
+    """All values of a dataset of the program; texts as Python's.
+
+    Raises
+    ------
+    FileError
+        If there is no such dataset, or as for `dataset_in`.
+    """
+    dataset = dataset_in(group, path)
+    if dataset is None:
+        raise FileError(f"{group.file.filename}: is damaged: it has no {group.name.rstrip('/')}/{path}")
+    is_text = h5py.check_string_dtype(dataset.dtype) is not None
+    return dataset.asstr(errors="surrogateescape")[()] if is_text else dataset[()]
+
+
+def _item_in(group: h5py.Group, path: str) -> Any:
+    """What has a name in a group, or is where soft links lead; None if there is nothing in this file."""
+    item: Any = group
+    for part in path.strip("/").split("/"):
+        link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+        if isinstance(link, h5py.ExternalLink):
+            raise FileError(
+                f"{group.file.filename}: {path} leads to another file: copy the data into this one"
+            )
+        if isinstance(link, h5py.SoftLink):
+            item = _item_in(item.file if link.path.startswith("/") else item, link.path)
+        else:
+            item = item[part] if isinstance(link, h5py.HardLink) else None
+    return item
+
+
+def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Dataset]]:
+    """The datasets of numbers or texts with so many dimensions in a group. What else somebody has put there is left alone."""
+    for name in group:
+        dataset = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
+        if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.ndim != ndim:
+            continue
+        is_plain = dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None
+        if is_plain and not (dataset.is_virtual or dataset.external):
+            yield name, dataset
+
+
+def info_of(name: str, dataset: h5py.Dataset) -> Info:
+    """Name, unit and meaning of a dataset, from its attributes."""
+    about = dataset.attrs
+    return Info(name, str(about.get("units", "1")), str(about.get("long_name", "")))
+
+
+def _check_bytes(name: str) -> None:
+    """Refuse a file whose last line is not the checksum of the bytes before it; also one that was cut, or has something appended.
+
+    Edited files and those of others have no such line. There, refuse lists of texts that HDF5 would read without end: a text of
+    length 0, or of one that wraps around. A list begins with its length, and has texts, each with its number (0: the room that is
+    left) and its length.
+    """
+    with open(name, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        seal = data.find(MARK, max(0, len(data) - 2 * SEAL_LENGTH))
+        if seal >= 0:
+            with memoryview(data) as whole, whole[:seal] as part:
+                checksum = zlib.crc32(part)
+            if data[seal:] != SEAL % checksum:
+                raise FileError(f"{name}: is damaged: its bytes do not have the checksum in its last line")
+            return
+        start = data.find(HEAP)
+        while start >= 0:
+            end = start + int.from_bytes(data[start + 8 : start + 16], "little")
+            place = start + HEAD
+            while place + HEAD <= min(end, len(data)):
+                number, length = struct.unpack_from("<H6xQ", data, place)
+                place += HEAD + -(-length // 8) * 8 if number else length
+                if place > end or (not number and length < HEAD):
+                    raise FileError(f"{name}: is damaged: a list of texts has a wrong length")
+            start = data.find(HEAP, start + 1)
+
+
+def _what_it_is(name: str) -> str:
+    with open(name, "rb") as stream:
+        start = stream.read(BEGINNING)
+    if b"&" in start and b"\0" not in start:
+        return f"is a deck, not a result: dynstiction run {name} makes one"
+    return "cannot be read: it is no HDF5 file, or its beginning is damaged"

@@ -1,43 +1,25 @@
-"""Ctrl-C at points where it does no harm."""
+"""Ctrl-C, after which the results until then are kept."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
-
-__all__ = ["held_back", "interrupted"]
+from collections.abc import Callable
+from contextlib import ExitStack
 
 
-def interrupted(message: str, partial: object) -> KeyboardInterrupt:
-    """A `KeyboardInterrupt` with the results until then as the attribute ``partial``.
+def interrupted(message: str, partial: Callable[[], object]) -> KeyboardInterrupt:
+    """A `KeyboardInterrupt` with the results until then, which `partial` collects, as the attribute ``partial``.
 
     It does not have its own class: only a plain `KeyboardInterrupt` that is not caught ends a script as Ctrl-C does, so that
-    a loop in the shell that called the script ends too.
+    a loop in the shell that called the script ends too. Of several Ctrl-C only the first one is raised: those that come in the
+    meantime are dropped.
     """
     error = KeyboardInterrupt(message)
-    error.partial = partial  # type: ignore[attr-defined]
+    with ExitStack() as stack:
+        before = signal.getsignal(signal.SIGINT)
+        if threading.current_thread() is threading.main_thread() and callable(before):
+            stack.callback(signal.signal, signal.SIGINT, before)
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        error.partial = partial()  # type: ignore[attr-defined]
     return error
-
-
-@contextmanager
-def held_back(*, forget: bool = False) -> Iterator[None]:
-    """Hold an interrupt (SIGINT) back until the block has ended, in the thread that gets it; elsewhere do nothing.
-
-    With `forget` it is dropped: of several Ctrl-C only the first one is raised. The block can store all that the core returns:
-    without this, Ctrl-C during a call of the core is raised right after the call, before its results have been assigned.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield
-        return
-    came: list[tuple[int, FrameType | None]] = []
-    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if came and not forget:
-            before(*came[0])

@@ -10,59 +10,18 @@ from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, Ty
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import shown
+from ._arguments import nearest, shown
 from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
-from ._names import Info, nearest
-from .errors import Error, UsageError, error_for
+from .errors import UsageError, error_for
 
 # Compiled: f2py writes the arguments of each routine into its docstring, and checks them.
 _core: Any = dst_python_api
-
-__all__ = [
-    "CHUNK_SECONDS",
-    "Advance",
-    "Closing",
-    "Cycles",
-    "DeckSource",
-    "Derivatives",
-    "KeyInfo",
-    "Run",
-    "Sensitivity",
-    "Session",
-    "Settling",
-    "Steady",
-    "Sweep",
-    "Value",
-    "catalogue",
-    "creep",
-    "deck_values",
-    "equations",
-    "group_names",
-    "group_of",
-    "key_info",
-    "origin",
-    "schema",
-    "steady_sliding",
-    "text_from",
-    "unknown_key",
-    "with_integers",
-]
 
 CHUNK_SECONDS = 0.05
 """Wall time between two checks for Ctrl-C."""
 
 NOT_RUN, GOING_ON, STOPPED_EARLY = -1, -1, 75
 """Result codes of a case that was not run, of a run that has not ended, and of one that stopped early; others are errors."""
-
-RANGES = {
-    1: "tau = {tau:.17g}: tau must be finite and in [0, inf)",
-    2: "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad",
-    3: "kappa = {kappa:.17g}: kappa must be in [0, 1)",
-    4: "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips",
-    5: "tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)",
-}
-"""Limit that a point of creep violates, by the core's number for it."""
-
 
 COUNTS = ("cycles", "sticks", "repeats", "regularity")
 """Summary values that are whole numbers."""
@@ -83,23 +42,19 @@ class DeckSource(NamedTuple):
     fields: Mapping[int, str] = {}
     """Group or key of each line, if the text was made from groups: messages name the key, not the line."""
 
-    def error(self, status: int, message: str, faults: Iterable[tuple[int, int, str]] = ()) -> Error:
-        """Exception for a status of the core; its text names keys if the user gave keys.
-
-        Parameters
-        ----------
-        status, message
-            Status and message of the core.
-        faults : iterable of (int, int, str)
-            Line of the deck, number of the setting (0 if it is not a setting), and what is wrong, for each fault of a deck.
-        """
-        lines = [f"{self._place(line, setting)}: {text}" for line, setting, text in faults]
-        return error_for(status, "\n".join(lines) or message)
-
-    def _place(self, line: int, setting: int) -> str:
+    def place(self, line: int, setting: int) -> str:
+        """Where a fault is, by its line or, if it is in a setting, the number of that: the key, if the user gave keys."""
         if setting > 0:
             return self.settings[setting - 1].partition("=")[0]
         return self.fields.get(line) or (f"{self.name}:{line}" if line > 0 else self.name)
+
+
+class Info(NamedTuple):
+    """Name, unit and meaning of a column or a scalar."""
+
+    name: str
+    units: str
+    long_name: str
 
 
 class KeyInfo(NamedTuple):
@@ -119,20 +74,6 @@ class KeyInfo(NamedTuple):
     used_by: tuple[tuple[str, tuple[str, ...]], ...]
     """Keys on which the use of this key depends, and the choices with which it is used."""
     meaning: str
-
-
-class Advance(NamedTuple):
-    """Results of one call of `Run.advance`."""
-
-    outcome: tuple[int, str] | None
-    """Result code (0 done) and its text, if the run has ended."""
-    reached: bool
-    time: float
-    """Simulated time reached [s]."""
-    samples: NDArray[np.float64]
-    """(columns, rows), C-contiguous"""
-    events: NDArray[np.float64]
-    """(rows, 4)"""
 
 
 class Closing:
@@ -199,13 +140,36 @@ class Session(Closing):
         """Free the memory of the core, at once or when a running call returns."""
         self._handle = None
 
+    def _answer(self, which: str) -> tuple[bytes, NDArray[np.float64]]:
+        """Text and numbers (column, row) of an answer of the core."""
+        handle = self.handle
+        text, numbers = _core.answer(handle, *_core.ask(handle, which))
+        return text, numbers
+
+    def text(self, which: str) -> str:
+        """An answer that is a text."""
+        return text_from(self._answer(which)[0])
+
+    def table(self, which: str) -> tuple[list[Any], NDArray[np.float64]]:
+        """An answer that is a table: texts by row, of which quantities begin with an `Info`, and numbers (column, row)."""
+        text, numbers = self._answer(which)
+        return _rows(text), numbers
+
+    def numbers(self, which: str) -> NDArray[np.float64]:
+        """An answer that is numbers alone: (column, row)."""
+        return self._answer(which)[1]
+
+    def infos(self, which: str) -> list[Info]:
+        """An answer that is quantities."""
+        return [info for info, *_ in self.table(which)[0]]
+
     def _check(self, status: int) -> None:
         """Raise an exception if the core has refused the deck."""
         if status != 0:
-            texts, places = _table(self.handle, "faults")
-            lines, settings = places.astype(int).tolist()
-            faults = zip(lines, settings, (text for (text,) in texts), strict=True)
-            raise self._deck.error(status, _named_text(self.handle, "message"), faults)
+            texts, places = self.table("faults")
+            faults = zip(texts, places.T.astype(int).tolist(), strict=True)
+            lines = [f"{self._deck.place(*place)}: {text}" for (text,), place in faults]
+            raise error_for(status, "\n".join(lines) or self.text("message"))
 
 
 class Run(Session):
@@ -213,31 +177,29 @@ class Run(Session):
 
     def __init__(self, deck: DeckSource) -> None:
         super().__init__(deck, "run")
-        self.columns = _infos(self.handle, "columns")
-        self.model, self.method, self.model_choice, *notes, self.resolved_deck = _named_text(
-            self.handle, "about"
-        ).split("\n", 5)
+        self.columns = self.infos("columns")
+        self.model, self.method, self.model_choice, *notes, self.resolved_deck = self.text("about").split(
+            "\n", 5
+        )
         """`model_choice` is why 'auto' chose the model; empty if the deck names another model."""
         self.sampling_note, self.stiffness_note = notes
         """What the samples will not show, and why the method is slow on this scene; empty if that is not so."""
 
-    def advance(
-        self, seconds: float, until: float = np.inf, before: NDArray[np.float64] | None = None
-    ) -> Advance:
-        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock; the samples follow
-        those `before`.
+    def advance(self, seconds: float, until: float = np.inf) -> tuple[tuple[int, str] | None, bool, float]:
+        """Integrate for at most `seconds` of wall time or to the time `until`, without the interpreter's lock.
+
+        Returns the result code and its text, if the run has ended; whether `until` is reached; the time that is reached [s].
         """
-        handle, n_columns = self.handle, len(self.columns)
-        finished, reached, n_rows, n_events, time, status = _core.run_advance(handle, seconds, until)
-        first = 0 if before is None else before.shape[1]
-        samples = np.empty((n_columns, first + n_rows))
-        if first > 0:
-            samples[:, :first] = before
-        if n_rows > 0:
-            _core.run_samples(handle, first, samples.T)
-        events = _table(handle, "events")[1].T if n_events > 0 else np.empty((0, 4))
-        text = _named_text(handle, "message") if status != 0 else "done"
-        return Advance((status, text) if finished else None, bool(reached), time, samples, events)
+        finished, reached, time, status = _core.proceed(self.handle, seconds, until)
+        text = self.text("message") if status != 0 else "done"
+        return (status, text) if finished else None, bool(reached), time
+
+    def samples(self) -> NDArray[np.float64]:
+        """The samples so far (columns, rows), C-contiguous."""
+        samples = np.empty((len(self.columns), int(self.numbers("rows")[0, 0])))
+        if samples.size > 0:
+            _core.run_samples(self.handle, samples.T)
+        return samples
 
     def state(self, time: float) -> list[tuple[Info, float]]:
         """Values of a sample at `time`, which must be in the last advance."""
@@ -250,14 +212,17 @@ class Run(Session):
 
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Summary values and counters of the work of a finished run."""
-        summary = with_integers(_described(self.handle, "summary"))
-        cells, (values, counts) = _table(self.handle, "statistics", described=True)
+        cells, (values,) = self.table("summary")
+        summary = [(info, value) for (info,), value in zip(cells, values.tolist(), strict=True)]
+        cells, (values, counts) = self.table("statistics")
         work = zip(cells, values.tolist(), counts.tolist(), strict=True)
-        return summary, [(info, int(value) if is_count else value) for (info,), value, is_count in work]
+        return with_integers(summary), [
+            (info, int(value) if is_count else value) for (info,), value, is_count in work
+        ]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
-        cells, (values, is_text) = _table(self.handle, "parameters", described=True)
+        cells, (values, is_text) = self.table("parameters")
         return with_integers(
             (info, text if is_one else value)
             for (info, text), value, is_one in zip(cells, values.tolist(), is_text.tolist(), strict=True)
@@ -269,31 +234,23 @@ class Cycles(Session):
 
     def __init__(self, deck: DeckSource, model: str) -> None:
         super().__init__(deck, "cycles", model)
-        handle = self.handle
-        self.model = _named_text(handle, "model")
-        self.quantities = _infos(handle, "cycle_quantities")
-        *values, stable = _table(handle, "cycles")[1]
+        self.model = self.text("model")
+        self.quantities = self.infos("cycle_quantities")
+        *values, stable = self.numbers("cycles")
         self.values = np.array(values).T
         """Values (cycle, quantity)."""
         self.are_stable = (stable == 1.0).tolist()
-        cells, (mean, scatter) = _table(handle, "regularity", described=True)
+        names = [info.name for info in self.infos("regularity")]
         self.mean, self.scatter = (
-            {info.name: value for (info,), value in zip(cells, row.tolist(), strict=True)}
-            for row in (mean, scatter)
+            dict(zip(names, row, strict=True)) for row in self.numbers("regularity").tolist()
         )
-        row = _table(handle, "verdict")[1][:, 0].tolist()
+        row = self.numbers("verdict")[:, 0].tolist()
         self.verdict, self.exponent, self.error = row[:3]
         self.slow_cycles, self.count, self.repeats, self.searched = map(int, row[3:7])
         self.sliding_load, stable, self.velocity, self.model_error = row[7:]
         self.sliding_is_stable = stable == 1.0
-        real, imaginary = _table(handle, "eigenvalues")[1].reshape(2, -1)
+        real, imaginary = self.numbers("eigenvalues").reshape(2, -1)
         self.eigenvalues = real + 1j * imaginary
-
-
-def _parameters(handle: int) -> tuple[list[str], NDArray[np.float64]]:
-    """Names and values of the parameters of derivatives."""
-    cells, (values,) = _table(handle, "parameters")
-    return [key for (key,) in cells], values
 
 
 class Return(Session):
@@ -304,7 +261,7 @@ class Return(Session):
 
     def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
         super().__init__(deck, "return", model, [place, slow_cycles])
-        self.to, self.slope, self.log_slope, *self.measures = _table(self.handle, "found")[1][:, 0].tolist()
+        self.to, self.slope, self.log_slope, *self.measures = self.numbers("found")[:, 0].tolist()
 
 
 class Sensitivity(Session):
@@ -312,11 +269,11 @@ class Sensitivity(Session):
 
     def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
         super().__init__(deck, "sensitivity", " ".join(keys))
-        cells, numbers = _table(self.handle, "sensitivity", described=True)
-        self.quantities = [info for (info,) in cells]
+        self.quantities, numbers = self.infos("sensitivity"), self.numbers("sensitivity")
         self.values, self.derivatives = numbers[0], numbers[1:].T
         """Values (quantity) and derivatives (quantity, key)."""
-        self.keys, self.parameters = _parameters(self.handle)
+        keys, (self.parameters,) = self.table("parameters")
+        self.keys = [key for (key,) in keys]
 
 
 class Derivatives(Session):
@@ -324,16 +281,17 @@ class Derivatives(Session):
 
     def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
         super().__init__(deck, "derivatives", " ".join(keys), times)
-        handle, finished = self.handle, False
+        finished = False
         while not finished:
-            finished, status = _core.proceed(handle, CHUNK_SECONDS)
+            finished, *_, status = _core.proceed(self.handle, CHUNK_SECONDS, np.inf)
             self._check(status)
-        self.keys, self.parameters = _parameters(handle)
-        self.columns = _infos(handle, "columns")
-        rows = _table(handle, "samples")[1].reshape(1 + len(self.keys), len(self.columns), -1)
+        keys, (self.parameters,) = self.table("parameters")
+        self.keys = [key for (key,) in keys]
+        self.columns = self.infos("columns")
+        rows = self.numbers("samples").reshape(1 + len(self.keys), len(self.columns), -1)
         self.values, self.derivatives = rows[0], rows[1:]
         """Values (column, sample), the time first, and derivatives (key, column, sample)."""
-        numbers = _table(handle, "events")[1]
+        numbers = self.numbers("events")
         self.event_time, self.event_kind, self.shifts = numbers[0], numbers[1].astype(np.int64), numbers[2:]
         """Times and kinds of events (event), and the derivatives of the times (key, event)."""
 
@@ -348,9 +306,9 @@ class Settling(Session):
 
     def advance(self, seconds: float) -> bool:
         """Continue for at most `seconds` [s]; whether the motion has settled."""
-        finished, status = _core.proceed(self.handle, seconds)
+        finished, *_, status = _core.proceed(self.handle, seconds, np.inf)
         self._check(status)
-        self.limit, self.swing, self.least = _table(self.handle, "settling")[1][:, 0].tolist()
+        self.limit, self.swing, self.least = self.numbers("settling")[:, 0].tolist()
         return bool(finished)
 
 
@@ -359,7 +317,7 @@ class Steady(Session):
 
     def __init__(self, deck: DeckSource) -> None:
         super().__init__(deck, "steady")
-        values = _table(self.handle, "found")[1][:, 0]
+        values = self.numbers("found")[:, 0]
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
@@ -394,19 +352,13 @@ class Sweep(Session):
             "\n".join(key for key, _ in axes),
             np.concatenate([[is_list], [axis.size for axis in values], *values]),
         )
-        self.cases, self.at_once, is_one = map(int, _table(self.handle, "size")[1][:, 0])
+        self.cases, self.at_once, is_one = map(int, self.numbers("size")[:, 0])
         self.is_list = is_one == 1
-        handle = self.handle
-        sizes, points = _table(handle, "axes")[1][0], _table(handle, "points")[1][:, 0]
-        values = np.split(points, np.cumsum(sizes, dtype=int)[:-1])
-        self.axes = list(zip(_infos(handle, "axes"), values, strict=True))
-        self.quantities = _infos(handle, "quantities")
-        self.stiffness_note = _named_text(handle, "stiffness_note")
-        """Why the method is slow on the scene of the deck; empty if it is not."""
-        cycles, (most,) = _table(handle, "cycles", described=True)
-        self.cycle_quantities = [info for info, *_ in cycles]
-        self.most_cycles = int(max(most, default=0))
-        self.resolved_deck = _named_text(handle, "resolved")
+        edges = np.cumsum(self.numbers("axes")[0], dtype=int)[:-1]
+        self.axes = list(zip(self.infos("axes"), np.split(self.numbers("points")[:, 0], edges), strict=True))
+        self.quantities = self.infos("quantities")
+        self.cycle_quantities = self.infos("cycles")
+        self.most_cycles = int(self.numbers("cycles").max(initial=0))
 
     def run(self, first: int, count: int) -> Cases:
         """Run cases `first` (from 0) and following. Several threads may do so at once."""
@@ -432,9 +384,10 @@ def deck_values(deck: DeckSource) -> dict[str, dict[str, Value]]:
 
     Each is checked only against the range of its own key, so that a part of a deck is enough.
     """
-    cells, numbers = _table(Session(deck, "deck").handle, "values")
+    cells, numbers = Session(deck, "deck").table("values")
     groups: dict[str, dict[str, Any]] = {}
-    for (group, name, text), number in zip(cells, numbers[0].tolist(), strict=True):
+    for (place, text), number in zip(cells, numbers[0].tolist(), strict=True):
+        group, _, name = place.partition(".")
         kind = key_info(group, name).kind
         # A real key may have a word in place of a number.
         value = int(text) if kind == "integer" else number if kind in ("real", "reals") and not text else text
@@ -445,22 +398,22 @@ def deck_values(deck: DeckSource) -> dict[str, dict[str, Value]]:
     }
 
 
-def _ask_library(get: Callable[[int, str], T], name: str) -> T:
-    handle = _Handle(_core.make("library", *[_characters("")] * 4, np.empty(0))[0])
-    return get(handle, name)
+@cache
+def _library() -> Session:
+    return Session(DeckSource("", ""), "library")
 
 
 @cache
 def origin() -> dict[str, str]:
     """Source and build of the core, and the host of this process; `job` is the name that the scheduler gives the job, or empty."""
     names = ("version", "git_revision", "compiler", "build_flags", "host", "job")
-    return dict(zip(names, _ask_library(_named_text, "origin").split("\n"), strict=True))
+    return dict(zip(names, _library().text("origin").split("\n"), strict=True))
 
 
 @cache
 def catalogue() -> dict[str, Any]:
     """The output of ``dynstiction template --json``: commands, options, keys, columns, ...; numbers as texts, as in a deck."""
-    found: dict[str, Any] = json.loads(_ask_library(_named_text, "catalogue"), parse_int=str, parse_float=str)
+    found: dict[str, Any] = json.loads(_library().text("catalogue"), parse_int=str, parse_float=str)
     return found
 
 
@@ -515,8 +468,7 @@ def unknown_key(name: object) -> str:
 @cache
 def slider_parameters() -> tuple[str, ...]:
     """Names of the parameters of a slider, in the order of the vectors of `equations` and similar functions."""
-    cells, _ = _ask_library(_table, "slider")
-    return tuple(name for (name,) in cells)
+    return tuple(_library().text("slider").split())
 
 
 @cache
@@ -545,12 +497,22 @@ def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points (n), from the routine of the core."""
-    values: NDArray[np.float64]
-    values, point, fault = _core.creep(form, tau, phi, kappa, n_values)
-    if fault != 0:
-        points = {"tau": tau, "phi": phi, "kappa": kappa}
-        here = {name: float(array[point - 1]) for name, array in points.items()}
-        raise UsageError(RANGES[fault].format(**here))
+    ranges = {
+        "kappa = {kappa:.17g}: kappa must be in [0, 1)": (kappa >= 0.0) & (kappa < 1.0),
+        "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad": np.abs(phi) < 0.5 * np.pi,
+    }
+    if form == "exact":
+        ranges["tau = {tau:.17g}: tau must be finite and in [0, inf)"] = (tau >= 0.0) & np.isfinite(tau)
+        ranges[
+            "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
+        ] = (phi != 0.0) | (tau < 1.0)
+    else:
+        ranges["tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)"] = (tau >= 0.0) & (tau < 1.0)
+    wrong = np.argwhere(~np.array(list(ranges.values())).T)
+    if wrong.size > 0:
+        point, which = wrong[0]
+        raise UsageError(list(ranges)[which].format(tau=tau[point], phi=phi[point], kappa=kappa[point]))
+    values: NDArray[np.float64] = _core.creep(form, tau, phi, kappa, n_values)
     return values.T
 
 
@@ -569,31 +531,11 @@ def steady_sliding(
     return values.T
 
 
-def _table(handle: int, which: str, described: bool = False) -> tuple[list[Any], NDArray[np.float64]]:
-    """Texts of a table of the core, one for each row, and its numbers (column, row); described values begin with an `Info`."""
-    texts, numbers = _core.table(handle, *_core.table_size(handle, which))
-    return _decoded(texts.tobytes("A"), texts.itemsize, texts.T.shape, described), numbers
-
-
 @lru_cache(maxsize=64)
-def _decoded(data: bytes, size: int, shape: tuple[int, int], described: bool) -> list[Any]:
+def _rows(text: bytes) -> list[Any]:
     # The same few descriptions come with every run; decoding them would take as long as a short run.
-    rows = np.frombuffer(data, f"S{size}").reshape(shape).tolist()
-    cells = [tuple(text_from(cell).rstrip(" ") for cell in row) for row in rows]
-    return [(Info(*row[:3]), *row[3:]) for row in cells] if described else cells
-
-
-def _infos(handle: int, which: str) -> list[Info]:
-    return [info for info, *_ in _table(handle, which, described=True)[0]]
-
-
-def _described(handle: int, which: str) -> list[tuple[Info, float]]:
-    cells, numbers = _table(handle, which, described=True)
-    return [(info, value) for (info,), value in zip(cells, numbers[0].tolist(), strict=True)]
-
-
-def _named_text(handle: int, which: str) -> str:
-    return text_from(_core.text(handle, _core.text_size(handle, which)))
+    rows = [row.split("\x1f") for row in text_from(text).split("\n")[:-1]]
+    return [(Info(*row[:3]), *row[3:]) if len(row) > 2 else row for row in rows]
 
 
 def _characters(text: str) -> _Characters:

@@ -12,8 +12,6 @@ from collections.abc import Iterable
 
 from .errors import FileError
 
-__all__ = ["check_outputs", "make_folder", "put"]
-
 Path = str | os.PathLike[str]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -38,20 +36,26 @@ def check_outputs(
     FileError
         If a folder is missing, a file exists and may not be replaced, or an output is also an input or another output.
     """
-    taken = {known: f"the file {os.fspath(path)} is read" for path in inputs for known in _known_by(path)}
+    taken = {os.path.realpath(path): f"the file {os.fspath(path)} is read" for path in inputs}
     for output in outputs:
         name = os.fspath(output)
         try:
-            place, *_ = names = _known_by(output)
+            place = os.path.realpath(name)
+            problem = _problem(name)
         except ValueError as error:
-            raise FileError(f"{name}: cannot be written: {error}: choose another name") from None
-        _check_name(name, overwrite=overwrite)
-        if not hdf5 and _starts_with(place, HDF5):
-            raise FileError(f"{name}: cannot be written: it is an HDF5 file: choose another name")
-        for known in names:
-            if known in taken:
-                raise FileError(f"{name}: cannot be written: {taken[known]}: choose another name")
-        taken |= dict.fromkeys(names, f"{name} is written twice")
+            problem = f"{error}: choose another name"
+        if not problem and os.path.exists(name):
+            if not overwrite:
+                raise FileError(_EXISTS.format(name))
+            if not os.path.isfile(name):
+                problem = "it is not a regular file: choose another name"
+            elif not hdf5 and _starts_with(place, HDF5):
+                problem = "it is an HDF5 file: choose another name"
+        if not problem and place in taken:
+            problem = f"{taken[place]}: choose another name"
+        if problem:
+            raise FileError(f"{name}: cannot be written: {problem}")
+        taken[place] = f"{name} is written twice"
 
 
 def make_folder(folder: Path) -> None:
@@ -67,33 +71,16 @@ def make_folder(folder: Path) -> None:
 _EXISTS = "{}: the file exists: use --overwrite (overwrite=True) or choose another name"
 
 
-def _known_by(path: Path) -> tuple[str, ...]:
-    """What a file is known by: its place and, if it exists, its number, which its other names share."""
-    place = os.path.realpath(path)
-    with contextlib.suppress(OSError):
-        about = os.stat(place)
-        return place, f"{about.st_dev} {about.st_ino}"
-    return (place,)
-
-
-def _check_name(name: str, *, overwrite: bool) -> None:
+def _problem(name: str) -> str:
+    """Why there can be no file of this name, and what to do; '' if there can."""
     folder = os.path.dirname(name)
-    if not os.path.basename(name):
-        raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
+    if not os.path.basename(name) or os.path.isdir(name):
+        return "it is a folder: give a file name"
     if folder and not os.path.isdir(folder):
-        raise FileError(f"{name}: cannot be written: the folder {folder} does not exist: create it first")
-    if os.path.isdir(name):
-        raise FileError(f"{name}: cannot be written: it is a folder: give a file name")
-    if not os.path.lexists(name):
-        return
-    if not os.path.exists(name):
-        raise FileError(
-            f"{name}: cannot be written: it is a symbolic link to a file that does not exist: remove it"
-        )
-    if not overwrite:
-        raise FileError(_EXISTS.format(name))
-    if not os.path.isfile(name):
-        raise FileError(f"{name}: cannot be written: it is not a regular file: choose another name")
+        return f"the folder {folder} does not exist: create it first"
+    if os.path.lexists(name) and not os.path.exists(name):
+        return "it is a symbolic link to a file that does not exist: remove it"
+    return ""
 
 
 def put(path: Path, data: bytes, *, overwrite: bool) -> None:

@@ -6,12 +6,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from typing import Any
 
 from ._arguments import flag
-from ._optional import needed
-
-__all__ = ["progress_bar"]
+from .errors import PackageError
 
 DELAY = 1.0
 """Shorter tasks have no bar [s]."""
@@ -24,7 +23,10 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
     If `wanted` is None, there is a bar only on a terminal or in a notebook, after a second, and if tqdm is installed.
     """
     if wanted is not None and flag("progress", wanted):
-        needed("tqdm.auto", "progress=True")
+        try:
+            import_module("tqdm.auto")
+        except ImportError as error:
+            raise PackageError(f"progress=True needs tqdm ({error}): pip install tqdm") from None
     begun = time.monotonic()
     delay = 0.0 if wanted else DELAY if wanted is None and _is_watched() else float("inf")
     bar: Any = None

@@ -13,8 +13,6 @@ from .result import Result
 from .scene import DeckLike
 from .simulation import Simulation
 
-__all__ = ["run", "run_sampled"]
-
 
 def run(
     deck: DeckLike,

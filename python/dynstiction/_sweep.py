@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import flag, reals, shown, whole
-from ._interrupt import held_back, interrupted
-from ._open import info_of, own_datasets, values_in
-from ._optional import needed
+from ._interrupt import interrupted
 from ._progress import progress_bar
 from ._sweep_work import Work
-from .errors import DeckError, IncompleteWarning, StiffnessWarning, UsageError
+from .errors import DeckError, StiffnessWarning, UsageError
 from .groups import Changes
 from .record import Info
 from .scene import DeckLike, Scene
@@ -25,10 +23,7 @@ from .scene import DeckLike, Scene
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    import h5py  # type: ignore[import-untyped]
     import xarray
-
-__all__ = ["full_key", "read_sweep", "sweep"]
 
 Floats: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Floats | NDArray[np.int32]
@@ -104,8 +99,6 @@ def sweep(
         is not positive, `executor` is not an executor, or ``sweep.keep = 'series'``: only ``dynstiction run`` keeps time series.
     KeyboardInterrupt
         On Ctrl-C; its attribute ``partial`` is the dataset with the finished cases.
-    PackageError
-        If xarray is not installed.
     MemoryError
         If the results of all cases do not fit into the memory.
 
@@ -124,7 +117,6 @@ def sweep(
     >>> with concurrent.futures.ProcessPoolExecutor() as pool:                   # doctest: +SKIP
     ...     data = ds.sweep("inputs/fig3.nml", {"mu_0": [0.2, 0.3]}, executor=pool)
     """
-    needed("xarray", "sweep")
     scene = Scene(deck, **changes)
     if not (parameters is None or isinstance(parameters, Mapping)):
         raise UsageError(f"parameters = {shown(parameters)}: a mapping, {{'misalignment_deg': values}}")
@@ -146,18 +138,16 @@ def sweep(
                 "sweep.keep = 'series': this function keeps no time series; give sweep={'keep': 'summary'}, "
                 "or run the deck with the command dynstiction run"
             )
-        if core.stiffness_note:
-            warnings.warn(core.stiffness_note, StiffnessWarning, stacklevel=2)
+        if note := core.text("stiffness_note"):
+            warnings.warn(note, StiffnessWarning, stacklevel=2)
         work = Work(core)
         with progress_bar(progress, core.cases, BAR) as show:
-            if executor is None:
-                work.run(threads, show)
-            else:
-                work.run_on(executor, scene.source, show)
+            work.run(scene.source, threads, executor, show)
         if work.stopped:
-            with held_back(forget=True):
-                done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
-                raise interrupted(f"stopped after {done}; `partial` has their results", _data_of(core, work))
+            done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
+            raise interrupted(
+                f"stopped after {done}; `partial` has their results", lambda: _data_of(core, work)
+            )
         data = _data_of(core, work)
     work.warn(stacklevel=2)
     return data
@@ -169,14 +159,14 @@ def _data_of(core: _native.Sweep, work: Work) -> xarray.Dataset:
     if core.most_cycles > 0:
         columns.append((CYCLE_COUNT, work.counts))
         columns += [
-            (info, work.cycles[:, :, i]) for i, info in enumerate(map(_of_cycle, core.cycle_quantities))
+            (info, work.cycles[:, :, i]) for i, info in enumerate(map(of_cycle, core.cycle_quantities))
         ]
     origin = _native.origin()
-    about_all = {"deck": core.resolved_deck} | {name: origin[name] for name in ORIGIN}
-    return _dataset(core.axes, columns, work.codes, work.messages, core.is_list, about_all)
+    about_all = {"deck": core.text("resolved")} | {name: origin[name] for name in ORIGIN}
+    return dataset_of(core.axes, columns, work.codes, work.messages, core.is_list, about_all)
 
 
-def _of_cycle(info: Info) -> Info:
+def of_cycle(info: Info) -> Info:
     """A quantity of a single cycle, named like its mean in the summary."""
     return info._replace(name=f"cycle_{info.name}")
 
@@ -200,7 +190,7 @@ def _values(key: str, values: ArrayLike) -> NDArray[np.float64]:
     return axis
 
 
-def _dataset(
+def dataset_of(
     axes: Sequence[Axis],
     values: Sequence[tuple[Info, Values]],
     codes: NDArray[np.int32],
@@ -231,43 +221,3 @@ def _dataset(
 
 def _about(info: Info) -> dict[str, str]:
     return {"units": info.units, "long_name": info.long_name}
-
-
-def read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
-    """The sweep in a file, as `sweep` gives it; see `dynstiction.open`."""
-    needed("xarray", "open")
-    code, text = int(file.attrs["result_code"]), str(file.attrs["result_text"])
-    if code != 0:
-        warnings.warn(f"{name}: {text}", IncompleteWarning, stacklevel=4)
-    group = file["sweep"]
-    grid = str(group.attrs["grid"])
-    is_list = grid == "list"
-    shape = () if is_list else tuple(int(size) for size in grid.split())
-    axes = []
-    for i, key in enumerate(str(group.attrs["parameters"]).split()):
-        values = values_in(group, key)
-        if not is_list:
-            # Along its own side, at the first place of the others.
-            values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
-        axes.append((info_of(key, group[key]), np.ascontiguousarray(values)))
-    summary = group["summary"]
-    codes = values_in(group, "result_code").astype(np.int32)
-    columns = [
-        (info_of(quantity, data), data[:])
-        for quantity, data in own_datasets(summary, 1)
-        if data.shape == codes.shape and data.dtype.kind in "iuf"
-    ]
-    columns.append((info_of("wall_time", group["wall_time"]), values_in(group, "wall_time")))
-    if "cycles" in group:
-        cycles = group["cycles"]
-        columns.append((CYCLE_COUNT, values_in(cycles, "count").astype(np.int32)))
-        shape = (codes.size, values_in(cycles, "cycle").size)
-        columns += [
-            (_of_cycle(info_of(name, data)), data[:])
-            for name, data in own_datasets(cycles, 2)
-            if data.shape == shape and data.dtype.kind in "iuf"
-        ]
-    failures = group["failures"]
-    messages = dict(zip(values_in(failures, "case") - 1, values_in(failures, "result_text"), strict=True))
-    about_all = {"deck": values_in(file, "deck/resolved")} | {name: str(file.attrs[name]) for name in ORIGIN}
-    return _dataset(axes, columns, codes, messages, is_list, about_all)

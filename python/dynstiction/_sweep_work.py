@@ -1,4 +1,7 @@
-"""The cases of a sweep, given a few at a time to an executor: threads of this process, or what the user gives."""
+"""The cases of a sweep as tasks of an executor: one with threads of this process, or what the user gives.
+
+A task is the deck with the parameters of some cases: it needs nothing but the package where it runs.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,6 @@ from .errors import IncompleteWarning
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
 
-__all__ = ["Work"]
-
 SHORTEST_TASK = 4
 """If several cases run side by side in a thread, each place is used this many times before the thread fetches more."""
 
@@ -30,11 +31,8 @@ LONGEST_TASK = 4096
 MOST_THREADS = 1024
 """Largest number of threads; more are useful on no machine."""
 
-THREAD_SECONDS = 0.05
-"""Estimated duration of the cases that a thread takes at once."""
-
 TASK_SECONDS = 0.5
-"""The same for a task of an executor: sending it may take milliseconds, and a deck is read for it."""
+"""Estimated duration of a task: sending it may take milliseconds, and a deck is read for it."""
 
 TASKS_PER_WORKER = 3
 """Number of tasks that wait or run, for each worker."""
@@ -58,7 +56,6 @@ class Work:
 
     def __init__(self, core: _native.Sweep) -> None:
         self._core = core
-        self._next = 0
         self._done = 0
         self.stopped = False
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
@@ -67,80 +64,63 @@ class Work:
         self.counts = np.zeros(core.cases, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
-    def run(self, n_threads: int, show: Callable[[float], None]) -> None:
-        """Run all cases in threads of this process; Ctrl-C ends it early."""
-        n_threads = min(n_threads, self._core.cases, MOST_THREADS)
-        threads = ThreadPoolExecutor(n_threads)
-        going_on: dict[Future[_Answer], int] = {}
-        try:
-            self._run(
-                going_on,
-                lambda count: threads.submit(_run_cases, self._core, self._next, count),
-                n_threads,
-                THREAD_SECONDS,
-                show,
-            )
-        finally:
-            while True:
-                # However often Ctrl-C is pressed: the threads end, and what they have finished is kept.
-                try:
-                    self._core.stop()
-                    wait([future for future in going_on if not future.cancel()])
-                    self._keep_done(going_on)
-                    break
-                except KeyboardInterrupt:
-                    self.stopped = True
-            threads.shutdown(wait=False)
+    def run(
+        self, deck: _native.DeckSource, threads: int, executor: Executor | None, show: Callable[[float], None]
+    ) -> None:
+        """Run all cases in an executor, else in so many threads of this process; Ctrl-C ends it early.
 
-    def run_on(self, executor: Executor, deck: _native.DeckSource, show: Callable[[float], None]) -> None:
-        """Run all cases as tasks of an executor; Ctrl-C ends it early.
-
-        A task is the deck with the parameters of some cases: it needs nothing but the package where it runs. Tasks that have not begun
-        are cancelled, and those in this process stop; tasks elsewhere end later, and their results are ignored.
+        Tasks that have not begun are then cancelled, and those in this process stop; tasks elsewhere end later, and their results are
+        ignored.
         """
+        threads = min(threads, self._core.cases, MOST_THREADS)
+        pool = ThreadPoolExecutor(threads) if executor is None else executor
+        workers = threads if executor is None else _workers_of(executor)
         token = os.urandom(16).hex()
         going_on: dict[Future[_Answer], int] = {}
         try:
-            self._run(
-                going_on,
-                lambda count: executor.submit(_run_task, self._task(deck, count, token)),
-                _workers_of(executor),
-                TASK_SECONDS,
-                show,
-            )
+            self._run(deck, token, pool, going_on, workers, show)
+        except KeyboardInterrupt:
+            self.stopped = True
         finally:
-            if going_on:
-                _given_up.add(token)
-                for future in going_on:
-                    future.cancel()
-                self._keep_done(going_on)
+            while going_on:
+                # However often Ctrl-C is pressed: the threads end, and what they have finished is kept.
+                try:
+                    _given_up.add(token)
+                    left = [future for future in going_on if not future.cancel()]
+                    wait(left, None if executor is None else 0.0)
+                    for future in left:
+                        if future.done() and future.exception() is None:
+                            self._keep(going_on[future], future.result().cases)
+                    break
+                except KeyboardInterrupt:
+                    self.stopped = True
+            if executor is None:
+                pool.shutdown(wait=False)
 
     def _run(
         self,
+        deck: _native.DeckSource,
+        token: str,
+        executor: Executor,
         going_on: dict[Future[_Answer], int],
-        submit: Callable[[int], Future[_Answer]],
         workers: int,
-        seconds: float,
         show: Callable[[float], None],
     ) -> None:
-        """Keep the workers busy with tasks of some `seconds`, smaller ones towards the end, until all cases are done, or Ctrl-C."""
+        """Keep the workers busy with tasks, smaller ones towards the end, until all cases are done."""
         # The places for cases side by side do not stay empty.
         fewest = max(1, SHORTEST_TASK * (self._core.at_once - 1))
-        count = 1
-        try:
-            while self._next < self._core.cases or going_on:
-                while self._next < self._core.cases and len(going_on) < TASKS_PER_WORKER * workers:
-                    left = self._core.cases - self._next
-                    count = min(left, max(fewest, min(count, math.ceil(left / (4 * workers)))))
-                    going_on[submit(count)] = self._next
-                    self._next += count
-                for future in wait(going_on, _native.CHUNK_SECONDS, FIRST_COMPLETED).done:
-                    answer = future.result()
-                    self._keep(going_on.pop(future), answer.cases)
-                    count = int(min(LONGEST_TASK, len(answer.cases.codes) * seconds / answer.seconds))
-                show(self._done)
-        except KeyboardInterrupt:
-            self.stopped = True
+        first, count = 0, 1
+        while first < self._core.cases or going_on:
+            while first < self._core.cases and len(going_on) < TASKS_PER_WORKER * workers:
+                left = self._core.cases - first
+                count = min(left, max(fewest, min(count, math.ceil(left / (4 * workers)))))
+                going_on[executor.submit(_run_task, self._task(deck, first, count, token))] = first
+                first += count
+            for future in wait(going_on, _native.CHUNK_SECONDS, FIRST_COMPLETED).done:
+                answer = future.result()
+                self._keep(going_on.pop(future), answer.cases)
+                count = int(min(LONGEST_TASK, len(answer.cases.codes) * TASK_SECONDS / answer.seconds))
+            show(self._done)
 
     def _keep(self, first: int, cases: _native.Cases) -> None:
         here = slice(first, first + len(cases.codes))
@@ -149,13 +129,8 @@ class Work:
         self.messages |= {first + case: text for case, text in cases.messages.items()}
         self._done += len(cases.codes)
 
-    def _keep_done(self, going_on: dict[Future[_Answer], int]) -> None:
-        for future, first in going_on.items():
-            if future.done() and not future.cancelled() and future.exception() is None:
-                self._keep(first, future.result().cases)
-
-    def _task(self, deck: _native.DeckSource, count: int, token: str) -> _Task:
-        cases = np.arange(self._next, self._next + count)
+    def _task(self, deck: _native.DeckSource, first: int, count: int, token: str) -> _Task:
+        cases = np.arange(first, first + count)
         if self._core.is_list:
             places = [cases] * len(self._core.axes)
         else:
@@ -192,30 +167,25 @@ _given_up: set[str] = set()
 """Tokens of sweeps that have ended early."""
 
 
-def _run_cases(core: _native.Sweep, first: int, count: int) -> _Answer:
-    """Run a few cases in a thread of the process that has the sweep."""
-    begun = time.perf_counter()
-    return _Answer(core.run(first, count), time.perf_counter() - begun)
-
-
 def _run_task(task: _Task) -> _Answer:
     """Run a few cases anywhere."""
-
-    def go_on(_: float) -> None:
-        if task.token in _given_up:
-            raise KeyboardInterrupt
-
-    go_on(0.0)
-    begun = time.perf_counter()
-    work = Work(_native.Sweep(task.deck, task.points, True))
-    # In a separate thread, so that Ctrl-C also ends it in the main thread of a process.
-    work.run(1, go_on)
-    if work.stopped:
-        # A Ctrl-C that all processes of a terminal receive also ends the tasks that this process has not begun.
-        _given_up.add(task.token)
+    if task.token in _given_up:
         raise KeyboardInterrupt
-    cases = _native.Cases(work.values, work.cycles, work.counts, work.codes, work.messages)
-    return _Answer(cases, time.perf_counter() - begun)
+    begun = time.perf_counter()
+    core = _native.Sweep(task.deck, task.points, True)
+    # In a separate thread, so that Ctrl-C also ends it in the main thread of a process.
+    with ThreadPoolExecutor(1) as thread:
+        running = thread.submit(core.run, 0, core.cases)
+        try:
+            while not wait([running], _native.CHUNK_SECONDS).done and task.token not in _given_up:
+                pass
+        except KeyboardInterrupt:
+            # A Ctrl-C that all processes of a terminal receive also ends the tasks that this process has not begun.
+            _given_up.add(task.token)
+            raise
+        finally:
+            core.stop()
+    return _Answer(running.result(), time.perf_counter() - begun)
 
 
 def _workers_of(executor: Executor) -> int:

@@ -38,8 +38,8 @@ class Error(Exception):
 
     exit_status = 1
 
-    def __str__(self) -> str:
-        return printable(super().__str__())
+    def __str__(self) -> str:  # not that of KeyError, which prints the repr of the message
+        return printable(str(self.args[0]) if self.args else "")
 
 
 class UsageError(Error, ValueError):
@@ -48,9 +48,6 @@ class UsageError(Error, ValueError):
 
 class ColumnError(UsageError, KeyError):
     """A result has no column, or its summary has no value, with this name; the text gives the nearest name."""
-
-    def __str__(self) -> str:  # KeyError would print the repr of the message
-        return printable(Exception.__str__(self))
 
 
 class PackageError(UsageError, ImportError):
@@ -63,7 +60,7 @@ class DeckError(Error, ValueError):
     exit_status = 2
 
     def __str__(self) -> str:
-        return "\n".join(map(printable, ValueError.__str__(self).split("\n")))
+        return "\n".join(map(printable, str(self.args[0]).split("\n"))) if self.args else ""
 
 
 class FileError(Error, OSError):
@@ -89,9 +86,6 @@ class SolverError(Error):
         super().__init__(message, code, result)
         self.code = code
         self.result = result
-
-    def __str__(self) -> str:
-        return printable(str(self.args[0]))
 
 
 class OutOfMemoryError(SolverError, MemoryError):

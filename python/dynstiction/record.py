@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import ItemsView, Iterable, Iterator, KeysView, Mapping, ValuesView
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from ._arguments import shown
-from ._names import Info, nearest
+from ._arguments import nearest, shown
+from ._native import Info
 from .errors import ColumnError, UsageError, printable
 from .html import page_table
 
@@ -179,7 +179,7 @@ class Described(Mapping[str, T], Generic[T]):
         return "\n".join(printable(line.rstrip()) for line in lines)
 
 
-class Table(Generic[C]):
+class Table(Mapping[str, C]):
     """Columns of equal length by name: ``table["u_x"]``, ``dict(table)``, ``for name in table``.
 
     Tables are equal only to themselves.
@@ -197,21 +197,6 @@ class Table(Generic[C]):
 
     def __getitem__(self, name: str) -> C:
         return self.columns[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
-
-    def keys(self) -> KeysView[str]:
-        """Names of the columns."""
-        return self.columns.keys()
-
-    def values(self) -> ValuesView[C]:
-        """The columns."""
-        return self.columns.values()
-
-    def items(self) -> ItemsView[str, C]:
-        """Names and columns."""
-        return self.columns.items()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ __all__ = ["Result", "open"]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Result(Table[NDArray[np.float64]], Mapping[str, NDArray[np.float64]]):
+class Result(Table[NDArray[np.float64]]):
     """The results of a run, as `dynstiction.run` returns them and `dynstiction.open` reads them.
 
     A read-only mapping of the columns of the time series by name: ``result["u_x"]``, ``dict(result)``,

@@ -7,7 +7,7 @@ the deck reader of the Fortran core merges, checks and completes them.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, Unpack, cast
@@ -19,6 +19,7 @@ from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
 from .groups import Changes, GroupValues, SceneGroups
 from .html import page_table
+from .record import unit_shown
 
 if TYPE_CHECKING:
     from .stability import Stability
@@ -83,7 +84,7 @@ class Scene(SceneGroups):
         elif deck is None:
             groups: dict[str, dict[str, object]] = {}
             for name, keys in given:
-                groups.setdefault(name, {}).update(_given(name, keys))
+                groups.setdefault(name, {}).update(_keys(name, keys))
             written = deck_from(groups, "scene")
             self._text, self._name, self._fields = written.text, written.name, written.fields
             return
@@ -94,30 +95,11 @@ class Scene(SceneGroups):
         else:
             self._name = path_name(deck)
             self._text = _read(self._name)
-        self._settings.update(_settings(given))
-
-    @classmethod
-    def of_command(cls, path: str, settings: Iterable[str]) -> Scene:
-        """Scene of the deck in a file, with settings ``group.key=value`` as on the command line, where text has no quotes.
-
-        Parameters
-        ----------
-        path : str
-            The file, as messages show it.
-        settings : iterable of str
-            Overrides of the deck.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be read.
-        """
-        scene = cls(Path(path))
-        scene._name = path
-        for setting in settings:
-            name, _, value = setting.partition("=")
-            scene._settings[name.lower()] = value
-        return scene
+        self._settings |= {
+            f"{group}.{key}".lower(): setting_value(value)
+            for group, keys in given
+            for key, value in _keys(group, keys).items()
+        }
 
     @property
     def text(self) -> str:
@@ -242,7 +224,7 @@ class Scene(SceneGroups):
         except DeckError as error:
             return f"{head}\n  refused: {error}>"
         lines = (
-            f"  {group}: {', '.join(f'{key} = {_shown(value, _units(group, key))}' for key, value in keys.items())}"
+            f"  {group}: {', '.join(f'{key} = {_shown(value, _native.key_info(group, key).units)}' for key, value in keys.items())}"
             for group, keys in groups.items()
         )
         return "\n".join([head, *lines]) + ">"
@@ -258,9 +240,10 @@ class Scene(SceneGroups):
         except DeckError:
             groups = {}
         rows = [
-            (group, key, _shown(value), _units(group, key), _native.key_info(group, key).meaning)
+            (group, key, _shown(value), unit_shown(info.units), info.meaning)
             for group, keys in groups.items()
             for key, value in keys.items()
+            for info in [_native.key_info(group, key)]
         ]
         return page_table(f"Scene {self._name}", ("group", "key", "value", "unit", ""), rows, fault)
 
@@ -298,27 +281,13 @@ def _by_group(changes: Mapping[str, object]) -> list[tuple[str, Group]]:
     return groups + single
 
 
-def _settings(groups: Iterable[tuple[str, Group]]) -> dict[str, str]:
-    return {
-        f"{group}.{key}".lower(): setting_value(value)
-        for group, keys in groups
-        for key, value in _changes(group, keys).items()
-    }
-
-
-def _changes(group: str, keys: Group) -> Mapping[str, object]:
-    """Keys that a group changes in a deck; a dataclass removes the keys that it does not give."""
-    given = _given(group, keys)
-    if isinstance(keys, DeckGroup):
-        return {field.name: given.get(field.name) for field in fields(keys)}
-    return given
-
-
-def _given(group: str, keys: Group) -> Mapping[str, object]:
+def _keys(group: str, keys: Group) -> Mapping[str, object]:
+    """Keys that a group changes; a dataclass removes the keys that it does not give."""
     if isinstance(keys, DeckGroup):
         if keys.group != group:
             raise UsageError(f"{group}={shown(keys)}: a {type(keys).__name__} is the group '{keys.group}'")
-        return keys.given()
+        given = keys.given()
+        return {field.name: given.get(field.name) for field in fields(keys)}
     if not isinstance(keys, Mapping):
         raise UsageError(
             f"{group}={shown(keys)}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
@@ -351,11 +320,6 @@ def used_settings(
     return found
 
 
-def _units(group: str, key: str) -> str:
-    units = _native.key_info(group, key).units
-    return "" if units == "1" else units
-
-
 def _shown(value: _native.Value, units: str = "") -> str:
     if isinstance(value, tuple) and len(value) > 6:
         shown = (
@@ -367,4 +331,4 @@ def _shown(value: _native.Value, units: str = "") -> str:
         shown = ", ".join(map(str, value))
     else:
         shown = repr(value)
-    return f"{shown} {units}".rstrip()
+    return f"{shown} {unit_shown(units)}".rstrip()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Unpack
 
@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import number, reals
-from ._interrupt import held_back, interrupted
+from ._interrupt import interrupted
 from ._progress import progress_bar
-from .errors import IncompleteWarning, SolverError, UsageError
+from .errors import IncompleteWarning, SolverError, UsageError, error_for
 from .groups import Changes
 from .record import EVENTS, LOG_DTYPE, Described, events_between, log_until
 from .result import Result
@@ -24,8 +24,6 @@ from .scene import DeckLike, Scene
 
 __all__ = ["Simulation"]
 
-SHORT = 1000
-"""Fewer samples in a row are copied in front of the next ones."""
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 
@@ -74,11 +72,10 @@ class Simulation(_native.Closing):
             self._core = _native.Run(self._scene.replace(interval=float(self._parameters["t_end"])).source)
             self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
-        self._samples: list[NDArray[np.float64]] = []
-        self._log: list[NDArray[np.float64]] = []
         self._outcome: tuple[int, str] | None = None
-        self._summary: Described[float] = Described([], "summary")
-        self._statistics: Described[float] = Described([], "statistics")
+        self._last: Result | None = None
+        """The result of a run that has ended, or was closed; until then the core has it."""
+        self._closing = False
         self._time = self._reached = 0.0
         self._advance(0.0)
         if self._times is not None:
@@ -92,7 +89,10 @@ class Simulation(_native.Closing):
 
     def close(self) -> None:
         """Free the memory of the core; a run that is not finished then cannot be continued."""
-        self._core.close()
+        self._closing = True
+        # Another thread that is using the simulation frees the memory when it ends.
+        with suppress(UsageError), self._alone():
+            pass
 
     @property
     def scene(self) -> Scene:
@@ -136,13 +136,13 @@ class Simulation(_native.Closing):
             If another thread is using the simulation.
         """
         with self._alone():
-            log = self._log_so_far()
+            log = self._last.log if self._last is not None else self._log_so_far()
         return events_between(log, 0.0, self._t_end)
 
     def _log_so_far(self) -> NDArray[np.void]:
-        columns = np.concatenate(self._log)
-        log = np.empty(len(columns), dtype=LOG_DTYPE)
-        for name, values in zip(EVENTS, columns.T, strict=True):
+        columns = self._core.numbers("events")
+        log = np.empty(columns.shape[1], dtype=LOG_DTYPE)
+        for name, values in zip(EVENTS, columns, strict=True):
             log[name] = values
         return log if self.finished else log_until(log, self._time)
 
@@ -159,22 +159,28 @@ class Simulation(_native.Closing):
             return self._result_so_far()
 
     def _result_so_far(self) -> Result:
-        columns = self._samples_so_far()
+        if self._last is not None:
+            return self._last
+        columns = self._core.samples()
         if self._times is not None:
             asked_for = np.isin(columns[0], self._times)
             columns = np.compress(asked_for, columns, axis=1)
         if not self.finished:
             columns = columns[:, : np.searchsorted(columns[0], self._time, side="right")]
-        return Result(
+        summary, statistics = self._core.ending() if self.finished else ([], [])
+        result = Result(
             columns=Described(zip(self._core.columns, columns, strict=True), "columns"),
             log=self._log_so_far(),
-            summary=self._summary if self.finished else Described([], "summary"),
-            statistics=self._statistics if self.finished else Described([], "statistics"),
+            summary=Described(summary, "summary"),
+            statistics=Described(statistics, "statistics"),
             parameters=self._parameters,
             attributes=self._attributes(),
             deck=self._scene.text,
             resolved_deck=self._core.resolved_deck,
         )
+        if self.finished:
+            self._last = result
+        return result
 
     def step_to(self, time: float) -> None:
         """Integrate up to a time.
@@ -247,13 +253,12 @@ class Simulation(_native.Closing):
                             show(self._reached)
                         show(self._time)
                 except KeyboardInterrupt:
-                    with held_back(forget=True):
-                        if not self.finished:
-                            self._time = self._reached
-                        raise interrupted(
-                            f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
-                            self._result_so_far(),
-                        ) from None
+                    if not self.finished:
+                        self._time = self._reached
+                    raise interrupted(
+                        f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
+                        self._result_so_far,
+                    ) from None
             self._tell(stacklevel)
             return self._result_so_far()
 
@@ -267,29 +272,24 @@ class Simulation(_native.Closing):
         try:
             yield
         finally:
-            self._lock.release()
+            try:
+                if self._closing and not self._core.closed:
+                    self._last = self._result_so_far()
+                    self._core.close()
+            finally:
+                self._lock.release()
 
     def _advance(self, until: float) -> bool:
         """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
         reached = False
+        if self._closing:
+            raise UsageError("the simulation is closed: make a new one")
         if self._outcome is None:
             # The end is more than a time that is reached: there the summary is computed.
             aim = until if until < self._t_end else np.inf
-            # Ctrl-C is raised after the results of the core have been stored.
-            with held_back():
-                # Another thread may read the samples meanwhile: the list is changed at the end.
-                short = [piece for piece in self._samples[-1:] if piece.shape[1] < SHORT]
-                done = self._core.advance(_native.CHUNK_SECONDS, aim, *short)
-                self._samples[len(self._samples) - len(short) :] = [done.samples]
-                self._log.append(done.events)
-                self._reached, self._outcome = done.time, done.outcome
-            reached = done.reached
-            if self._outcome is not None:
-                summary, work = self._core.ending()
-                self._summary = Described(summary, "summary")
-                self._statistics = Described(work, "statistics")
+            self._outcome, reached, self._reached = self._core.advance(_native.CHUNK_SECONDS, aim)
         if self._outcome is not None and self._outcome[0] != 0:
-            times = self._samples_so_far()[0]
+            times = self._core.samples()[0]
             self._time = float(times[-1]) if times.size > 0 else 0.0
         elif self._outcome is not None or reached:
             # The last step may have ended the run beyond a time that lies before its end.
@@ -298,19 +298,13 @@ class Simulation(_native.Closing):
             return False
         return True
 
-    def _samples_so_far(self) -> NDArray[np.float64]:
-        """All samples (columns, rows); each column is contiguous."""
-        if len(self._samples) > 1:
-            self._samples = [np.concatenate(self._samples, axis=1)]
-        return self._samples[0]
-
     def _tell(self, stacklevel: int) -> None:
         """Raise or warn if the run did not reach its end."""
         code, text = self._outcome or (0, "")
         if code == _native.STOPPED_EARLY:
             warnings.warn(text, IncompleteWarning, stacklevel=stacklevel)
         elif code != 0:
-            error = self._scene.source.error(code, text)
+            error = error_for(code, text)
             if isinstance(error, SolverError):
                 error.result = self._result_so_far()
             raise error

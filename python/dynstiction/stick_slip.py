@@ -136,8 +136,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
     slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
-    travel = np.abs(_padded(np.diff(position[peaks]), n))
-    next_peak = np.where(linked, _padded(peak_time[1:], n), np.nan)
+    travel = np.abs(np.diff(position[peaks], append=np.nan))
+    next_peak = np.where(linked, np.append(peak_time[1:], np.nan)[:n], np.nan)
     cycles, slides = _last_motion(
         linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine)
     )
@@ -153,8 +153,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         slip_length,
         next_peak - valley_time,
         next_peak - peak_time,
-        np.where(linked, _padded(rests, n), np.nan),
-        np.where(linked, _padded(rest_time, n), np.nan),
+        np.where(linked, rests, np.nan),
+        np.where(linked, rest_time, np.nan),
     )
     settled = np.zeros(n, dtype=bool)
     # Whether they persist is the core's to say.
@@ -273,21 +273,16 @@ def _vertex(time: _Floats, force: _Floats, at: NDArray[np.intp]) -> tuple[_Float
 
 
 def _rests(events: NDArray[np.void], edges: _Floats) -> tuple[_Floats, _Floats]:
-    """For each interval between edges: how often a rest begins in it, and how long the object is at rest."""
+    """From each edge to the next: how often a rest begins there, and how long the object is at rest; the last one is NaN."""
     times, kinds = events["time"], events["kind"]
     begins = times[kinds == STICK_BEGINS]
     ends = times[kinds == SLIP_BEGINS]
     # A slip that begins before any rest does not end a rest.
     ends = ends[ends >= begins[0]] if begins.size else ends[:0]
-    counts = np.diff(np.searchsorted(begins, edges)).astype(np.float64)
+    counts = np.diff(np.searchsorted(begins, edges), append=np.nan)
     if begins.size > ends.size:
         ends = np.append(ends, max(begins[-1], edges.max(initial=0.0)))
     # The time at rest so far grows from the beginning of a rest to its end, and stays until the next.
     knots = np.column_stack([begins, ends]).ravel()
     rested = np.cumsum(np.column_stack([np.zeros(begins.size), ends - begins]))
-    return counts, np.diff(np.interp(edges, knots, rested)) if knots.size else np.zeros(counts.size)
-
-
-def _padded(values: _Floats, n: int) -> _Floats:
-    """A column of n rows, NaN where there is no value."""
-    return np.concatenate([values, np.full(n - values.size, np.nan)])
+    return counts, np.diff(np.interp(edges, knots, rested), append=np.nan) if knots.size else 0.0 * counts

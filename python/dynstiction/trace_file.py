@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import number, path_name, shown
-from ._open import dataset_in, open_file
 from .errors import FileError, UsageError
 from .trace import Trace
 
@@ -543,6 +542,8 @@ def _hdf5_columns(
     name: str, wanted: Mapping[str, Column | None], required: Sequence[str]
 ) -> dict[str, _Found]:
     """The wanted datasets of a file."""
+    from ._hdf5 import open_file  # noqa: PLC0415  (h5py is slow to import)
+
     paths = {
         quantity: ALTERNATIVES[quantity] if column is None else (column,)
         for quantity, column in wanted.items()
@@ -557,6 +558,8 @@ def _hdf5_columns(
 
 def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
     import h5py  # noqa: PLC0415
+
+    from ._hdf5 import dataset_in  # noqa: PLC0415
 
     for path in paths:
         found = dataset_in(file, path) if isinstance(path, str) else None

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from dynstiction._interrupt import held_back
+from dynstiction._interrupt import interrupted
 from fig3 import SLIDER
 from programs import SCRIPT, Program
 from results import assert_same
@@ -379,16 +379,12 @@ def test_errors_in_threads_keep_their_texts(fig3: ds.Scene) -> None:
             assert found == expected[n % 30]
 
 
-def test_an_interrupt_waits_for_what_is_kept() -> None:
-    """It is raised right after the complete block; or not at all, if another one is being raised."""
-    steps: list[str] = []
-    with pytest.raises(KeyboardInterrupt), held_back():
+def test_an_interrupt_is_dropped_while_the_results_of_another_are_collected() -> None:
+    def collect() -> str:
         os.kill(os.getpid(), signal.SIGINT)
-        steps.append("kept")
-    with held_back(forget=True):
-        os.kill(os.getpid(), signal.SIGINT)
-        steps.append("told")
-    assert steps == ["kept", "told"]
+        return "kept"
+
+    assert interrupted("stopped", collect).partial == "kept"  # type: ignore[attr-defined]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -9,10 +9,9 @@
 void __dst_python_api_MOD_make(const char *what, const int *n_deck, const char *deck, const int *n_name, const char *name,
                                const int *n_settings, const char *settings, const int *n_words, const char *words, const int *n_numbers,
                                const double *numbers, long long *handle, int *status, size_t, size_t, size_t, size_t, size_t);
-void __dst_python_api_MOD_run_advance(const long long *handle, const double *seconds, const double *until,
-                                      int *finished, int *reached, int *n_rows, int *n_events, double *time, int *status);
-void __dst_python_api_MOD_table_size(const long long *handle, const char *which, int *n_rows, int *n_texts, int *n_numbers, int *n_bytes,
-                                     size_t);
+void __dst_python_api_MOD_proceed(const long long *handle, const double *seconds, const double *until,
+                                  int *finished, int *reached, double *time, int *status);
+void __dst_python_api_MOD_ask(const long long *handle, const char *which, int *n_bytes, int *n_columns, int *n_rows, size_t);
 void __dst_python_api_MOD_sweep_run(const long long *handle, const int *first, const int *n, const int *n_values, const int *n_columns,
                                     const int *n_rows, double *values, double *cycles, int *counts, int *codes, char *messages, size_t);
 void __dst_python_api_MOD_sweep_stop(const long long *handle);
@@ -37,14 +36,14 @@ static void *run(void *which) {
   const int none = 0;
   long long handle;
   double time;
-  int status, finished = 0, reached, n_rows, n_events;
+  int status, finished = 0, reached;
 
   if (with_lock) pthread_mutex_lock(&lock);
   __dst_python_api_MOD_make("run", &n_deck, deck, &n_name, "deck", &n_settings, setting, &none, "", &none, NULL, &handle, &status,
                             strlen("run"), 1, 1, 1, 1);
   if (with_lock) pthread_mutex_unlock(&lock);
   while (status == 0 && !finished)
-    __dst_python_api_MOD_run_advance(&handle, &slice, &until, &finished, &reached, &n_rows, &n_events, &time, &status);
+    __dst_python_api_MOD_proceed(&handle, &slice, &until, &finished, &reached, &time, &status);
   if (with_lock) pthread_mutex_lock(&lock);
   __dst_python_api_MOD_release(&handle);
   if (with_lock) pthread_mutex_unlock(&lock);
@@ -67,9 +66,9 @@ static int open_sweep(void) {
   __dst_python_api_MOD_make("sweep", &n_deck, deck, &n_name, "deck", &n_settings, "", &n_keys, keys, &n_numbers, numbers, &sweep, &status,
                             strlen("sweep"), 1, 1, 1, 1);
   if (status != 0) return 1;
-  __dst_python_api_MOD_table_size(&sweep, "points", &ignored, &ignored, &n_points, &ignored, strlen("points"));
+  __dst_python_api_MOD_ask(&sweep, "points", &ignored, &n_points, &ignored, strlen("points"));
   if (n_points != 12 + 2) return 1;
-  __dst_python_api_MOD_table_size(&sweep, "quantities", &n_values, &ignored, &ignored, &ignored, strlen("quantities"));
+  __dst_python_api_MOD_ask(&sweep, "quantities", &ignored, &ignored, &n_values, strlen("quantities"));
   return n_values > most_values;
 }
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .._names import nearest
+from .._arguments import nearest
 from ..record import headed
 from .style import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
