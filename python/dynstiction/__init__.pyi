@@ -85,7 +85,6 @@ from .trace_fit import Fit as Fit
 from .trace_fit import FittedParameter as FittedParameter
 from .trace_fit import FittedTrace as FittedTrace
 from .trace_fit import fit as fit
-from .trace_plan import TracePlan as TracePlan
 from .trace_plan import plan_traces as plan_traces
 from .trace_rivals import CreepTest as CreepTest
 from .trace_rivals import Explanation as Explanation

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -18,7 +16,7 @@ from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, Search
-from ._fit.solve import Map, Solution
+from ._fit.solve import Solution
 from ._fit.waveform import Waveform, waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
@@ -375,9 +373,9 @@ def fit(
     next, but do not include an error that all cycles share.
     """
     whole("starts", starts, least=1)
-    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+    with progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene), trace, free, pool.map, each=each, known=known, bounds=bounds, ties=ties, chain=chain
+            Scene(scene), trace, free, each=each, known=known, bounds=bounds, ties=ties, chain=chain
         )
         search = Search(given, starts, generator(rng), show)
         if not search.near():
@@ -476,8 +474,7 @@ def _told(
         chance,
         tuple(notes),
         (logarithms, *sets),
-        # Without threads, which end with the search.
-        replace(problem, spread=map, runs=[]),
+        problem,
         best.z,
     )
 
@@ -582,7 +579,6 @@ def problem_of(
     scene: Scene,
     trace: Trace | Sequence[Trace],
     free: Sequence[str] | str,
-    spread: Map,
     *,
     each: _Given | None = None,
     known: _Given | None = None,
@@ -625,7 +621,7 @@ def problem_of(
             )
         cycles = find_cycles(one)
         recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
-    return Problem(names, np.array(begin), known, bounds, ties, tuple(recordings), names, spread)
+    return Problem(names, np.array(begin), known, bounds, ties, tuple(recordings), names)
 
 
 def _check_options(

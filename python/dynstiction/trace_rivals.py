@@ -5,10 +5,8 @@
 from __future__ import annotations
 
 import math
-import os
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -289,13 +287,11 @@ def creep_test(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
     )
-    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+    with progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
         low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
         limits = {ANGLE: (low, high)}
-        creep = problem_of(
-            rig, trace, (ANGLE, *names), pool.map, each=each, known=known, bounds=limits, chain=chain
-        )
+        creep = problem_of(rig, trace, (ANGLE, *names), each=each, known=known, bounds=limits, chain=chain)
         period = min(record.wave.period for record in creep.recordings)
         resting = []
         for i, (name, rest) in enumerate(_without_creep(rig, period, len(creep.recordings))):
@@ -386,22 +382,19 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     """
     if not found.is_of_own_model:
         return ()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        base = replace(found.problem, spread=pool.map)
-        fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
-        for name, extra, changes in _changes(found):
-            problem = base.changed((*base.names, extra), changes)
-            q, delays = np.split(found.coordinates, [len(base.names)])
-            starts = [
-                np.append(
-                    problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays
-                )
-                for size in ((1.0,) if name.startswith("another ") else SIZES)
-            ]
-            with suppress(Error):
-                best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
-                fits.append(_Fitted(name, problem, best))
-        return _compared(fits)
+    base = found.problem
+    fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
+    for name, extra, changes in _changes(found):
+        problem = base.changed((*base.names, extra), changes)
+        q, delays = np.split(found.coordinates, [len(base.names)])
+        starts = [
+            np.append(problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays)
+            for size in ((1.0,) if name.startswith("another ") else SIZES)
+        ]
+        with suppress(Error):
+            best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
+            fits.append(_Fitted(name, problem, best))
+    return _compared(fits)
 
 
 def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, Any]]]:

@@ -17,7 +17,7 @@ from ..trace import Trace
 from ..trace_chain import Chain
 from ..trace_cycles import TraceCycles
 from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
-from .solve import FAILED, Map, Solution, derivatives, has_failed, least_squares_of
+from .solve import FAILED, Solution, derivatives, has_failed, least_squares_of, spread
 from .waveform import Waveform, smoothed
 
 __all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
@@ -199,8 +199,6 @@ class Problem:
         The traces.
     heard : tuple of str
         Parameters that the model has.
-    spread : callable
-        Runs models side by side; `map` runs one after another.
     runs : list of int
         The trace of each run so far.
     """
@@ -212,7 +210,6 @@ class Problem:
     ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
     heard: tuple[str, ...]
-    spread: Map
     runs: list[int] = field(default_factory=list)
 
     @property
@@ -326,7 +323,7 @@ class Problem:
         """Coordinates in the order of their cost, with a share that is added to the errors."""
         costs = [
             math.inf if has_failed(there) else float(np.sum(there**2))
-            for there in self.spread(lambda z: self.residuals(z, coarse), starts)
+            for there in spread(lambda z: self.residuals(z, coarse), starts)
         ]
         return [starts[i] for i in np.argsort(costs, kind="stable")]
 
@@ -393,12 +390,7 @@ class Problem:
         """Cost and Jacobian at coordinates."""
         here = self.residuals(z, coarse)
         jacobian = derivatives(
-            lambda there: self.residuals(there, coarse),
-            z,
-            here,
-            step or self.step,
-            self.spread,
-            central=True,
+            lambda there: self.residuals(there, coarse), z, here, step or self.step, central=True
         )
         return Solution(z, float(here @ here), jacobian)
 
