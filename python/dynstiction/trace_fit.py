@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,14 @@ from ._fit.models import fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, Search
 from ._fit.solve import Solution
-from ._fit.waveform import Waveform, waveform_of
+from ._fit.waveform import waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Trace
 from .trace_chain import Chain
-from .trace_comparison import compare
-from .trace_cycles import TraceCycles, find_cycles
+from .trace_comparison import compared
+from .trace_cycles import find_cycles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,27 +83,26 @@ class FittedParameter:
     law_error: float
 
 
-class FittedTrace(NamedTuple):
-    """One trace of a fit."""
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedTrace(Recording):
+    """One trace of a fit, with the fitted values in its scene and chain.
 
-    trace: Trace
-    """The trace."""
+    Attributes
+    ----------
+    given : Scene
+        The scene with the values with which the fit began.
+    fitted : ndarray, shape (n,)
+        Force of the model in the bins of the waveform [N].
+    ahead : ndarray, shape (k,)
+        How far the object of the model is ahead of the drive in the creep [m]; empty without a measured displacement.
+    period : float
+        The model's period [s].
+    """
+
     given: Scene
-    """The scene with the values with which the fit began."""
-    scene: Scene
-    """The scene with the fitted values."""
-    chain: Chain
-    """Its measuring chain."""
-    cycles: TraceCycles
-    """The cycles of the trace."""
-    waveform: Waveform
-    """Mean of the cycles, and its errors."""
     fitted: _Floats
-    """Force of the model in the bins of the waveform [N], shape (n,)."""
     ahead: _Floats
-    """How far the object of the model is ahead of the drive in the creep [m], shape (k,); empty without a measured displacement."""
     period: float
-    """The model's period [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,35 +146,14 @@ class Fit:
     problem: Problem
     coordinates: _Floats
 
-    @property
-    def scene(self) -> Scene:
-        """The scene with the fitted values."""
-        return self.traces[0].scene
-
-    @property
-    def cycles(self) -> TraceCycles:
-        """The cycles of the trace."""
-        return self.traces[0].cycles
-
-    @property
-    def waveform(self) -> Waveform:
-        """Mean of the cycles, and its errors."""
-        return self.traces[0].waveform
-
-    @property
-    def fitted(self) -> _Floats:
-        """Force of the model in the bins of the waveform [N], shape (n,)."""
-        return self.traces[0].fitted
-
-    @property
-    def ahead(self) -> _Floats:
-        """How far the object of the model is ahead of the drive in the creep [m], shape (k,)."""
-        return self.traces[0].ahead
-
-    @property
-    def period(self) -> float:
-        """The model's period [s]."""
-        return self.traces[0].period
+    scene = property(lambda self: self.traces[0].scene, doc="The scene with the fitted values.")
+    cycles = property(lambda self: self.traces[0].cycles, doc="The cycles of the trace.")
+    waveform = property(lambda self: self.traces[0].waveform, doc="Mean of the cycles, and its errors.")
+    fitted = property(
+        lambda self: self.traces[0].fitted, doc="Force of the model in the bins of the waveform [N]."
+    )
+    ahead = property(lambda self: self.traces[0].ahead, doc="How far the object is ahead of the drive [m].")
+    period = property(lambda self: self.traces[0].period, doc="The model's period [s].")
 
     @property
     def covariance(self) -> _Floats:
@@ -427,8 +405,8 @@ def _told(
     for name, ends in problem.bounds.items():
         if values[name] in ends:
             notes.append(f"{name} is at its bound {values[name]:.6g}: the other values are those with it")
-    fewest = min(len(each.wave.rows) for each in problem.recordings)
-    if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].wave.repeats:
+    fewest = min(len(each.waveform.rows) for each in problem.recordings)
+    if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].waveform.repeats:
         notes.append(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
@@ -457,11 +435,12 @@ def _told(
     }
     fitted = []
     for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
-        here = own.at_values(given, best.z[:p])
         cycles = problem.cycles(best.z, k)
-        force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
-        measured = here.scene, here.chain, record.cycles, record.wave
-        fitted.append(FittedTrace(record.trace, given.scene, *measured, force, ahead, cycles.period))
+        force, ahead = np.split(record.explained(cycles), [record.waveform.error.size])
+        here = replace(own.at_values(given, best.z[:p]), waveform=record.waveform)
+        fitted.append(
+            FittedTrace(**vars(here), given=given.scene, fitted=force, ahead=ahead, period=cycles.period)
+        )
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
     scale = np.sqrt(np.diag(inverse))[:p]
@@ -493,7 +472,7 @@ def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
     try:
         for k, record in enumerate(slow.recordings):
             here = slow.at_values(record, z[:p]).scene
-            friction, wave = here.friction, record.wave
+            friction, wave = here.friction, record.waveform
             if friction.law not in (None, "weakening"):
                 return None
             drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
@@ -713,7 +692,7 @@ def verdict(found: Fit) -> tuple[bool, str]:
         of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
         for name, scene in (("fitted", each.scene), ("given", each.given)):
             try:
-                statistics = compare(scene, each.trace, chain=each.chain).statistics
+                statistics = compared(scene, each.trace.regular(), each.cycles, each.chain).statistics
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")

@@ -169,7 +169,7 @@ class _Fitted:
     def weighted_as(self, other: Problem) -> _Fitted:
         """The same with the errors of another problem of these traces."""
         weighted = [
-            replace(one, wave=two.wave)
+            replace(one, waveform=two.waveform)
             for one, two in zip(self.problem.recordings, other.recordings, strict=True)
         ]
         return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
@@ -181,7 +181,7 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     """
     told = [each.problem.misfit(each.solution.z) for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
-    bins = sum(int(np.count_nonzero(each.wave.counts)) + 1 for each in fits[0].problem.recordings)
+    bins = sum(int(np.count_nonzero(each.waveform.counts)) + 1 for each in fits[0].problem.recordings)
     evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
     best: dict[str, int] = {}
     for i in np.argsort(-np.array(evidence), kind="stable"):
@@ -220,8 +220,8 @@ def _expected(problem: Problem, coarse: float) -> float:
     """Sum of the squares of the residuals that the errors of the traces explain, if a share is added to them."""
     total = 0.0
     for each in problem.recordings:
-        used = each.wave.counts
-        total += float(np.sum((each.wave.weights(coarse)[used] / each.wave.weights(0.0)[used]) ** 2))
+        used = each.waveform.counts
+        total += float(np.sum((each.waveform.weights(coarse)[used] / each.waveform.weights(0.0)[used]) ** 2))
         total += (each.period_error(0.0) / each.period_error(coarse)) ** 2
     return total
 
@@ -232,12 +232,12 @@ def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
     load = record.scene.friction.normal_load or 1.0
     age = record.scene.friction.ageing_time or 1.0
     begin = dict(zip(problem.names, map(float, np.abs(problem.begin)), strict=True))
-    for values in [begin, *list(glances(record.wave, steady_velocity(record.scene), load))[:4]]:
+    for values in [begin, *list(glances(record.waveform, steady_velocity(record.scene), load))[:4]]:
         limit = values.get("friction.mu_0", begin.get("friction.mu_0", 0.0))
         low = values.get("friction.mu_inf", 0.5 * limit)
         for share in SHARES:
             top = low + share * (limit - low)
-            grown = (limit - top) / math.log1p(record.wave.period / age)
+            grown = (limit - top) / math.log1p(record.waveform.period / age)
             yield {**values, "friction.mu_0": top, "friction.mu_static": limit, "friction.ageing": grown}
 
 
@@ -292,7 +292,7 @@ def creep_test(
         low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
         limits = {ANGLE: (low, high)}
         creep = problem_of(rig, trace, (ANGLE, *names), each=each, known=known, bounds=limits, chain=chain)
-        period = min(record.wave.period for record in creep.recordings)
+        period = min(record.waveform.period for record in creep.recordings)
         resting = []
         for i, (name, rest) in enumerate(_without_creep(rig, period, len(creep.recordings))):
             show(0.1 * i)
@@ -316,7 +316,9 @@ def creep_test(
         show(0.9)
         least = _least_angle(near) if near is not None else math.nan
         show(1.0)
-        return CreepTest(_compared(fits), sum(len(record.wave.rows) for record in creep.recordings), least)
+        return CreepTest(
+            _compared(fits), sum(len(record.waveform.rows) for record in creep.recordings), least
+        )
 
 
 def _without_creep(rig: Scene, period: float, traces: int) -> Iterator[tuple[str, dict[str, float]]]:

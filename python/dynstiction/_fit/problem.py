@@ -66,7 +66,7 @@ class Recording:
         The trace.
     cycles : TraceCycles
         Its cycles.
-    wave : Waveform
+    waveform : Waveform
         What is fitted.
     """
 
@@ -74,7 +74,7 @@ class Recording:
     chain: Chain
     trace: Trace
     cycles: TraceCycles
-    wave: Waveform
+    waveform: Waveform
 
     @property
     def is_slow(self) -> bool:
@@ -90,11 +90,11 @@ class Recording:
     @property
     def size(self) -> int:
         """Number of residuals: of each bin, and of the period."""
-        return (1 if self.wave.repeats else len(self.wave.rows)) * self.wave.counts.size + 1
+        return (1 if self.waveform.repeats else len(self.waveform.rows)) * self.waveform.counts.size + 1
 
     def residuals(self, model: Cycles, coarse: float) -> _Floats:
         """Weighted residuals of a model's cycles, the period last."""
-        wave = self.wave
+        wave = self.waveform
         weights = wave.weights(coarse)
         if wave.repeats:
             off = (model.rows.mean(axis=0) - wave.rows.mean(axis=0)) * weights
@@ -104,11 +104,11 @@ class Recording:
 
     def period_error(self, coarse: float) -> float:
         """Standard error of the period [s], with a share `coarse` of it added."""
-        return math.hypot(self.wave.period_error, coarse * self.wave.period)
+        return math.hypot(self.waveform.period_error, coarse * self.waveform.period)
 
-    def fitted(self, model: Cycles) -> _Floats:
+    def explained(self, model: Cycles) -> _Floats:
         """Mean of the model's rows as they explain the cycles."""
-        wave = self.wave
+        wave = self.waveform
         if wave.repeats:
             return np.asarray(model.rows.mean(axis=0))
         weights = wave.weights(0.0) + 1e-12
@@ -118,7 +118,7 @@ class Recording:
         """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
         from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-        wave = self.wave
+        wave = self.waveform
         n = len(wave.rows)
         weights = wave.weights(0.0)
         residual = (wave.rows.mean(axis=0) - values) * weights
@@ -131,7 +131,7 @@ class Recording:
 
     def reweighted(self, model: Cycles) -> Recording:
         """With the scatter of the cycles about those of the model as their error, if they are not alike."""
-        wave = self.wave
+        wave = self.waveform
         if wave.repeats:
             return self
         rest = explained_by_each(wave, model, wave.weights(0.0)) / np.where(
@@ -140,7 +140,9 @@ class Recording:
         scatter = np.sqrt(smoothed(np.where(wave.counts, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
         k = wave.error.size
         ahead = None if wave.ahead_error is None else np.maximum(wave.ahead_error, scatter[k:])
-        return replace(self, wave=replace(wave, error=np.maximum(wave.error, scatter[:k]), ahead_error=ahead))
+        return replace(
+            self, waveform=replace(wave, error=np.maximum(wave.error, scatter[:k]), ahead_error=ahead)
+        )
 
 
 def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
@@ -225,7 +227,7 @@ class Problem:
     @property
     def repeats(self) -> bool:
         """Whether the cycles of each trace are alike."""
-        return all(each.wave.repeats for each in self.recordings)
+        return all(each.waveform.repeats for each in self.recordings)
 
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""
@@ -264,7 +266,7 @@ class Problem:
     @property
     def scales(self) -> _Floats:
         """Unit of each parameter that is no logarithm [N], NaN for the others."""
-        swing = self.recordings[0].wave.swing
+        swing = self.recordings[0].waveform.swing
         return np.array([swing if name == "chain.tare" else np.nan for name in self.names])
 
     def coordinates(self, values: _Floats) -> _Floats:
@@ -344,10 +346,10 @@ class Problem:
         p = len(self.names)
         self.runs.append(k)
         recording = self.recordings[k]
-        delay = float(z[p + k]) * recording.wave.fall if recording.wave.repeats else 0.0
+        delay = float(z[p + k]) * recording.waveform.fall if recording.waveform.repeats else 0.0
         here = self.at_values(recording, z[:p])
         model = slow_cycles if recording.is_slow else full_cycles
-        return model(here.scene, here.wave, delay, here.chain, patient)
+        return model(here.scene, here.waveform, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
@@ -397,7 +399,7 @@ class Problem:
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""
         each = [
-            recording.misfit(recording.fitted(self.cycles(z, k)), len(self.names))
+            recording.misfit(recording.explained(self.cycles(z, k)), len(self.names))
             for k, recording in enumerate(self.recordings)
         ]
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
@@ -417,7 +419,7 @@ class Problem:
         squares, related = np.zeros((p, p)), np.zeros(p)
         begin = 0
         for k, recording in enumerate(self.recordings):
-            wave, n = recording.wave, len(recording.wave.rows)
+            wave, n = recording.waveform, len(recording.waveform.rows)
             part = found.jacobian[begin : begin + recording.size]
             begin += recording.size
             if wave.repeats:

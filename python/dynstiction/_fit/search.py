@@ -212,7 +212,7 @@ class Search:
         """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
         recording = self.problem.recordings[0]
         load = recording.scene.friction.normal_load or 1.0
-        rough = glances(recording.wave, steady_velocity(recording.scene), load)
+        rough = glances(recording.waveform, steady_velocity(recording.scene), load)
         near = [self.given, *(slow.place(values) for values in rough)]
         p = len(slow.names)
         for _ in range(RANDOM_STARTS):

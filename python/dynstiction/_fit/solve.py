@@ -120,7 +120,7 @@ def least_squares_of(
 
     first = problem.recordings[0]
     # The residual of the period, and its error relative to the period.
-    period, exact = first.size - 1, first.period_error(coarse) / first.wave.period
+    period, exact = first.size - 1, first.period_error(coarse) / first.waveform.period
     step = max(problem.step, SECANT * coarse)
     z, here = start, at(start)
     if has_failed(here):
