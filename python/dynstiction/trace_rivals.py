@@ -289,8 +289,7 @@ def creep_test(
     )
     with progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
-        low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
-        limits = {ANGLE: (low, high)}
+        limits = {ANGLE: tuple(sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1])))}
         creep = problem_of(rig, trace, (ANGLE, *names), each=each, known=known, bounds=limits, chain=chain)
         period = min(record.waveform.period for record in creep.recordings)
         resting = []
@@ -386,57 +385,52 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
         return ()
     base = found.problem
     fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
-    for name, extra, changes in _changes(found):
-        problem = base.changed((*base.names, extra), changes)
-        q, delays = np.split(found.coordinates, [len(base.names)])
-        starts = [
-            np.append(problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays)
-            for size in ((1.0,) if name.startswith("another ") else SIZES)
-        ]
+    q, delays = np.split(found.coordinates, [len(base.names)])
+    for name, extra, begin, more in _changes(found):
+        problem = base.changed((*base.names, extra), {extra: begin, **more})
+        sizes = (1.0,) if name.startswith("another ") else SIZES
+        starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
         with suppress(Error):
             best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
             fits.append(_Fitted(name, problem, best))
     return _compared(fits)
 
 
-def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Name, key and initial values of what one more free parameter may explain."""
-    scene, chain = found.traces[0].scene, found.traces[0].chain
-    wave = found.waveform
-    system, friction = scene.system, scene.friction
-    mu_0, stiffness = float(friction.mu_0 or 0.2), float(system.stiffness_x or 1.0)
+def _changes(found: Fit) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+    """Name, key and initial value of what one more free parameter may explain, and keys without which it has no effect."""
+    scene, chain, wave = found.scene, found.traces[0].chain, found.waveform
+    system, friction, velocity = scene.system, scene.friction, scene.drive.velocity
+    mu_0, stiffness, mass = friction.mu_0 or 0.2, system.stiffness_x or 1.0, system.mass or 1.0
     free = set(found.problem.names)
-    for name in ALL:
-        group, _, key = name.partition(".")
-        value = getattr(getattr(scene, group), key)
-        if name not in free and value:
-            yield f"another {key}", name, {name: value}
-    candidates: list[tuple[str, dict[str, Any], bool]] = [
-        ("a static limit", {"friction.mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
-        (
-            "a limit that ages",
-            {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": AGE * wave.period},
-            not friction.ageing,
+    alike = len(found.traces) > 1 or {"system.stiffness_x", "system.mass", "friction.v_f"} <= free
+    age, exponential = {"friction.ageing_time": AGE * wave.period}, friction.law in (None, "weakening")
+    values = {name: getattr(getattr(scene, name.partition(".")[0]), name.partition(".")[2]) for name in ALL}
+    # The last is whether it is left out: the rig has it, has no use for it, or the traces would not tell.
+    candidates: list[tuple[str, str, Any, dict[str, Any], bool]] = [
+        *(
+            (f"another {name.partition('.')[2]}", name, value, {}, not value)
+            for name, value in values.items()
         ),
+        ("a static limit", "friction.mu_static", (1.0 + BEGIN) * mu_0, {}, bool(friction.mu_static)),
+        ("a limit that ages", "friction.ageing", BEGIN * mu_0, age, bool(friction.ageing)),
         (
             "another exponent of friction",
-            {"friction.exponent": 1.0 + BEGIN, "friction.law": "stribeck"},
-            friction.law in (None, "weakening"),
+            "friction.exponent",
+            1.0 + BEGIN,
+            {"friction.law": "stribeck"},
+            not exponential,
         ),
         (
             "a damper along the pull",
-            {"system.damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
-            not system.damping_x,
+            "system.damping_x",
+            BEGIN * math.sqrt(stiffness * mass),
+            {},
+            bool(system.damping_x),
         ),
-        (
-            "another velocity",
-            {"drive.velocity": scene.drive.velocity},
-            len(found.traces) == 1 and not {"system.stiffness_x", "system.mass", "friction.v_f"} <= free,
-        ),
-        ("a zero that is off", {"chain.tare": chain.tare + BEGIN * wave.swing}, True),
-        ("a low pass", {"chain.filter": BEGIN / wave.interval}, chain.filter is None),
+        ("another velocity", "drive.velocity", velocity, {}, alike),
+        ("a zero that is off", "chain.tare", chain.tare + BEGIN * wave.swing, {}, False),
+        ("a low pass", "chain.filter", BEGIN / wave.interval, {}, chain.filter is not None),
     ]
-    for name, changes, applies in candidates:
-        extra = next(iter(changes))
-        if applies and extra not in free:
-            yield name, extra, changes
+    for name, key, begin, more, excluded in candidates:
+        if key not in free and not excluded:
+            yield name, key, float(begin), more
