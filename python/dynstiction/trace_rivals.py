@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import generator, names_in
-from ._fit.models import NoCycleError, steady_velocity
+from ._fit.models import NoCycleError
 from ._fit.problem import Problem
-from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search
+from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
 from ._fit.solve import Solution, has_failed
-from ._fit.starts import glances
 from ._progress import progress_bar
 from .errors import Error, UsageError
 from .scene import DeckLike, Scene
@@ -229,10 +228,9 @@ def _expected(problem: Problem, coarse: float) -> float:
 def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
     """Starts for friction that holds an object at rest: up to the peak of the load, with a lower friction in slip."""
     record = problem.recordings[0]
-    load = record.scene.friction.normal_load or 1.0
     age = record.scene.friction.ageing_time or 1.0
     begin = dict(zip(problem.names, map(float, np.abs(problem.begin)), strict=True))
-    for values in [begin, *list(glances(record.waveform, steady_velocity(record.scene), load))[:4]]:
+    for values in [begin, *list(glances(record))[:4]]:
         limit = values.get("friction.mu_0", begin.get("friction.mu_0", 0.0))
         low = values.get("friction.mu_inf", 0.5 * limit)
         for share in SHARES:

@@ -93,23 +93,8 @@ def slow_scene(scene: Scene) -> Scene:
 def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
     """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    wave : Waveform
-        The waveform whose bins are used.
-    delay : float
-        Time by which the slips of the waveform are later than those of the model [s].
-    chain : Chain
-        Its gain and tare; for starts its filter does not matter.
-    patient : bool
-        Whether a motion may take very long to settle.
-
-    Returns
-    -------
-    Cycles
-        One cycle.
+    The slips of the waveform, of whose bins it has the means, are later than those of the model by a delay [s]. Of the chain only gain and
+    tare are applied: for starts its filter does not matter. A patient run may take very long to settle.
 
     Raises
     ------

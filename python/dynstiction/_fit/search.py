@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from ..errors import Error, UsageError
 from .models import NoCycleError, steady_velocity
-from .problem import LeadsNowhereError, Problem
+from .problem import LeadsNowhereError, Problem, Recording
 from .solve import Solution, has_failed, least_squares_of, regressed
-from .starts import glances
 
-__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search"]
+__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
 
 _Floats = NDArray[np.float64]
 
@@ -56,21 +55,52 @@ NEAR_SLOW, WIDE = 0.2, 1.4
 """Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
+ANGLES = (0.3, 0.8, 2.0, 4.0)
+"""Misalignments that are tried [deg]."""
+WEAKENING = (0.1, 0.4, 1.2, 4.0)
+"""Velocities v_f that are tried, over the speed of the fastest slip."""
+LAG = 0.4
+"""Share of the weakening that such a slip does not reach, divided by the ratio of v_f to the speed of the fastest slip."""
+FALL = 0.494
+"""Share of half a period of a harmonic motion in which it falls from 85 % to 15 % of its swing."""
+STEEPEST = 10
+"""Number of parts of a cycle; the load rises fastest over one of them."""
+
+
+def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
+    """Rough estimates of the parameters behind a waveform, for several misalignments and weakening velocities.
+
+    The load rises no faster than k_x V. It falls like half a period of a harmonic motion, and ends as far below the friction in
+    slip as it began above it.
+    """
+    wave, load = recording.waveform, recording.scene.friction.normal_load or 1.0
+    time, mean = wave.time, wave.mean
+    grid = np.linspace(time[0], time[-1], 20 * STEEPEST)
+    force = np.interp(grid, time, mean)
+    part = grid.size // STEEPEST
+    stiffness = float(np.max((force[part:] - force[:-part]) / (grid[part:] - grid[:-part]))) / abs(
+        steady_velocity(recording.scene)
+    )
+    peak, valley = float(mean.max()), float(mean[time > 0.0].min())
+    half = 0.5 * (peak - valley)
+    mass = stiffness * (wave.fall / FALL / np.pi) ** 2
+    fastest = half / np.sqrt(stiffness * mass)
+    for angle in ANGLES:
+        for share in WEAKENING:
+            yield {
+                "system.misalignment_deg": angle,
+                "system.stiffness_x": stiffness,
+                "system.mass": mass,
+                "friction.mu_0": 1.003 * peak / load,
+                "friction.mu_inf": max(peak - half * (1.0 + LAG * share), 0.1 * peak) / load,
+                "friction.v_f": share * fastest,
+            }
 
 
 class Search:
-    """A search for the values of a problem; what it finds is in `found`.
+    """A search for the values of a problem, with the scene's own model, in which so many starts are completed.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem, with the scene's own model.
-    starts : int
-        Number of starts that are completed.
-    random : numpy.random.Generator
-        Source of random starts.
-    show : callable
-        Is told the share that is done.
+    What it finds is in `found`. Random starts come from `random`; `show` is told the share that is done.
     """
 
     def __init__(
@@ -210,10 +240,7 @@ class Search:
 
     def _slow_starts(self, slow: Problem) -> list[_Floats]:
         """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
-        recording = self.problem.recordings[0]
-        load = recording.scene.friction.normal_load or 1.0
-        rough = glances(recording.waveform, steady_velocity(recording.scene), load)
-        near = [self.given, *(slow.place(values) for values in rough)]
+        near = [self.given, *map(slow.place, glances(self.problem.recordings[0]))]
         p = len(slow.names)
         for _ in range(RANDOM_STARTS):
             start = near[int(self.random.integers(len(near)))].copy()

@@ -95,18 +95,8 @@ def least_squares_of(
     The period is known a hundred times better than anything else: steps along the curved surface of the correct period would be short.
     One coordinate is therefore not free: it is chosen so that the period is correct.
 
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted.
-    start : ndarray, shape (p,)
-        Coordinates.
-    coarse : float
-        Share of swing and period that is added to the errors.
-    last : bool
-        Whether no fit with smaller errors follows, so that the Jacobian is of use.
-    offset : ndarray or float
-        Added to the residuals.
+    A share `coarse` of swing and period is added to the errors. The `last` fit has a Jacobian that is of use, since none with smaller errors
+    follows; `offset` is added to the residuals.
 
     Raises
     ------
@@ -147,16 +137,15 @@ def least_squares_of(
 
     latest: dict[bytes, tuple[_Floats, _Floats]] = {}
 
-    def fun(part: _Floats) -> _Floats:
+    def at_latest(part: _Floats) -> tuple[_Floats, _Floats]:
         key = part.tobytes()
         if key not in latest:
             latest.clear()
             latest[key] = whole(part)
-        return latest[key][1]
+        return latest[key]
 
     def jac(part: _Floats) -> _Floats:
-        fun(part)
-        z, here = latest[part.tobytes()]
+        z, here = at_latest(part)
         full = derivatives(at, z, here, step)
         known["z"], known["jacobian"] = z, full
         slope = full[period]
@@ -166,7 +155,7 @@ def least_squares_of(
         return reduced
 
     found = least_squares(
-        fun,
+        lambda part: at_latest(part)[1],
         z[free],
         jac,
         bounds=(z[free] - RANGE, z[free] + RANGE),
@@ -197,18 +186,8 @@ def regressed(
 
     Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks.
 
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted.
-    start : Solution
-        Where the search begins, and a first Jacobian.
-    size : float
-        Size of the first cloud, in standard errors of the coordinates.
-    random : numpy.random.Generator
-        Source of the clouds.
-    coarse : float
-        Share of swing and period that is added to the errors.
+    The search begins with the values and the Jacobian of `start` and a cloud of this size, in standard errors of the coordinates; a share
+    `coarse` of swing and period is added to the errors.
     """
 
     def at(z: _Floats) -> _Floats:

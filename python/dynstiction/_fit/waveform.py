@@ -137,20 +137,7 @@ class Waveform:
 
 
 def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
-    """Means over bins of the straight lines between samples.
-
-    Parameters
-    ----------
-    time, force : ndarray, shape (m,)
-        Samples [s, N].
-    edges : ndarray, shape (..., n + 1)
-        Edges of the bins [s], inside the samples' times.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Mean of each bin [N].
-    """
+    """Means over bins of the straight lines between samples: shape (..., n) for edges of the shape (..., n + 1) inside the samples' times."""
     steps = np.diff(time)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * steps)])
     k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, time.size - 2)
@@ -166,16 +153,7 @@ def centred(values: _Floats) -> _Floats:
 
 
 def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
-    """Waveform of a trace.
-
-    Parameters
-    ----------
-    trace : Trace
-        The trace.
-    cycles : TraceCycles
-        Its cycles, from `find_cycles`.
-    velocity : float
-        |V| [m/s].
+    """Waveform of a trace with these cycles, at a drive velocity |V| [m/s].
 
     Raises
     ------
