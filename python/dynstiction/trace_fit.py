@@ -267,12 +267,8 @@ class Fit:
             else:
                 yield f"{each.name:{width}}  not determined by this trace"
         names = list(self.parameters)
-        pairs = [
-            (abs(self.correlation[i, j]), names[i], names[j], self.correlation[i, j])
-            for i in range(len(names))
-            for j in range(i)
-        ]
-        for _, one, other, value in sorted(pairs, reverse=True)[:3]:
+        pairs = [(self.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
+        for value, one, other in sorted(pairs, key=lambda pair: (abs(pair[0]), *pair[1:]), reverse=True)[:3]:
             yield f"correlation of {one} and {other}: {value:.3f}"
         yield f"misfit over scatter {self.misfit:.2f}, by chance with probability {self.chance:.2g}"
         yield from (f"note: {note}" for note in self.notes)
@@ -496,11 +492,8 @@ def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
 def _hanging_on_the_law(
     names: Sequence[str], z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
 ) -> Iterator[str]:
-    hanging = [
-        i
-        for i in range(len(names))
-        if told[i] and names[i] not in CHAIN and law_error[i] > HANGING * error[i]
-    ]
+    far = told & (law_error > HANGING * error)
+    hanging = [i for i in np.flatnonzero(far) if names[i] not in CHAIN]
     if hanging:
         each = ", ".join(f"{names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
         yield (
@@ -511,20 +504,16 @@ def _hanging_on_the_law(
 
 def _flat(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
     """Notes on the parameters that the trace does not determine."""
-    if told.all():
-        return
     sizes, directions = np.linalg.eigh(inverse)
-    for size, column in zip(sizes, directions.T, strict=True):
-        if size < TOLD**2:
-            continue
+    for column in directions.T[(sizes >= TOLD**2) & ~told.all()]:
         direction = column / column[np.argmax(np.abs(column))]
-        seen = [(name, power) for name, power in zip(names, direction, strict=True) if abs(power) > SEEN]
+        seen = {name: power for name, power in zip(names, direction, strict=True) if abs(power) > SEEN}
         if len(seen) == 1:
-            yield f"the trace does not determine {seen[0][0]}: fix it at a known value"
+            yield f"the trace does not determine {next(iter(seen))}: fix it at a known value"
         else:
-            powers = " ".join(f"{name}^{power:.2g}" for name, power in seen)
+            powers = " ".join(f"{name}^{power:.2g}" for name, power in seen.items())
             yield (
-                f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
+                f"the trace does not distinguish {', '.join(seen)}: a common factor {powers} changes "
                 "nothing that is measured: fix one of them at a known value"
             )
 
@@ -697,22 +686,12 @@ def verdict(found: Fit) -> tuple[bool, str]:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            words = ", ".join(
-                f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit
-            )
-            agree[name] &= not words
-            how = (
-                f"differs from the trace{of}: {words} standard errors"
-                if words
-                else f"agrees with the trace{of}"
-            )
-            lines.append(f"the run of the {name} deck {how}")
+            off = [f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit]
+            agree[name] &= not off
+            differs = f"differs from the trace{of}: {', '.join(off)} standard errors"
+            lines.append(f"the run of the {name} deck {differs if off else f'agrees with the trace{of}'}")
     explains = found.explains and agree["fitted"]
-    first = (
-        "the fit explains the trace"
-        if explains
-        else "the fit does NOT explain the trace: do not use its values"
-    )
-    if not explains and agree["given"]:
-        first += "; the given deck agrees with it"
+    first = f"the fit {'explains' if explains else 'does NOT explain'} the trace"
+    if not explains:
+        first += ": do not use its values" + "; the given deck agrees with it" * agree["given"]
     return explains, "\n".join([first, *lines])
