@@ -432,7 +432,7 @@ def _told(
     fitted = []
     for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
         cycles = problem.cycles(best.z, k)
-        force, ahead = np.split(record.explained(cycles), [record.waveform.error.size])
+        force, ahead = np.split(record.explained(cycles), [record.waveform.time.size])
         here = replace(own.at_values(given, best.z[:p]), waveform=record.waveform)
         fitted.append(
             FittedTrace(**vars(here), given=given.scene, fitted=force, ahead=ahead, period=cycles.period)

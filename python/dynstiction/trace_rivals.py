@@ -180,7 +180,7 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     """
     told = [each.problem.misfit(each.solution.z) for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
-    bins = sum(int(np.count_nonzero(each.waveform.counts)) + 1 for each in fits[0].problem.recordings)
+    bins = sum(int(np.count_nonzero(each.waveform.used)) + 1 for each in fits[0].problem.recordings)
     evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
     best: dict[str, int] = {}
     for i in np.argsort(-np.array(evidence), kind="stable"):
@@ -219,7 +219,7 @@ def _expected(problem: Problem, coarse: float) -> float:
     """Sum of the squares of the residuals that the errors of the traces explain, if a share is added to them."""
     total = 0.0
     for each in problem.recordings:
-        used = each.waveform.counts
+        used = each.waveform.used
         total += float(np.sum((each.waveform.weights(coarse)[used] / each.waveform.weights(0.0)[used]) ** 2))
         total += (each.period_error(0.0) / each.period_error(coarse)) ** 2
     return total

@@ -144,7 +144,7 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         return np.asarray((load_integral(t) - load_integral(begin)) / -float(scene.system.stiffness_x or 0.0))
 
     rows = [chain.gain * means(wave.edges, force) + chain.tare]
-    if wave.ahead is not None:
+    if wave.creep_edges.size:
         rows.append(centred(means(wave.creep_edges, ahead)))
     row = np.hstack(rows)[np.newaxis]
     return Cycles(row, period, np.zeros(row.shape), 0.0)
@@ -178,7 +178,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         progress=False,
         scene={"settle": 0.0, "t_end": end},
         integrator={"max_steps": MOST_STEPS_OF_OWN},
-        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.ahead is not None))]},
+        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.creep_edges.size > 0))]},
     )
     summary = summary or fine.summary
     if "period" not in summary or "valley_force" not in summary:
@@ -207,7 +207,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         inside = inside[-1:]
     elif slips.size > 1:
         period = float(np.mean(np.diff(slips)))
-    way = None if wave.ahead is None else sense * (fine["X"] - velocity * time)
+    way = sense * (fine["X"] - velocity * time) if wave.creep_edges.size else None
 
     def rows(delays: float) -> _Floats:
         at = edges + delays + inside[:, np.newaxis]

@@ -90,7 +90,7 @@ class Recording:
     @property
     def size(self) -> int:
         """Number of residuals: of each bin, and of the period."""
-        return (1 if self.waveform.repeats else len(self.waveform.rows)) * self.waveform.counts.size + 1
+        return (1 if self.waveform.repeats else len(self.waveform.rows)) * self.waveform.used.size + 1
 
     def residuals(self, model: Cycles, coarse: float) -> _Floats:
         """Weighted residuals of a model's cycles, the period last."""
@@ -124,7 +124,7 @@ class Recording:
         residual = (wave.rows.mean(axis=0) - values) * weights
         scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
-        used = int(np.count_nonzero(wave.counts))
+        used = int(np.count_nonzero(wave.used))
         left = max(used - parameters - 1, 1)
         misfit = float(residual @ residual) / expected * used / left
         return misfit, float(f.sf(misfit, left, used * (n - 1)))
@@ -134,15 +134,10 @@ class Recording:
         wave = self.waveform
         if wave.repeats:
             return self
-        rest = explained_by_each(wave, model, wave.weights(0.0)) / np.where(
-            wave.counts, wave.weights(0.0), 1.0
-        )
-        scatter = np.sqrt(smoothed(np.where(wave.counts, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
-        k = wave.error.size
-        ahead = None if wave.ahead_error is None else np.maximum(wave.ahead_error, scatter[k:])
-        return replace(
-            self, waveform=replace(wave, error=np.maximum(wave.error, scatter[:k]), ahead_error=ahead)
-        )
+        weights = np.where(wave.used, wave.weights(0.0), 1.0)
+        rest = explained_by_each(wave, model, wave.weights(0.0)) / weights
+        scatter = np.sqrt(smoothed(np.where(wave.used, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
+        return replace(self, waveform=replace(wave, error=np.maximum(wave.error, scatter)))
 
 
 def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
