@@ -97,8 +97,8 @@ class Trace:
 
     def _columns(self) -> dict[str, _Floats]:
         """The quantities that the trace has: those that are required, and those that are given."""
-        columns = {quantity: getattr(self, quantity) for quantity in QUANTITIES}
-        return {q: values for q, values in columns.items() if values is not None or q in ("time", "force")}
+        columns = ((quantity, getattr(self, quantity)) for quantity in QUANTITIES)
+        return {q: values for q, values in columns if values is not None or q in ("time", "force")}
 
     def place(self, sample: int) -> str:
         """Origin of a sample: the file and line, or the trace and the number of the sample, from 0.
@@ -124,21 +124,20 @@ class Trace:
 
     def _check_times(self) -> None:
         steps = np.diff(self.time)
-        bad = np.flatnonzero(steps <= 0.0)
-        if bad.size:
-            i = int(bad[0])
-            what = "is the one before" if steps[i] == 0.0 else f"comes after {self.time[i]:.9g} s"
-            remedy = (
-                "write times with more digits, or give the sampling interval instead of a column of times"
+        usual = float(np.median(steps))
+        for i in np.flatnonzero(steps <= 0.0)[:1]:
+            what, remedy = (
+                (
+                    "is the one before",
+                    "write times with more digits, or give the sampling interval instead of a column of times",
+                )
                 if steps[i] == 0.0
-                else "sort the samples, or use one recording at a time"
+                else (f"comes after {self.time[i]:.9g} s", "sort the samples, or use one recording at a time")
             )
             raise FileError(f"{self.place(i + 1)}: time {self.time[i + 1]:.9g} s {what}: {remedy}")
-        usual = float(np.median(steps))
-        bad = np.flatnonzero(steps > GAP * usual)
-        if bad.size:
-            i = int(bad[0])
-            also = f", and {bad.size - 1} more gaps" if bad.size > 1 else ""
+        gaps = np.flatnonzero(steps > GAP * usual)
+        for i in gaps[:1]:
+            also = f", and {gaps.size - 1} more gaps" if gaps.size > 1 else ""
             raise FileError(
                 f"{self.place(i + 1)}: a gap of {steps[i]:.4g} s before {self.time[i + 1]:.9g} s, samples are "
                 f"{usual:.4g} s apart{also}: use the part before or after it, or fill it by interpolation"
@@ -188,18 +187,13 @@ class Trace:
 
         Raises
         ------
-        UsageError
+        FileError
             If fewer than three samples would be left.
         """
         step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
             return self
         columns: Any = _at_interval(self._columns(), step)
-        if columns["time"].size < NEEDED:
-            raise UsageError(
-                f"interval = {step:g} s: leaves {columns['time'].size} samples of a trace of {self.duration:g} s: "
-                "give a shorter one"
-            )
         return replace(self, **columns, lines=None)
 
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
@@ -250,29 +244,25 @@ class Trace:
         """
         result = instance("result", result, Result, "give what run or open returns")
         sense = _sense(result)
-        columns = {
-            "time": result.time,
-            "force": sense * pull_force(result),
-            "displacement": sense * result["X"] if "X" in result.columns else None,
-            "lateral_force": None if _is_damped(result) else sense * _across(result),
-        }
+        columns = {"time": result.time, "force": sense * pull_force(result)}
+        if "X" in result.columns:
+            columns["displacement"] = sense * result["X"]
+        if not _is_damped(result):
+            columns["lateral_force"] = sense * _spring_forces(result)[1]
         keep = np.append(True, np.diff(result.time) > 0.0)
-        given = {quantity: values[keep] for quantity, values in columns.items() if values is not None}
-        steps = np.diff(given["time"])
-        if interval is not None:
-            given = _at_interval(given, number("interval", interval, above=0.0, units="s"))
-        elif not np.allclose(steps, np.median(steps), rtol=1e-3):
-            # Samples at every step of the method are not regular: a long time between two of them is not a gap.
-            given = _at_interval(given, float(np.median(steps)))
-        return cls(**given, name=str(result.parameters.get("title", "")) or "run")
+        columns = {quantity: values[keep] for quantity, values in columns.items()}
+        steps = np.diff(columns["time"])
+        # Samples at every step of the method are not regular: a long time between two of them is not a gap.
+        if interval is not None or not np.allclose(steps, np.median(steps), rtol=1e-3):
+            usual = np.median(steps) if interval is None else interval
+            columns = _at_interval(columns, number("interval", usual, above=0.0, units="s"))
+        return cls(**columns, name=str(result.parameters.get("title", "")) or "run")
 
     def __repr__(self) -> str:
-        more = [
-            q.replace("_", " ") for q in ("displacement", "lateral_force") if getattr(self, q) is not None
-        ]
+        more = [f", {q.replace('_', ' ')}" for q in QUANTITIES[2:] if getattr(self, q) is not None]
         return (
             f"<Trace {self.name!r}: {self.time.size} samples from {self.time[0]:g} to {self.time[-1]:g} s, "
-            f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(f', {each}' for each in more)}>"
+            f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(more)}>"
         )
 
 
@@ -290,24 +280,19 @@ def pull_force(result: Result) -> _Floats:
         return result["pull_force"]
     if _is_damped(result):
         raise ColumnError("a scene with dampers needs the column pull_force: add it to output.fields")
-    cosine, sine = _axes(result)
-    return result["spring_force_x"] * cosine + result["spring_force_y"] * sine
+    return _spring_forces(result)[0]
 
 
-def _across(result: Result) -> _Floats:
-    """Force of the springs across the drive [N]; no column contains the part of dampers."""
-    cosine, sine = _axes(result)
-    return result["spring_force_y"] * cosine - result["spring_force_x"] * sine
+def _spring_forces(result: Result) -> tuple[_Floats, _Floats]:
+    """Forces of the springs along the drive and across it [N]; no column contains the part of dampers across."""
+    phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
+    cosine, sine = float(np.cos(phi)), float(np.sin(phi))
+    x, y = result["spring_force_x"], result["spring_force_y"]
+    return x * cosine + y * sine, y * cosine - x * sine
 
 
 def _is_damped(result: Result) -> bool:
     return any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y"))
-
-
-def _axes(result: Result) -> tuple[float, float]:
-    """Cosine and sine of the misalignment."""
-    phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
-    return float(np.cos(phi)), float(np.sin(phi))
 
 
 def _sense(result: Result) -> float:

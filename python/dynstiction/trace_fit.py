@@ -556,24 +556,23 @@ def problem_of(
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
     each, known, bounds, ties = (dict(given or {}) for given in (each, known, bounds, ties))
-    traces = trace if isinstance(trace, Sequence) else [trace]
-    for one in traces:
-        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
     names = names_in("free", free)
+    traces = [
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
+        for one in (trace if isinstance(trace, Sequence) else [trace])
+    ]
     scene.check()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    if not names or names == ("",):
+    if not any(names):
         raise UsageError(
             "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
         )
     if not traces:
         raise UsageError("trace: give at least one trace")
-    values = scene.groups()
-    begin = []
-    for i, name in enumerate(names):
-        if name in names[:i]:
+    for name in names:
+        if names.count(name) > 1:
             raise UsageError(f"free: {name} is named twice")
-        begin.append(_begin(scene, values, chain, name))
+    begin = np.array([_begin(scene, chain, name) for name in names])
     _check_options(names, len(traces), each, known, bounds, ties)
     recordings = []
     for k, one in enumerate(traces):
@@ -589,7 +588,7 @@ def problem_of(
             )
         cycles = find_cycles(one)
         recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
-    return Problem(names, np.array(begin), known, bounds, ties, tuple(recordings), names)
+    return Problem(names, begin, known, bounds, ties, tuple(recordings))
 
 
 def _check_options(
@@ -627,8 +626,8 @@ def _check_key(what: str, name: str) -> None:
     group, _, key = name.partition(".")
     if name == "drive.velocity":
         return
-    if group not in ("system", "friction") or key not in {
-        one.name for one in _native.schema() if one.group == group
+    if group not in ("system", "friction") or (group, key) not in {
+        (o.group, o.name) for o in _native.schema()
     }:
         raise UsageError(
             f"{what}: {shown(name)}: only keys of &system and &friction, like system.misalignment_deg, drive.velocity, and "
@@ -638,7 +637,7 @@ def _check_key(what: str, name: str) -> None:
         raise UsageError(f"{what}: {name} is not a real number: choose one of its values for each fit")
 
 
-def _begin(scene: Scene, values: Mapping[str, Mapping[str, Any]], chain: Chain, name: str) -> float:
+def _begin(scene: Scene, chain: Chain, name: str) -> float:
     """Value of a parameter with which a fit begins."""
     group, _, key = name.partition(".")
     if name in CHAIN:
@@ -647,7 +646,7 @@ def _begin(scene: Scene, values: Mapping[str, Mapping[str, Any]], chain: Chain, 
             raise UsageError(f"free: {name} has no value: give one to begin with, chain=Chain({key}=...)")
         return float(value)
     _check_key("free", name)
-    value = steady_velocity(scene) if name == "drive.velocity" else values.get(group, {}).get(key)
+    value = steady_velocity(scene) if name == "drive.velocity" else scene.groups().get(group, {}).get(key)
     if not isinstance(value, float) or value == 0.0:
         raise UsageError(
             f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one"

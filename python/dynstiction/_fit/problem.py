@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -76,11 +77,6 @@ class Recording:
     cycles: TraceCycles
     waveform: Waveform
 
-    @property
-    def is_slow(self) -> bool:
-        """Whether the model is low_frequency."""
-        return self.scene.scene.model == "low_frequency"
-
     def changed(self, values: Mapping[str, Any]) -> Recording:
         """The same with other values of its scene and chain, by ``group.key``."""
         of_chain: Any = {name.partition(".")[2]: value for name, value in values.items() if name in CHAIN}
@@ -114,14 +110,14 @@ class Recording:
         weights = wave.weights(0.0) + 1e-12
         return np.asarray((wave.rows - explained_by_each(wave, model, weights) / weights).mean(axis=0))
 
-    def misfit(self, values: _Floats, parameters: int) -> tuple[float, float]:
-        """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
+    def misfit(self, model: Cycles, parameters: int) -> tuple[float, float]:
+        """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
         from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
         wave = self.waveform
         n = len(wave.rows)
         weights = wave.weights(0.0)
-        residual = (wave.rows.mean(axis=0) - values) * weights
+        residual = (wave.rows.mean(axis=0) - self.explained(model)) * weights
         scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
         used = int(np.count_nonzero(wave.used))
@@ -180,24 +176,8 @@ def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Float
 class Problem:
     """Free parameters and traces. The coordinates z are those of the parameters, and the delay of the slips of each trace over its fall.
 
-    Attributes
-    ----------
-    names : tuple of str
-        ``group.key`` of each free parameter.
-    begin : ndarray, shape (p,)
-        Its value in the scene.
-    known : mapping of str to (float, float)
-        Values with standard errors that are known from elsewhere.
-    bounds : mapping of str to (float, float)
-        Least and largest values.
-    ties : mapping of str to (str, float)
-        Keys that are multiples of a parameter: its name, and the factor.
-    recordings : tuple of Recording
-        The traces.
-    heard : tuple of str
-        Parameters that the model has.
-    runs : list of int
-        The trace of each run so far.
+    Each free parameter has a name, ``group.key``, and a value with which it begins. What is `known`, `bounds` and `ties` are those of `fit`;
+    `runs` has the trace of each run so far.
     """
 
     names: tuple[str, ...]
@@ -206,13 +186,12 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]]
     ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
-    heard: tuple[str, ...]
     runs: list[int] = field(default_factory=list)
 
     @property
     def is_slow(self) -> bool:
         """Whether the model is low_frequency."""
-        return self.recordings[0].is_slow
+        return self.model == "low_frequency"
 
     @property
     def model(self) -> str:
@@ -227,14 +206,16 @@ class Problem:
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""
         recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in self.recordings)
-        groups: dict[str, Mapping[str, Any]] = {
-            **recordings[0].scene.groups(),
-            "chain": {"tare": 0.0, "gain": 1.0},
-        }
-        heard = tuple(
-            name for name in self.names if name.partition(".")[2] in groups.get(name.partition(".")[0], {})
-        )
-        return replace(self, recordings=recordings, heard=heard, runs=[])
+        return replace(self, recordings=recordings, runs=[])
+
+    @cached_property
+    def heard(self) -> tuple[str, ...]:
+        """Parameters that the model has: the slow one lacks some, and sees no filter."""
+        if not self.is_slow:
+            return self.names
+        groups = self.recordings[0].scene.groups()
+        keys = {f"{group}.{key}" for group, values in groups.items() for key in values}
+        return tuple(name for name in self.names if name in {*keys, "chain.tare", "chain.gain"})
 
     def changed(self, names: tuple[str, ...], changes: Mapping[str, Any]) -> Problem:
         """The same with other values of the rig or its chain, and other free parameters, which begin as here or at these values."""
@@ -242,7 +223,6 @@ class Problem:
         return replace(
             self,
             names=names,
-            heard=names,
             begin=np.array([float(begin[name]) for name in names]),
             known={name: value for name, value in self.known.items() if name in names},
             bounds={name: ends for name, ends in self.bounds.items() if name in names},
@@ -327,9 +307,7 @@ class Problem:
     def at_values(self, recording: Recording, q: _Floats) -> Recording:
         """A trace with the values at these coordinates in its scene and chain."""
         values = {name: value for name, value in self.named(q).items() if name in self.heard}
-        values |= {
-            tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
-        }
+        values |= {tied: by * values[name] for tied, (name, by) in self.ties.items() if name in values}
         if STATIC in values:
             # At its end a static limit is the kinetic one.
             least = values.get("friction.mu_0", recording.scene.friction.mu_0)
@@ -343,7 +321,7 @@ class Problem:
         recording = self.recordings[k]
         delay = float(z[p + k]) * recording.waveform.fall if recording.waveform.repeats else 0.0
         here = self.at_values(recording, z[:p])
-        model = slow_cycles if recording.is_slow else full_cycles
+        model = slow_cycles if self.is_slow else full_cycles
         return model(here.scene, here.waveform, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
@@ -394,7 +372,7 @@ class Problem:
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""
         each = [
-            recording.misfit(recording.explained(self.cycles(z, k)), len(self.names))
+            recording.misfit(self.cycles(z, k), len(self.names))
             for k, recording in enumerate(self.recordings)
         ]
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
