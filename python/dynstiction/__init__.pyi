@@ -70,8 +70,8 @@ from .tangents import Derivatives as Derivatives
 from .tangents import Sensitivity as Sensitivity
 from .tangents import derivatives as derivatives
 from .tangents import sensitivity as sensitivity
+from .trace import Chain as Chain
 from .trace import Trace as Trace
-from .trace_chain import Chain as Chain
 from .trace_comparison import Statistic as Statistic
 from .trace_comparison import TraceComparison as TraceComparison
 from .trace_comparison import compare as compare

@@ -1,19 +1,21 @@
-"""Traces: a force along the pull against time, from arrays, or from a run; from files in `trace_file`."""
+"""Traces: a force along the pull against time, from arrays, or from a run, and what a measuring chain makes of it; from files in
+`trace_file`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import generator, instance, number, reals, text
+from ._arguments import generator, instance, number, reals, text, whole
 from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
 
-__all__ = ["QUANTITIES", "Trace", "pull_force"]
+__all__ = ["QUANTITIES", "Chain", "Trace", "pull_force"]
 
 _Floats = NDArray[np.float64]
 
@@ -302,3 +304,84 @@ def _sense(result: Result) -> float:
         velocity = Scene(result.resolved_deck).groups()["drive"]["velocity"]
     values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
     return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A measuring chain: it changes a force as instruments do, in the order of its attributes.
+
+    Attributes
+    ----------
+    gain : float
+        Factor of the force.
+    resonance : float, optional
+        Natural frequency of the load cell [Hz]; without one it is rigid.
+    damping : float
+        Its damping ratio.
+    filter : float, optional
+        Corner frequency of a Butterworth low pass [Hz].
+    order : int
+        Its order.
+    tare : float
+        Reading without a force [N].
+
+    Notes
+    -----
+    A filter, and a resonance, above half of the sampling rate changes nothing.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 1.0, 1001)
+    >>> Chain(gain=2.0, tare=0.5)(Trace(time, 1.0 + 0.1 * time)).force[[0, -1]]
+    array([2.5, 2.7])
+    """
+
+    gain: float = 1.0
+    resonance: float | None = None
+    damping: float = 0.05
+    filter: float | None = None
+    order: int = 2
+    tare: float = 0.0
+
+    def __post_init__(self) -> None:
+        whole("order", self.order, least=1)
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name != "order" and value is not None:
+                above = None if each.name == "tare" else 0.0
+                object.__setattr__(self, each.name, number(each.name, value, above=above))
+
+    def response(self, interval: float, force: _Floats) -> _Floats:
+        """Gain, resonance, filter and tare, of a force that was at rest before.
+
+        Parameters
+        ----------
+        interval : float
+            Time between two samples [s].
+        force : ndarray, shape (n,)
+            Force [N].
+        """
+        from scipy.signal import bilinear, butter, sosfilt, sosfilt_zi, tf2sos  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+        shown = self.gain * force
+        stages = []
+        if self.resonance is not None and self.resonance * interval < 0.5:
+            angular = 2.0 * np.pi * self.resonance
+            cell = [angular**2], [1.0, 2.0 * self.damping * angular, angular**2]
+            stages.append(tf2sos(*bilinear(*cell, 1.0 / interval)))
+        if self.filter is not None and self.filter * interval < 0.5:
+            stages.append(butter(self.order, self.filter, fs=1.0 / interval, output="sos"))
+        for stage in stages:
+            shown, _ = sosfilt(stage, shown, zi=sosfilt_zi(stage) * shown[0])
+        return np.asarray(shown + self.tare)
+
+    def __call__(self, trace: Trace) -> Trace:
+        """The trace as this chain shows its force, at the same, regular times.
+
+        Parameters
+        ----------
+        trace : Trace
+            Force of the springs, ``Trace.of`` a run.
+        """
+        trace = instance("trace", trace, Trace, "give what Trace.of returns").regular()
+        return replace(trace, force=self.response(trace.interval, trace.force), lines=None)

@@ -14,8 +14,7 @@ from .html import aligned, page_table
 from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
 
 if TYPE_CHECKING:

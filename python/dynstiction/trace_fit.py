@@ -21,8 +21,7 @@ from ._fit.waveform import waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_comparison import compared
 from .trace_cycles import find_cycles
 
@@ -352,14 +351,15 @@ def fit(
             Scene(scene), trace, free, each=each, known=known, bounds=bounds, ties=ties, chain=chain
         )
         search = Search(given, starts, generator(rng), show)
-        if not search.near():
-            search.beyond()
+        search.run()
         if search.found:
-            search.weigh()
             show(1.0)
             return _told(search.problem, search.found, search.problem, search.slow or given)
         if search.slow is None or search.proposal is None:
-            raise search.nothing()
+            raise UsageError(
+                f"{given.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(given.names)} with which "
+                "'dynstiction cycles' finds a stable cycle"
+            )
         why = search.faults[-1] if search.faults else "the slow model's has none"
         note = f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency"
         best = search.slow.improved(search.proposal, (0.0,))

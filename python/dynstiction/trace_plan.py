@@ -14,8 +14,7 @@ from ._fit.problem import Problem
 from ._run import run_sampled
 from .errors import UsageError
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_fit import problem_of
 
 if TYPE_CHECKING:

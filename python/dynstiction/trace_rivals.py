@@ -23,8 +23,7 @@ from ._fit.solve import Solution, has_failed
 from ._progress import progress_bar
 from .errors import Error, UsageError
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_fit import BAR, Fit, problem_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
@@ -335,13 +334,8 @@ def _by_creep(problem: Problem, rng: int | np.random.Generator | None, explained
     """The explanation by creep, none where the full model has no stick-slip near; not sought far away if another explains the traces."""
     search = Search(problem, 1 if explained else STARTS, generator(rng))
     with suppress(Error):
-        ends = search.near()
-        if explained and not search.found:
-            search.stay()
-        if not explained and not ends:
-            search.beyond()
+        search.run(far=not explained)
         if search.found:
-            search.weigh()
             return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
     return []
 

@@ -13,8 +13,7 @@ from .._run import run, run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene, used_settings
-from ..trace import pull_force
-from ..trace_chain import Chain
+from ..trace import Chain, pull_force
 from .waveform import Waveform, bin_means, centred
 
 __all__ = [

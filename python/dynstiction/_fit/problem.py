@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from .. import _native
 from ..errors import Error
 from ..scene import Scene
-from ..trace import Trace
-from ..trace_chain import Chain
+from ..trace import Chain, Trace
 from ..trace_cycles import TraceCycles
 from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
 from .solve import FAILED, Solution, derivatives, has_failed, least_squares_of, spread

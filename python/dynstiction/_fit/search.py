@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Error, UsageError
+from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import LeadsNowhereError, Problem, Recording
 from .solve import Solution, has_failed, least_squares_of, regressed
@@ -126,7 +126,17 @@ class Search:
         """The fit with the least cost."""
         return min(self.found, key=lambda each: each.cost)
 
-    def near(self) -> bool:
+    def run(self, far: bool = True) -> None:
+        """All fits, those from starts that are not near the traces only if it is sought far."""
+        if not self._near():
+            if far:
+                self._beyond()
+            elif not self.found:
+                self._stay()
+        if self.found and not self.problem.repeats:
+            self._weigh()
+
+    def _near(self) -> bool:
         """Fits that begin near the traces; whether nothing better is to be expected elsewhere."""
         problem = self.problem
         if self.slow is None:
@@ -147,7 +157,7 @@ class Search:
                 self._attempt(begin)
         return False
 
-    def beyond(self) -> None:
+    def _beyond(self) -> None:
         """Fits from other starts, until one explains the trace, and at other misalignments."""
         if not self.problem.repeats:
             self._of_each_cycle()
@@ -166,7 +176,7 @@ class Search:
         if self.found:
             self._along_the_angle()
 
-    def stay(self) -> None:
+    def _stay(self) -> None:
         """The slow model's fit as it is, if the scene's own model has stick-slip there."""
         if not self.problem.repeats:
             start = self.given if self.proposal is None else self.proposal
@@ -174,24 +184,13 @@ class Search:
         elif self.proposal is not None and not has_failed(self.problem.residuals(self.proposal, 0.0)):
             self.found.append(self.problem.at(self.proposal))
 
-    def weigh(self) -> None:
-        """Where cycles are not alike, take their scatter about those of the best fit for their error, and improve the fit with it."""
-        if self.problem.repeats:
-            return
+    def _weigh(self) -> None:
+        """Take the scatter of cycles that are not alike about those of the best fit for their error, and improve the fit with it."""
         best = self.best
-        better = [
-            each.reweighted(self.problem.cycles(best.z, k)) for k, each in enumerate(self.problem.recordings)
-        ]
-        self.problem = replace(self.problem, recordings=tuple(better))
+        recordings = enumerate(self.problem.recordings)
+        better = tuple(each.reweighted(self.problem.cycles(best.z, k)) for k, each in recordings)
+        self.problem = replace(self.problem, recordings=better)
         self.found = [regressed(self.problem, best, AGAIN, self.random)]
-
-    def nothing(self) -> UsageError:
-        """What to say if no start has stick-slip."""
-        problem = self.problem
-        return UsageError(
-            f"{problem.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(problem.names)} with which "
-            "'dynstiction cycles' finds a stable cycle"
-        )
 
     def _attempt(self, start: _Floats) -> None:
         """A fit from one start, or why there is none."""
