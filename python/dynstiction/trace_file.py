@@ -524,32 +524,29 @@ def _hdf5_columns(
     name: str, wanted: Mapping[str, Column | None], required: Sequence[str]
 ) -> dict[str, _Found]:
     """The wanted datasets of a file."""
-    paths = {
-        quantity: ALTERNATIVES[quantity] if column is None else (column,)
-        for quantity, column in wanted.items()
-        if column is not None or quantity in required
-    }
-    with open_file(name) as file:
-        return {
-            quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity)
-            for quantity, each in paths.items()
-        }
-
-
-def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
     import h5py  # noqa: PLC0415
 
-    for path in paths:
-        found = dataset_in(file, path) if isinstance(path, str) else None
-        if found is not None:
-            return found
-    there: list[str] = []
-    file.visititems(lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None)
-    more = ", …" if len(there) > 12 else ""
-    raise UsageError(
-        f"{name}: no dataset {' or '.join(shown(path) for path in paths)} for {quantity}: name one of "
-        f"{', '.join(there[:12]) or 'none: the file is empty'}{more}"
-    )
+    found, there = {}, list[str]()
+    with open_file(name) as file:
+        for quantity, column in wanted.items():
+            if column is None and quantity not in required:
+                continue
+            paths = ALTERNATIVES[quantity] if column is None else (column,)
+            sets = [
+                each
+                for path in paths
+                if isinstance(path, str) and (each := dataset_in(file, path)) is not None
+            ]
+            if not sets:
+                file.visititems(
+                    lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None
+                )
+                raise UsageError(
+                    f"{name}: no dataset {' or '.join(map(shown, paths))} for {quantity}: name one of "
+                    f"{', '.join(there[:12]) or 'none: the file is empty'}{', …' if len(there) > 12 else ''}"
+                )
+            found[quantity] = _dataset_values(sets[0], name, quantity)
+    return found
 
 
 def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str) -> _Found:

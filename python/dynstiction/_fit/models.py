@@ -78,10 +78,8 @@ class Cycles(NamedTuple):
 def _loaded(scene: Scene, wave: Waveform) -> Scene:
     """The scene, beginning shortly before a slip."""
     stiffness = float(scene.system.stiffness_x or 1.0)
-    _, velocity = _geometry(scene)
-    return scene.replace(
-        initial={"elongation_x": math.copysign(LOADED * float(wave.mean.max()) / stiffness, velocity)}
-    )
+    elongation = math.copysign(LOADED * float(wave.mean.max()) / stiffness, steady_velocity(scene))
+    return scene.replace(initial={"elongation_x": elongation})
 
 
 def slow_scene(scene: Scene) -> Scene:
@@ -124,9 +122,8 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     load_integral, rest_integral = load.antiderivative(), rest.antiderivative()
     end = float(time[-1])
     begin = end - period
-    grid = np.linspace(begin, end, 400)
     middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
-    slip = _fall_through(middle, grid, load)
+    slip = _fall_through(middle, np.linspace(begin, end, 400), load)
 
     def means(bins: _Floats, of: Callable[[_Floats], _Floats]) -> _Floats:
         """Means over bins at the same phases, of what repeats and has this integral."""
@@ -261,8 +258,7 @@ def _settled(
 def steady_velocity(scene: Scene) -> float:
     """Drive velocity [m/s]; 0 if it has several values."""
     given = scene.drive.velocity
-    velocity = np.ravel(np.asarray(0.0 if given is None else given, dtype=np.float64))
-    return float(velocity[0]) if velocity.size == 1 else 0.0
+    return float(np.ravel(given)[0]) if np.size(given) == 1 and given is not None else 0.0
 
 
 def _geometry(scene: Scene) -> tuple[float, float]:
