@@ -137,12 +137,10 @@ class TraceComparison:
             *aligned([HEAD, *map(_row, self.statistics)]),
             "",
             f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
-            f"differ by more than {DIFFERENT:g} standard errors: {told}"
-            if told
-            else f"nothing differs by more than {DIFFERENT:g} standard errors",
+            f"{'differ' if told else 'nothing differs'} by more than {DIFFERENT:g} standard errors{told and f': {told}'}",
+            *(f"{self.trace.name}: {note}" for note in self.measured.notes),
+            *(f"{self.scene.name}: {note}" for note in self.simulated.notes),
         ]
-        for side, cycles in ((self.trace.name, self.measured), (self.scene.name, self.simulated)):
-            lines += [f"{side}: {note}" for note in cycles.notes]
         return "\n".join(map(printable, lines)) + "\n"
 
     def plot(self) -> Figure:

@@ -192,7 +192,8 @@ def _read(
         found = table.columns(wanted, required)
         lines = np.array([line for line, _ in table.rows], dtype=np.int64)
     for quantity, (_, unit, place) in found.items():
-        factors.setdefault(quantity, _factor(quantity, unit, place) if unit else 1.0)
+        if quantity not in factors:
+            factors[quantity] = _factor(quantity, unit, place) if unit else 1.0
     words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in found)
     return {quantity: values * factors[quantity] for quantity, (values, *_) in found.items()}, words, lines
 
@@ -299,10 +300,9 @@ class _Table:
     def _commented_head(self, comments: Sequence[tuple[int, str]]) -> list[tuple[int, list[str]]]:
         """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
         known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
+        in_brackets = re.compile(r"[\[(]([^\[\]()]*)[\])]")
         names_unit = {
-            line
-            for line, text in comments
-            if known & {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)}
+            line for line, text in comments if known & {*map(_unit_name, in_brackets.findall(text))}
         }
         for line, text in reversed(comments):
             for mark in (self.delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):

@@ -382,13 +382,8 @@ def _told(
     told = np.maximum(broad, error) < TOLD
     notes += _flat(names, inverse[:p, :p], told)
     notes += _linked(names, inverse[:p, :p], told)
-    law_error = np.full(p, math.nan)
-    other_laws = _of_other_laws(slow, best.z)
-    if other_laws is not None:
-        jacobian = best.jacobian.copy()
-        jacobian[:, :p] = np.linalg.solve(problem.slopes(best.z[:p]).T, jacobian[:, :p].T).T
-        law_error = _law_errors(jacobian, other_laws)[:p]
-        notes += _hanging_on_the_law(names, z, error, law_error, told)
+    law_error = _law_errors(problem, slow, best)
+    notes += _hanging_on_the_law(names, z, error, law_error, told)
     if chance < MISFIT:
         notes.append(
             f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: "
@@ -461,16 +456,18 @@ def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:
     return np.array([problem.logarithms(found.z[:p]), np.sqrt(np.diag(spread))[:p]])
 
 
-def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
-    """Weighted effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (residuals, 2)."""
-    p = len(slow.names)
+def _law_errors(problem: Problem, slow: Problem, found: Solution) -> _Floats:
+    """Standard errors of the parameters if two coordinates of other laws, which are known to about 1, are added, shape (p,): the weighted
+    effects of another exponent, and of a viscous term as large as the weakening in the fastest slip. NaN if the law is no exponential.
+    """
+    p, z = len(slow.names), found.z
     effects: list[_Floats] = []
     try:
         for k, record in enumerate(slow.recordings):
             here = slow.at_values(record, z[:p]).scene
             friction, wave = here.friction, record.waveform
             if friction.law not in (None, "weakening"):
-                return None
+                return np.full(p, math.nan)
             drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
             viscous = drop / fastest_slip(here, wave)
             laws = ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
@@ -485,8 +482,12 @@ def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
                 effect.append(np.append(change, (there.period - before.period) / record.period_error(0.0)))
             effects.append(np.column_stack(effect) / LAW_STEP)
     except Error:
-        return None
-    return np.vstack([*effects, np.zeros((len(slow.known), 2))])
+        return np.full(p, math.nan)
+    jacobian = found.jacobian.copy()
+    jacobian[:, :p] = np.linalg.solve(problem.slopes(z[:p]).T, jacobian[:, :p].T).T
+    extended = np.column_stack([jacobian, np.vstack([*effects, np.zeros((len(slow.known), 2))])])
+    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(2))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))[:p])
 
 
 def _hanging_on_the_law(
@@ -529,14 +530,6 @@ def _linked(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]
             f"the trace hardly distinguishes {', '.join(linked)}: a common change of them changes next to nothing that is measured: fix "
             "one of them, if it is known"
         )
-
-
-def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
-    """Standard errors of the parameters if the coordinates of other laws, which are known to about 1, are added."""
-    extended = np.column_stack([jacobian, other_laws])
-    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(other_laws.shape[1]))
-    errors: _Floats = np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))
-    return errors
 
 
 _Given: TypeAlias = Mapping[str, Any]

@@ -124,29 +124,24 @@ class CreepTest:
 
     def __str__(self) -> str:
         words = {
+            None: "this trace does not tell",
             "creep": "the object creeps before it slips: dynamic stiction",
             "static": "the object rests up to a static limit, without creep",
             "ageing": "the object rests up to a limit that grows with the time at rest, without creep",
             "static or ageing": "static friction, without creep; whether it ages only traces at other speeds show",
         }
+        verdict = words[self.named]
         if not self.explains:
             verdict = "none of the explanations explains the trace"
-        elif self.named:
-            verdict = words[self.named]
-        elif self.probability("static") + self.probability("ageing") >= SURE:
+        elif not self.named and self.probability("static") + self.probability("ageing") >= SURE:
             verdict = "static friction, without creep; these traces do not tell whether it ages"
-        else:
-            verdict = "this trace does not tell"
-        seen = (
-            "no misalignment would be seen"
+        angle = (
+            "no misalignment"
             if math.isnan(self.least_angle)
-            else f"a misalignment from {self.least_angle:.2g}° on would be seen"
+            else f"a misalignment from {self.least_angle:.2g}° on"
         )
-        lines = [
-            f"{verdict} ({self.cycles} cycles; in nine of ten such traces {seen})",
-            *map(str, self.explanations),
-        ]
-        return "\n".join(lines)
+        first = f"{verdict} ({self.cycles} cycles; in nine of ten such traces {angle} would be seen)"
+        return "\n".join([first, *map(str, self.explanations)])
 
     def __repr__(self) -> str:
         return f"<CreepTest: {self}>"

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
 from ..errors import Error
@@ -325,18 +325,15 @@ class Problem:
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
-        parts = []
+        parts: list[ArrayLike] = []
         try:
             for k, recording in enumerate(self.recordings):
                 parts.append(recording.residuals(self.cycles(z, k, coarse == 0.0), coarse))
-            parts.append(self._of_known(z))
+            values = self.named(z)
+            parts.append([(values[name] - value) / error for name, (value, error) in self.known.items()])
         except Error:
             return np.full(sum(each.size for each in self.recordings) + len(self.known), FAILED)
         return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
-
-    def _of_known(self, z: _Floats) -> _Floats:
-        values = self.named(z)
-        return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
 
     @property
     def step(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -209,10 +210,9 @@ class Search:
         """Errors that are added in turn: fewer near the traces."""
         key = start.tobytes()
         if key not in self._levels_at:
-            try:
-                misfit = self.problem.misfit(start)[0] if self.problem.repeats else math.inf
-            except Error:
-                misfit = math.inf
+            misfit = math.inf
+            with suppress(Error):
+                misfit = self.problem.misfit(start)[0]
             last = 1 if misfit < NEAR else 3 if misfit < NEAR**2 else len(COARSE_OF_OWN)
             self._levels_at[key] = COARSE_OF_OWN[-last:]
         return self._levels_at[key]
@@ -230,10 +230,8 @@ class Search:
     def _propose(self, slow: Problem) -> None:
         fits = []
         for start in self._slow_starts(slow):
-            try:
+            with suppress(NoCycleError):
                 fits.append(slow.improved(start, COARSE))
-            except NoCycleError:
-                continue
         if fits:
             self.proposal = min(fits, key=lambda each: each.cost).z
 
