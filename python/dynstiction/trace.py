@@ -246,7 +246,7 @@ class Trace:
         """
         result = instance("result", result, Result, "give what run or open returns")
         sense = _sense(result)
-        columns = {"time": result.time, "force": sense * pull_force(result)}
+        columns: Any = {"time": result.time, "force": sense * pull_force(result)}
         if "X" in result.columns:
             columns["displacement"] = sense * result["X"]
         if not _is_damped(result):

@@ -7,6 +7,7 @@ import gzip
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from statistics import mode
 from typing import TYPE_CHECKING, TypeAlias
@@ -456,7 +457,11 @@ def _text_of(name: str) -> str:
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    split = line.split() if delimiter == " " else next(csv.reader([line], delimiter=delimiter))
+    split = line.split(None if delimiter == " " else delimiter)
+    if '"' in line and delimiter != " ":
+        # A field may be longer than the csv module takes, in a file that is no table.
+        with suppress(csv.Error):
+            split = next(csv.reader([line], delimiter=delimiter))
     return [field.strip() for field in split]
 
 

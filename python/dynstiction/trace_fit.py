@@ -494,7 +494,7 @@ def _hanging_on_the_law(
     names: Sequence[str], z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
 ) -> Iterator[str]:
     far = told & (law_error > HANGING * error)
-    hanging = [i for i in np.flatnonzero(far) if names[i] not in CHAIN]
+    hanging = [i for i, name in enumerate(names) if far[i] and name not in CHAIN]
     if hanging:
         each = ", ".join(f"{names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
         yield (

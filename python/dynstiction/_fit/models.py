@@ -258,7 +258,8 @@ def _settled(
 def steady_velocity(scene: Scene) -> float:
     """Drive velocity [m/s]; 0 if it has several values."""
     given = scene.drive.velocity
-    return float(np.ravel(given)[0]) if np.size(given) == 1 and given is not None else 0.0
+    velocity = np.ravel(np.asarray(0.0 if given is None else given, dtype=np.float64))
+    return float(velocity[0]) if velocity.size == 1 else 0.0
 
 
 def _geometry(scene: Scene) -> tuple[float, float]:
