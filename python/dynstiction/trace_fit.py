@@ -84,10 +84,12 @@ class FittedParameter:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FittedTrace(Recording):
-    """One trace of a fit, with the fitted values in its scene and chain.
+    """One trace of a fit.
 
     Attributes
     ----------
+    trace, scene, chain, cycles, waveform
+        The trace, its scene and measuring chain with the fitted values, its cycles, and their mean with its errors.
     given : Scene
         The scene with the values with which the fit began.
     fitted : ndarray, shape (n,)

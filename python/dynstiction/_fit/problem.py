@@ -45,11 +45,11 @@ BAD = 0.3
 
 
 class LeadsNowhereError(NoCycleError):
-    """A search has ended far from the trace."""
+    """A search has ended far from the traces, at `found`."""
 
-    def __init__(self, z: _Floats, cost: float) -> None:
+    def __init__(self, found: Solution) -> None:
         super().__init__("no search from any start comes near the trace")
-        self.z, self.cost = z, cost
+        self.found = found
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,7 +346,7 @@ class Problem:
         for coarse in levels[:-1]:
             found = least_squares_of(self, z, coarse, last=False)
             if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
-                raise LeadsNowhereError(found.z, found.cost)
+                raise LeadsNowhereError(found)
             z = found.z
         return least_squares_of(self, z, levels[-1])
 
@@ -355,7 +355,7 @@ class Problem:
         try:
             return self.improved(start, levels)
         except LeadsNowhereError as error:
-            return self.at(error.z, levels[-1])
+            return self.at(error.found.z, levels[-1])
 
     def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
         """Cost and Jacobian at coordinates."""

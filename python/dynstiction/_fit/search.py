@@ -202,7 +202,7 @@ class Search:
 
     def _add_nearest(self) -> None:
         """If no search was completed, the one that came nearest."""
-        far = [each for each in self.faults if isinstance(each, LeadsNowhereError)]
+        far = [each.found for each in self.faults if isinstance(each, LeadsNowhereError)]
         if far and not self.found:
             self.found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
 
