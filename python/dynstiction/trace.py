@@ -83,10 +83,9 @@ class Trace:
                 raise UsageError(f"{quantity} has the shape {column.shape}: it must have one dimension")
             column.setflags(write=False)
             object.__setattr__(self, quantity, column)
-        n = self.time.size
-        for quantity, values in self._columns().items():
-            if values.size != n:
-                raise UsageError(f"{quantity} has {values.size} samples and time has {n}: give as many")
+            n = self.time.size
+            if column.size != n:
+                raise UsageError(f"{quantity} has {column.size} samples and time has {n}: give as many")
         if self.lines is not None:
             lines = np.asarray(self.lines)
             if lines.shape != (n,) or lines.dtype.kind not in "iu":
