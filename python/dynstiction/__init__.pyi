@@ -70,8 +70,8 @@ from .tangents import Derivatives as Derivatives
 from .tangents import Sensitivity as Sensitivity
 from .tangents import derivatives as derivatives
 from .tangents import sensitivity as sensitivity
+from .trace import Chain as Chain
 from .trace import Trace as Trace
-from .trace_chain import Chain as Chain
 from .trace_comparison import Statistic as Statistic
 from .trace_comparison import TraceComparison as TraceComparison
 from .trace_comparison import compare as compare
@@ -85,7 +85,6 @@ from .trace_fit import Fit as Fit
 from .trace_fit import FittedParameter as FittedParameter
 from .trace_fit import FittedTrace as FittedTrace
 from .trace_fit import fit as fit
-from .trace_plan import TracePlan as TracePlan
 from .trace_plan import plan_traces as plan_traces
 from .trace_rivals import CreepTest as CreepTest
 from .trace_rivals import Explanation as Explanation

@@ -38,8 +38,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .trace import Trace
-    from .trace_chain import Chain
+    from .trace import Chain, Trace
 
 # The plotting modules are imported where they are used: matplotlib is slow to import.
 
@@ -321,7 +320,7 @@ def _stem(path: str) -> str:
 
 def _chain(options: argparse.Namespace) -> Chain:
     """The measuring chain that the options of a command describe."""
-    from .trace_chain import Chain  # noqa: PLC0415
+    from .trace import Chain  # noqa: PLC0415
 
     if not options.filter:
         return Chain()

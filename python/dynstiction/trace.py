@@ -1,19 +1,21 @@
-"""Traces: a force along the pull against time, from arrays, or from a run; from files in `trace_file`."""
+"""Traces: a force along the pull against time, from arrays, or from a run, and what a measuring chain makes of it; from files in
+`trace_file`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import generator, instance, number, reals, text
+from ._arguments import generator, instance, number, reals, text, whole
 from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
 
-__all__ = ["QUANTITIES", "Trace", "pull_force"]
+__all__ = ["QUANTITIES", "Chain", "Trace", "pull_force"]
 
 _Floats = NDArray[np.float64]
 
@@ -81,10 +83,9 @@ class Trace:
                 raise UsageError(f"{quantity} has the shape {column.shape}: it must have one dimension")
             column.setflags(write=False)
             object.__setattr__(self, quantity, column)
-        n = self.time.size
-        for quantity, values in self._columns().items():
-            if values.size != n:
-                raise UsageError(f"{quantity} has {values.size} samples and time has {n}: give as many")
+            n = self.time.size
+            if column.size != n:
+                raise UsageError(f"{quantity} has {column.size} samples and time has {n}: give as many")
         if self.lines is not None:
             lines = np.asarray(self.lines)
             if lines.shape != (n,) or lines.dtype.kind not in "iu":
@@ -97,8 +98,8 @@ class Trace:
 
     def _columns(self) -> dict[str, _Floats]:
         """The quantities that the trace has: those that are required, and those that are given."""
-        columns = {quantity: getattr(self, quantity) for quantity in QUANTITIES}
-        return {q: values for q, values in columns.items() if values is not None or q in ("time", "force")}
+        columns = ((quantity, getattr(self, quantity)) for quantity in QUANTITIES)
+        return {q: values for q, values in columns if values is not None or q in ("time", "force")}
 
     def place(self, sample: int) -> str:
         """Origin of a sample: the file and line, or the trace and the number of the sample, from 0.
@@ -124,21 +125,20 @@ class Trace:
 
     def _check_times(self) -> None:
         steps = np.diff(self.time)
-        bad = np.flatnonzero(steps <= 0.0)
-        if bad.size:
-            i = int(bad[0])
-            what = "is the one before" if steps[i] == 0.0 else f"comes after {self.time[i]:.9g} s"
-            remedy = (
-                "write times with more digits, or give the sampling interval instead of a column of times"
+        usual = float(np.median(steps))
+        for i in np.flatnonzero(steps <= 0.0)[:1]:
+            what, remedy = (
+                (
+                    "is the one before",
+                    "write times with more digits, or give the sampling interval instead of a column of times",
+                )
                 if steps[i] == 0.0
-                else "sort the samples, or use one recording at a time"
+                else (f"comes after {self.time[i]:.9g} s", "sort the samples, or use one recording at a time")
             )
             raise FileError(f"{self.place(i + 1)}: time {self.time[i + 1]:.9g} s {what}: {remedy}")
-        usual = float(np.median(steps))
-        bad = np.flatnonzero(steps > GAP * usual)
-        if bad.size:
-            i = int(bad[0])
-            also = f", and {bad.size - 1} more gaps" if bad.size > 1 else ""
+        gaps = np.flatnonzero(steps > GAP * usual)
+        for i in gaps[:1]:
+            also = f", and {gaps.size - 1} more gaps" if gaps.size > 1 else ""
             raise FileError(
                 f"{self.place(i + 1)}: a gap of {steps[i]:.4g} s before {self.time[i + 1]:.9g} s, samples are "
                 f"{usual:.4g} s apart{also}: use the part before or after it, or fill it by interpolation"
@@ -188,18 +188,13 @@ class Trace:
 
         Raises
         ------
-        UsageError
+        FileError
             If fewer than three samples would be left.
         """
         step = self.interval if interval is None else number("interval", interval, above=0.0, units="s")
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
             return self
         columns: Any = _at_interval(self._columns(), step)
-        if columns["time"].size < NEEDED:
-            raise UsageError(
-                f"interval = {step:g} s: leaves {columns['time'].size} samples of a trace of {self.duration:g} s: "
-                "give a shorter one"
-            )
         return replace(self, **columns, lines=None)
 
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
@@ -250,29 +245,25 @@ class Trace:
         """
         result = instance("result", result, Result, "give what run or open returns")
         sense = _sense(result)
-        columns = {
-            "time": result.time,
-            "force": sense * pull_force(result),
-            "displacement": sense * result["X"] if "X" in result.columns else None,
-            "lateral_force": None if _is_damped(result) else sense * _across(result),
-        }
+        columns: Any = {"time": result.time, "force": sense * pull_force(result)}
+        if "X" in result.columns:
+            columns["displacement"] = sense * result["X"]
+        if not _is_damped(result):
+            columns["lateral_force"] = sense * _spring_forces(result)[1]
         keep = np.append(True, np.diff(result.time) > 0.0)
-        given = {quantity: values[keep] for quantity, values in columns.items() if values is not None}
-        steps = np.diff(given["time"])
-        if interval is not None:
-            given = _at_interval(given, number("interval", interval, above=0.0, units="s"))
-        elif not np.allclose(steps, np.median(steps), rtol=1e-3):
-            # Samples at every step of the method are not regular: a long time between two of them is not a gap.
-            given = _at_interval(given, float(np.median(steps)))
-        return cls(**given, name=str(result.parameters.get("title", "")) or "run")
+        columns = {quantity: values[keep] for quantity, values in columns.items()}
+        steps = np.diff(columns["time"])
+        # Samples at every step of the method are not regular: a long time between two of them is not a gap.
+        if interval is not None or not np.allclose(steps, np.median(steps), rtol=1e-3):
+            usual = np.median(steps) if interval is None else interval
+            columns = _at_interval(columns, number("interval", usual, above=0.0, units="s"))
+        return cls(**columns, name=str(result.parameters.get("title", "")) or "run")
 
     def __repr__(self) -> str:
-        more = [
-            q.replace("_", " ") for q in ("displacement", "lateral_force") if getattr(self, q) is not None
-        ]
+        more = [f", {q.replace('_', ' ')}" for q in QUANTITIES[2:] if getattr(self, q) is not None]
         return (
             f"<Trace {self.name!r}: {self.time.size} samples from {self.time[0]:g} to {self.time[-1]:g} s, "
-            f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(f', {each}' for each in more)}>"
+            f"{self.force.min():.4g} to {self.force.max():.4g} N{''.join(more)}>"
         )
 
 
@@ -290,24 +281,19 @@ def pull_force(result: Result) -> _Floats:
         return result["pull_force"]
     if _is_damped(result):
         raise ColumnError("a scene with dampers needs the column pull_force: add it to output.fields")
-    cosine, sine = _axes(result)
-    return result["spring_force_x"] * cosine + result["spring_force_y"] * sine
+    return _spring_forces(result)[0]
 
 
-def _across(result: Result) -> _Floats:
-    """Force of the springs across the drive [N]; no column contains the part of dampers."""
-    cosine, sine = _axes(result)
-    return result["spring_force_y"] * cosine - result["spring_force_x"] * sine
+def _spring_forces(result: Result) -> tuple[_Floats, _Floats]:
+    """Forces of the springs along the drive and across it [N]; no column contains the part of dampers across."""
+    phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
+    cosine, sine = float(np.cos(phi)), float(np.sin(phi))
+    x, y = result["spring_force_x"], result["spring_force_y"]
+    return x * cosine + y * sine, y * cosine - x * sine
 
 
 def _is_damped(result: Result) -> bool:
     return any(float(result.parameters.get(name, 0.0)) for name in ("damping_x", "damping_y"))
-
-
-def _axes(result: Result) -> tuple[float, float]:
-    """Cosine and sine of the misalignment."""
-    phi = np.radians(float(result.parameters.get("misalignment_deg", 0.0)))
-    return float(np.cos(phi)), float(np.sin(phi))
 
 
 def _sense(result: Result) -> float:
@@ -317,3 +303,84 @@ def _sense(result: Result) -> float:
         velocity = Scene(result.resolved_deck).groups()["drive"]["velocity"]
     values = np.atleast_1d(np.asarray(1.0 if velocity is None else velocity, dtype=np.float64))
     return -1.0 if np.min(values) < 0.0 and np.max(values) <= 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A measuring chain: it changes a force as instruments do, in the order of its attributes.
+
+    Attributes
+    ----------
+    gain : float
+        Factor of the force.
+    resonance : float, optional
+        Natural frequency of the load cell [Hz]; without one it is rigid.
+    damping : float
+        Its damping ratio.
+    filter : float, optional
+        Corner frequency of a Butterworth low pass [Hz].
+    order : int
+        Its order.
+    tare : float
+        Reading without a force [N].
+
+    Notes
+    -----
+    A filter, and a resonance, above half of the sampling rate changes nothing.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 1.0, 1001)
+    >>> Chain(gain=2.0, tare=0.5)(Trace(time, 1.0 + 0.1 * time)).force[[0, -1]]
+    array([2.5, 2.7])
+    """
+
+    gain: float = 1.0
+    resonance: float | None = None
+    damping: float = 0.05
+    filter: float | None = None
+    order: int = 2
+    tare: float = 0.0
+
+    def __post_init__(self) -> None:
+        whole("order", self.order, least=1)
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name != "order" and value is not None:
+                above = None if each.name == "tare" else 0.0
+                object.__setattr__(self, each.name, number(each.name, value, above=above))
+
+    def response(self, interval: float, force: _Floats) -> _Floats:
+        """Gain, resonance, filter and tare, of a force that was at rest before.
+
+        Parameters
+        ----------
+        interval : float
+            Time between two samples [s].
+        force : ndarray, shape (n,)
+            Force [N].
+        """
+        from scipy.signal import bilinear, butter, sosfilt, sosfilt_zi, tf2sos  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+        shown = self.gain * force
+        stages = []
+        if self.resonance is not None and self.resonance * interval < 0.5:
+            angular = 2.0 * np.pi * self.resonance
+            cell = [angular**2], [1.0, 2.0 * self.damping * angular, angular**2]
+            stages.append(tf2sos(*bilinear(*cell, 1.0 / interval)))
+        if self.filter is not None and self.filter * interval < 0.5:
+            stages.append(butter(self.order, self.filter, fs=1.0 / interval, output="sos"))
+        for stage in stages:
+            shown, _ = sosfilt(stage, shown, zi=sosfilt_zi(stage) * shown[0])
+        return np.asarray(shown + self.tare)
+
+    def __call__(self, trace: Trace) -> Trace:
+        """The trace as this chain shows its force, at the same, regular times.
+
+        Parameters
+        ----------
+        trace : Trace
+            Force of the springs, ``Trace.of`` a run.
+        """
+        trace = instance("trace", trace, Trace, "give what Trace.of returns").regular()
+        return replace(trace, force=self.response(trace.interval, trace.force), lines=None)

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 
-from ._arguments import instance, whole
+from ._arguments import instance
 from .errors import FileError, UsageError, printable
 from .groups import Changes
 from .html import aligned, page_table
 from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
 
 if TYPE_CHECKING:
@@ -138,12 +137,10 @@ class TraceComparison:
             *aligned([HEAD, *map(_row, self.statistics)]),
             "",
             f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
-            f"differ by more than {DIFFERENT:g} standard errors: {told}"
-            if told
-            else f"nothing differs by more than {DIFFERENT:g} standard errors",
+            f"{'differ' if told else 'nothing differs'} by more than {DIFFERENT:g} standard errors{told and f': {told}'}",
+            *(f"{self.trace.name}: {note}" for note in self.measured.notes),
+            *(f"{self.scene.name}: {note}" for note in self.simulated.notes),
         ]
-        for side, cycles in ((self.trace.name, self.measured), (self.scene.name, self.simulated)):
-            lines += [f"{side}: {note}" for note in cycles.notes]
         return "\n".join(map(printable, lines)) + "\n"
 
     def plot(self) -> Figure:
@@ -218,10 +215,15 @@ def compare(
     """
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
-    measured = find_cycles(trace)
-    run = simulate_like(scene, trace, measured)
-    if chain is not None:
-        run = instance("chain", chain, Chain, "give a dynstiction.Chain")(run)
+    chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
+    return compared(scene, trace, find_cycles(trace), chain, noise)
+
+
+def compared(
+    scene: Scene, trace: Trace, measured: TraceCycles, chain: Chain, noise: bool = True
+) -> TraceComparison:
+    """As `compare`, of a trace whose cycles are known."""
+    run = chain(simulate_like(scene, trace, measured))
     if noise:
         run = run.with_noise(measured.noise, SEED)
     try:
@@ -271,29 +273,12 @@ def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statisti
     return tuple(found)
 
 
-def simulate_like(
-    scene: Scene, trace: Trace, cycles: TraceCycles | None = None, count: int | None = None
-) -> Trace:
-    """The force of a settled run of a scene, sampled like a trace, without noise.
+def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
+    """The force of a settled run of a scene, sampled like a trace, without noise, from somewhat before the first slip.
 
-    With a constant drive velocity the run continues until it has twice as many cycles as are wanted, whatever the deck's `t_end`
-    is, and the later half is returned. With another drive the run ends at `t_end`, and the later half of its cycles is returned.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene to run.
-    trace : Trace
-        The trace, for its sampling interval.
-    cycles : TraceCycles, optional
-        Its cycles, by default from `find_cycles`.
-    count : int, optional
-        Number of cycles; by default twice that of the trace, at least 12, and at most 60 unless the trace has more.
-
-    Returns
-    -------
-    Trace
-        The trace from somewhat before the first slip.
+    With a constant drive velocity the run continues until it has four times as many cycles as the trace, at least 24 and at most 120
+    unless the trace has more, whatever the deck's `t_end` is, and the later half is returned. With another drive the run ends at `t_end`,
+    and the later half of its cycles is returned.
 
     Raises
     ------
@@ -302,15 +287,13 @@ def simulate_like(
     UsageError
         If the run has no stick-slip, or too few cycles.
     """
-    cycles = cycles or find_cycles(trace)
     n = len(cycles)
-    wanted = whole("count", count, least=1) if count is not None else max(FEWEST, min(FACTOR * n, MOST), n)
+    wanted = max(FEWEST, min(FACTOR * n, MOST), n)
     period = cycles.means()["period"]
     values = scene.replace(
         scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None, "fields": FIELDS}
     )
-    velocities = np.unique(np.atleast_1d(scene.groups().get("drive", {}).get("velocity", 0.0)))
-    steady = velocities.size == 1
+    steady = np.unique(scene.groups().get("drive", {}).get("velocity", 0.0)).size == 1
     with Simulation(values) as asked:
         t_end = asked.t_end
     longest = max(t_end, LONGEST * period, 4.0 * wanted * period) if steady else t_end

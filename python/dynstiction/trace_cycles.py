@@ -7,7 +7,6 @@ on either side of the fall. No value depends on a single extreme sample, which n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -78,19 +77,15 @@ CYCLE_COLUMNS = (
         "1",
         "how far the force before slip is below the straight line of the loading, over the swing",
     ),
+    Info("slip_length", "m", "displacement in the slip that begins the cycle"),
+    Info(
+        "lateral_change",
+        "N",
+        "increase of the lateral force: mean of the last tenth of the loading minus mean of the first",
+    ),
 )
-"""Quantities of a cycle."""
-SLIP_LENGTH = Info("slip_length", "m", "displacement in the slip that begins the cycle")
-"""Column of a trace with a displacement."""
-LATERAL_CHANGE = Info(
-    "lateral_change",
-    "N",
-    "increase of the lateral force: mean of the last tenth of the loading minus mean of the first",
-)
-"""Column of a trace with a lateral force."""
+"""Quantities of a cycle; the last two of a trace with a displacement and with a lateral force."""
 TENTH = 0.1
-
-INSTANTS = ("slip_time",)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -141,7 +136,7 @@ class TraceCycles(Table[_Floats]):
         return self._each(lambda values: float(np.std(values, ddof=1) / np.sqrt(values.size)))
 
     def _each(self, of: object) -> Described[float]:
-        return Described((info, of(v)) for info, v in self.columns.info() if info.name not in INSTANTS)  # type: ignore[operator]
+        return Described((info, of(v)) for info, v in self.columns.info() if info.name != "slip_time")  # type: ignore[operator]
 
     def _values(self) -> tuple[str, str, Described[float]]:
         return f"{len(self)} cycles of a trace", "mean of", self.means()
@@ -208,26 +203,22 @@ def find_cycles(trace: Trace) -> TraceCycles:
     slips = _slips(trace, falls)
     interval = trace.interval
     rows = [_row(trace, interval, before, after) for before, after in pairwise(slips)]
-    columns = [np.array(values) for values in zip(*rows, strict=True)]
-    times = np.array([slip.time for slip in slips])
-    onsets = np.array([slip.onset for slip in slips])
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     notes = []
-    unresolved = np.isnan(columns[5])
-    if unresolved.any():
-        columns[5][:] = np.nan
+    if np.isnan(columns["slip_duration"]).any():
+        columns["slip_duration"][:] = np.nan
         notes.append(
             f"slips take less than two sampling intervals ({interval:.3g} s): their duration is not given"
         )
-    drift, drift_error = _slope(columns[0], 0.5 * (columns[2] + columns[3]))
-    swing = float(np.mean(columns[4]))
-    if abs(drift) > DRIFTS * drift_error and abs(drift) * trace.duration > 0.05 * swing:
-        notes.append(
-            f"the force drifts by {drift * trace.duration:.2g} N over the trace: peaks and valleys change with time"
-        )
+    middle = 0.5 * (columns["peak_force"] + columns["valley_force"])
+    drift, drift_error = _slope(columns["slip_time"], middle)
+    change = drift * trace.duration
+    if abs(drift) > DRIFTS * drift_error and abs(change) > 0.05 * float(np.mean(columns["swing"])):
+        notes.append(f"the force drifts by {change:.2g} N over the trace: peaks and valleys change with time")
     return TraceCycles(
-        Described([*zip(CYCLE_COLUMNS, columns, strict=True), *_optional_columns(trace, slips)], "table"),
-        times,
-        onsets,
+        Described([(info, columns[info.name]) for info in CYCLE_COLUMNS if info.name in columns], "table"),
+        np.array([slip.time for slip in slips]),
+        np.array([slip.onset for slip in slips]),
         noise,
         drift,
         drift_error,
@@ -489,8 +480,8 @@ def _loading_begins(trace: Trace, end: float, onset: float, bottom: float, peak:
     return begin if begin < peak else bottom
 
 
-def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[float, ...]:
-    """A cycle, from one slip to the next, in the order of `CYCLE_COLUMNS`."""
+def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> dict[str, float]:
+    """Quantities of a cycle, from one slip to the next."""
     loading = after.onset - before.end
     inside = slice(*np.searchsorted(trace.time, [before.end + share * loading for share in STRAIGHT]))
     t, f = trace.time[inside], trace.force[inside]
@@ -500,24 +491,26 @@ def _row(trace: Trace, interval: float, before: _Slip, after: _Slip) -> tuple[fl
         rate, _ = _slope(t, f)
         line = float(np.mean(f)) + rate * (after.onset - float(np.mean(t)))
         lacking = (line - after.last) / swing
-    duration = before.duration if before.duration >= 2.0 * interval else np.nan
-    return (before.time, after.time - before.time, after.peak, before.valley, swing, duration, rate, lacking)
-
-
-def _optional_columns(trace: Trace, slips: list[_Slip]) -> Iterator[tuple[Info, _Floats]]:
-    """Values of each cycle from the displacement and the lateral force."""
+    row = {
+        "slip_time": before.time,
+        "period": after.time - before.time,
+        "peak_force": after.peak,
+        "valley_force": before.valley,
+        "swing": swing,
+        "slip_duration": before.duration if before.duration >= 2.0 * interval else np.nan,
+        "loading_rate": rate,
+        "creep_share": lacking,
+    }
     if trace.displacement is not None:
-        ends = np.array([(slip.onset, slip.end) for slip in slips[:-1]])
-        yield SLIP_LENGTH, np.diff(np.interp(ends, trace.time, trace.displacement))[:, 0]
+        begin, end = np.interp((before.onset, before.end), trace.time, trace.displacement)
+        row["slip_length"] = end - begin
     if trace.lateral_force is not None:
-        changes = []
-        for before, after in pairwise(slips):
-            tenth = TENTH * (after.onset - before.end)
-            at = [before.end, before.end + tenth, after.onset - tenth, after.onset]
-            i, j, k, m = np.searchsorted(trace.time, at)
-            first, last = trace.lateral_force[i : max(j, i + 1)], trace.lateral_force[min(k, m - 1) : m]
-            changes.append(float(np.mean(last) - np.mean(first)))
-        yield LATERAL_CHANGE, np.array(changes)
+        tenth = TENTH * loading
+        at = [before.end, before.end + tenth, after.onset - tenth, after.onset]
+        i, j, k, m = np.searchsorted(trace.time, at)
+        first, last = trace.lateral_force[i : max(j, i + 1)], trace.lateral_force[min(k, m - 1) : m]
+        row["lateral_change"] = float(np.mean(last) - np.mean(first))
+    return row
 
 
 def _slope(x: _Floats, y: _Floats) -> tuple[float, float]:

@@ -7,9 +7,10 @@ import gzip
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from statistics import mode
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace"]
 
 _Floats = NDArray[np.float64]
+
+_Found: TypeAlias = tuple[_Floats, str, str]
+"""Values of a column as the file has it, its unit, '' if none is named, and where the unit stands, for a message."""
 
 Column: TypeAlias = int | str
 """A column of a table by its number, from 0, or its name; a dataset of an HDF5 file by its path."""
@@ -77,6 +81,8 @@ HDF5_PLACES = (0, 512, 1024, 2048)
 DELIMITERS = (";", "\t", ",", " ")
 SNIFFED = 20
 """Number of lines from which the delimiter is found."""
+MOST_LINES = 0.6
+"""Least share of these lines that a delimiter splits into the same columns."""
 MOST_HEADS = 2
 """Largest number of lines with names and units at the beginning of a table."""
 WORDS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
@@ -175,7 +181,7 @@ def _read(
             raise UsageError(
                 f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
             )
-    factors = {quantity: _given_factor(quantity, unit) for quantity, unit in (units or {}).items()}
+    factors = {quantity: _factor(quantity, unit) for quantity, unit in (units or {}).items()}
     lines = None
     if _is_hdf5(name, what):
         if delimiter is not None:
@@ -185,50 +191,32 @@ def _read(
         table = _Table(name, delimiter, " and ".join(required))
         found = table.columns(wanted, required)
         lines = np.array([line for line, _ in table.rows], dtype=np.int64)
-    factors = {q: factors[q] if q in factors else _factor(q, column) for q, column in found.items()}
+    for quantity, (_, unit, place) in found.items():
+        if quantity not in factors:
+            factors[quantity] = _factor(quantity, unit, place) if unit else 1.0
     words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in found)
-    return {quantity: column.values * factors[quantity] for quantity, column in found.items()}, words, lines
+    return {quantity: values * factors[quantity] for quantity, (values, *_) in found.items()}, words, lines
 
 
-class _Found(NamedTuple):
-    """A column as the file has it."""
-
-    values: _Floats
-    unit: str
-    """Its unit, '' if none is named."""
-    place: str
-    """Where the unit stands, for a message."""
-
-
-def _given_factor(quantity: str, unit: str | float) -> float:
-    """Factor to SI of a unit that is given by name, or as the factor itself."""
+def _factor(quantity: str, unit: str | float, place: str = "") -> float:
+    """Factor to SI of a unit at a place in the file, or of one that is given by name, or as the factor itself."""
     known = UNITS[quantity]
-    if isinstance(unit, str):
-        if (name := _unit_name(unit)) in known:
-            return known[name]
-        try:
-            unit = float(unit)
-        except ValueError:
-            raise UsageError(
-                f"units: {quantity} in {shown(unit)}: the units are {', '.join(known)}; for another give its factor to "
-                f"{next(iter(known))}"
-            ) from None
-    factor = number(f"the unit of {quantity}", unit)
+    if isinstance(unit, str) and (name := _unit_name(unit)) in known:
+        return known[name]
+    base = next(iter(known))
+    if place:
+        raise UsageError(
+            f"{place} is in {shown(unit)}, which is unknown: name the unit ({', '.join(known)}) or its factor to {base}"
+        )
+    try:
+        factor = number(f"the unit of {quantity}", float(unit) if isinstance(unit, str) else unit)
+    except ValueError:
+        raise UsageError(
+            f"units: {quantity} in {shown(unit)}: the units are {', '.join(known)}; for another give its factor to {base}"
+        ) from None
     if factor == 0.0:
         raise UsageError(f"units: the factor of {quantity} is 0: give one that is not")
     return factor
-
-
-def _factor(quantity: str, column: _Found) -> float:
-    """Factor to SI of a unit in the file."""
-    known = UNITS[quantity]
-    name = _unit_name(column.unit)
-    if name and name not in known:
-        raise UsageError(
-            f"{column.place} is in {shown(column.unit)}, which is unknown: name the unit ({', '.join(known)}) or its "
-            f"factor to {next(iter(known))}"
-        )
-    return known[name] if name else 1.0
 
 
 def _unit_name(text: str) -> str:
@@ -312,10 +300,9 @@ class _Table:
     def _commented_head(self, comments: Sequence[tuple[int, str]]) -> list[tuple[int, list[str]]]:
         """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
         known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
+        in_brackets = re.compile(r"[\[(]([^\[\]()]*)[\])]")
         names_unit = {
-            line
-            for line, text in comments
-            if known & {_unit_name(unit) for unit in re.findall(r"[\[(]([^\[\]()]*)[\])]", text)}
+            line for line, text in comments if known & {*map(_unit_name, in_brackets.findall(text))}
         }
         for line, text in reversed(comments):
             for mark in (self.delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):
@@ -368,8 +355,7 @@ class _Table:
             )
         line = self.heads[0][0] if self.heads else 0
         return {
-            q: _Found(self._numbers(q, i), self._unit(q, i), f"{self.name}:{line}: {q}")
-            for q, i in found.items()
+            q: (self._numbers(q, i), self._unit(q, i), f"{self.name}:{line}: {q}") for q, i in found.items()
         }
 
     def _find(self, quantity: str, column: Column) -> int:
@@ -470,30 +456,30 @@ def _text_of(name: str) -> str:
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    if delimiter == " ":
-        return line.split()
-    if '"' in line:
-        try:
-            return [field.strip() for field in next(csv.reader([line], delimiter=delimiter))]
-        except csv.Error:
-            pass
-    return [field.strip() for field in line.split(delimiter)]
+    split = line.split(None if delimiter == " " else delimiter)
+    if '"' in line and delimiter != " ":
+        # A field may be longer than the csv module takes, in a file that is no table.
+        with suppress(csv.Error):
+            split = next(csv.reader([line], delimiter=delimiter))
+    return [field.strip() for field in split]
 
 
 def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
     """The delimiter that splits the last lines, from the first row of numbers on, into the same columns, at least two of them numbers."""
     last = [line for _, line in lines[-SNIFFED:]]
+
+    def share(delimiter: str) -> float:
+        fields = [_fields(line, delimiter) for line in last]
+        widths = [len(each) if _is_row(each, delimiter) else 0 for each in fields]
+        usual = mode(filter(None, widths)) if any(widths) else 0
+        # What stands above the first row of this width is a preamble or a head.
+        below = widths[widths.index(usual) :]
+        return below.count(usual) / len(below) if usual and set(below) <= {0, usual} else 0.0
+
     # One line may be damaged, which is reported later: agreement of most lines is enough.
-    for share in (1.0, 0.6):
-        for delimiter in DELIMITERS:
-            fields = [_fields(line, delimiter) for line in last]
-            widths = [len(each) if _is_row(each, delimiter) else 0 for each in fields]
-            if any(widths):
-                usual = mode(filter(None, widths))
-                # What stands above the first row of this width is a preamble or a head.
-                below = widths[widths.index(usual) :]
-                if set(below) <= {0, usual} and below.count(usual) >= share * len(below):
-                    return delimiter
+    best = max(DELIMITERS, key=share)
+    if share(best) >= MOST_LINES:
+        return best
     alone = [_is_number(line.strip(), " ") for line in last]
     if any(alone) and all(alone[alone.index(True) :]):
         return " "
@@ -542,36 +528,31 @@ def _hdf5_columns(
     name: str, wanted: Mapping[str, Column | None], required: Sequence[str]
 ) -> dict[str, _Found]:
     """The wanted datasets of a file."""
-    from ._hdf5 import open_file  # noqa: PLC0415  (h5py is slow to import)
-
-    paths = {
-        quantity: ALTERNATIVES[quantity] if column is None else (column,)
-        for quantity, column in wanted.items()
-        if column is not None or quantity in required
-    }
-    with open_file(name) as file:
-        return {
-            quantity: _dataset_values(_dataset(file, name, quantity, each), name, quantity)
-            for quantity, each in paths.items()
-        }
-
-
-def _dataset(file: h5py.File, name: str, quantity: str, paths: Sequence[Column]) -> h5py.Dataset:
     import h5py  # noqa: PLC0415
 
-    from ._hdf5 import dataset_in  # noqa: PLC0415
+    from ._hdf5 import dataset_in, open_file  # noqa: PLC0415  (h5py is slow to import)
 
-    for path in paths:
-        found = dataset_in(file, path) if isinstance(path, str) else None
-        if found is not None:
-            return found
-    there: list[str] = []
-    file.visititems(lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None)
-    more = ", …" if len(there) > 12 else ""
-    raise UsageError(
-        f"{name}: no dataset {' or '.join(shown(path) for path in paths)} for {quantity}: name one of "
-        f"{', '.join(there[:12]) or 'none: the file is empty'}{more}"
-    )
+    found, there = {}, list[str]()
+    with open_file(name) as file:
+        for quantity, column in wanted.items():
+            if column is None and quantity not in required:
+                continue
+            paths = ALTERNATIVES[quantity] if column is None else (column,)
+            sets = [
+                each
+                for path in paths
+                if isinstance(path, str) and (each := dataset_in(file, path)) is not None
+            ]
+            if not sets:
+                file.visititems(
+                    lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None
+                )
+                raise UsageError(
+                    f"{name}: no dataset {' or '.join(map(shown, paths))} for {quantity}: name one of "
+                    f"{', '.join(there[:12]) or 'none: the file is empty'}{', …' if len(there) > 12 else ''}"
+                )
+            found[quantity] = _dataset_values(sets[0], name, quantity)
+    return found
 
 
 def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str) -> _Found:
@@ -593,4 +574,4 @@ def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str) -> _Found:
     units = dataset.attrs.get("units", dataset.attrs.get("unit", ""))
     (unit,) = np.asarray(units).reshape(-1)[:1].tolist() or [""]
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
-    return _Found(values * scale + shift, "" if unit == "1" else unit, f"{name}: {dataset.name}")
+    return values * scale + shift, "" if unit == "1" else unit, f"{name}: {dataset.name}"

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +16,14 @@ from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, Search
-from ._fit.solve import Map, Solution
-from ._fit.waveform import Waveform, waveform_of
+from ._fit.solve import Solution
+from ._fit.waveform import waveform_of
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
-from .trace_comparison import compare
-from .trace_cycles import TraceCycles, find_cycles
+from .trace import Chain, Trace
+from .trace_comparison import compared
+from .trace_cycles import find_cycles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,27 +82,28 @@ class FittedParameter:
     law_error: float
 
 
-class FittedTrace(NamedTuple):
-    """One trace of a fit."""
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedTrace(Recording):
+    """One trace of a fit.
 
-    trace: Trace
-    """The trace."""
+    Attributes
+    ----------
+    trace, scene, chain, cycles, waveform
+        The trace, its scene and measuring chain with the fitted values, its cycles, and their mean with its errors.
+    given : Scene
+        The scene with the values with which the fit began.
+    fitted : ndarray, shape (n,)
+        Force of the model in the bins of the waveform [N].
+    ahead : ndarray, shape (k,)
+        How far the object of the model is ahead of the drive in the creep [m]; empty without a measured displacement.
+    period : float
+        The model's period [s].
+    """
+
     given: Scene
-    """The scene with the values with which the fit began."""
-    scene: Scene
-    """The scene with the fitted values."""
-    chain: Chain
-    """Its measuring chain."""
-    cycles: TraceCycles
-    """The cycles of the trace."""
-    waveform: Waveform
-    """Mean of the cycles, and its errors."""
     fitted: _Floats
-    """Force of the model in the bins of the waveform [N], shape (n,)."""
     ahead: _Floats
-    """How far the object of the model is ahead of the drive in the creep [m], shape (k,); empty without a measured displacement."""
     period: float
-    """The model's period [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -149,35 +147,14 @@ class Fit:
     problem: Problem
     coordinates: _Floats
 
-    @property
-    def scene(self) -> Scene:
-        """The scene with the fitted values."""
-        return self.traces[0].scene
-
-    @property
-    def cycles(self) -> TraceCycles:
-        """The cycles of the trace."""
-        return self.traces[0].cycles
-
-    @property
-    def waveform(self) -> Waveform:
-        """Mean of the cycles, and its errors."""
-        return self.traces[0].waveform
-
-    @property
-    def fitted(self) -> _Floats:
-        """Force of the model in the bins of the waveform [N], shape (n,)."""
-        return self.traces[0].fitted
-
-    @property
-    def ahead(self) -> _Floats:
-        """How far the object of the model is ahead of the drive in the creep [m], shape (k,)."""
-        return self.traces[0].ahead
-
-    @property
-    def period(self) -> float:
-        """The model's period [s]."""
-        return self.traces[0].period
+    scene = property(lambda self: self.traces[0].scene, doc="The scene with the fitted values.")
+    cycles = property(lambda self: self.traces[0].cycles, doc="The cycles of the trace.")
+    waveform = property(lambda self: self.traces[0].waveform, doc="Mean of the cycles, and its errors.")
+    fitted = property(
+        lambda self: self.traces[0].fitted, doc="Force of the model in the bins of the waveform [N]."
+    )
+    ahead = property(lambda self: self.traces[0].ahead, doc="How far the object is ahead of the drive [m].")
+    period = property(lambda self: self.traces[0].period, doc="The model's period [s].")
 
     @property
     def covariance(self) -> _Floats:
@@ -291,12 +268,8 @@ class Fit:
             else:
                 yield f"{each.name:{width}}  not determined by this trace"
         names = list(self.parameters)
-        pairs = [
-            (abs(self.correlation[i, j]), names[i], names[j], self.correlation[i, j])
-            for i in range(len(names))
-            for j in range(i)
-        ]
-        for _, one, other, value in sorted(pairs, reverse=True)[:3]:
+        pairs = [(self.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
+        for value, one, other in sorted(pairs, key=lambda pair: (abs(pair[0]), *pair[1:]), reverse=True)[:3]:
             yield f"correlation of {one} and {other}: {value:.3f}"
         yield f"misfit over scatter {self.misfit:.2f}, by chance with probability {self.chance:.2g}"
         yield from (f"note: {note}" for note in self.notes)
@@ -375,19 +348,20 @@ def fit(
     next, but do not include an error that all cycles share.
     """
     whole("starts", starts, least=1)
-    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+    with progress_bar(progress, 1.0, BAR) as show:
         given = problem_of(
-            Scene(scene), trace, free, pool.map, each=each, known=known, bounds=bounds, ties=ties, chain=chain
+            Scene(scene), trace, free, each=each, known=known, bounds=bounds, ties=ties, chain=chain
         )
         search = Search(given, starts, generator(rng), show)
-        if not search.near():
-            search.beyond()
+        search.run()
         if search.found:
-            search.weigh()
             show(1.0)
             return _told(search.problem, search.found, search.problem, search.slow or given)
         if search.slow is None or search.proposal is None:
-            raise search.nothing()
+            raise UsageError(
+                f"{given.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(given.names)} with which "
+                "'dynstiction cycles' finds a stable cycle"
+            )
         why = search.faults[-1] if search.faults else "the slow model's has none"
         note = f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency"
         best = search.slow.improved(search.proposal, (0.0,))
@@ -410,13 +384,8 @@ def _told(
     told = np.maximum(broad, error) < TOLD
     notes += _flat(names, inverse[:p, :p], told)
     notes += _linked(names, inverse[:p, :p], told)
-    law_error = np.full(p, math.nan)
-    other_laws = _of_other_laws(slow, best.z)
-    if other_laws is not None:
-        jacobian = best.jacobian.copy()
-        jacobian[:, :p] = np.linalg.solve(problem.slopes(best.z[:p]).T, jacobian[:, :p].T).T
-        law_error = _law_errors(jacobian, other_laws)[:p]
-        notes += _hanging_on_the_law(names, z, error, law_error, told)
+    law_error = _law_errors(problem, slow, best)
+    notes += _hanging_on_the_law(names, z, error, law_error, told)
     if chance < MISFIT:
         notes.append(
             f"the model does not explain the trace: its misfit is {misfit:.2g} times what the scatter of the cycles explains: "
@@ -429,8 +398,8 @@ def _told(
     for name, ends in problem.bounds.items():
         if values[name] in ends:
             notes.append(f"{name} is at its bound {values[name]:.6g}: the other values are those with it")
-    fewest = min(len(each.wave.rows) for each in problem.recordings)
-    if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].wave.repeats:
+    fewest = min(len(each.waveform.rows) for each in problem.recordings)
+    if related > max(RELATED, SURELY / math.sqrt(fewest)) and problem.recordings[0].waveform.repeats:
         notes.append(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
@@ -459,11 +428,12 @@ def _told(
     }
     fitted = []
     for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
-        here = own.at_values(given, best.z[:p])
         cycles = problem.cycles(best.z, k)
-        force, ahead = np.split(record.fitted(cycles), [record.wave.error.size])
-        measured = here.scene, here.chain, record.cycles, record.wave
-        fitted.append(FittedTrace(record.trace, given.scene, *measured, force, ahead, cycles.period))
+        force, ahead = np.split(record.explained(cycles), [record.waveform.time.size])
+        here = replace(own.at_values(given, best.z[:p]), waveform=record.waveform)
+        fitted.append(
+            FittedTrace(**vars(here), given=given.scene, fitted=force, ahead=ahead, period=cycles.period)
+        )
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
     scale = np.sqrt(np.diag(inverse))[:p]
@@ -476,8 +446,7 @@ def _told(
         chance,
         tuple(notes),
         (logarithms, *sets),
-        # Without threads, which end with the search.
-        replace(problem, spread=map, runs=[]),
+        problem,
         best.z,
     )
 
@@ -489,16 +458,18 @@ def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:
     return np.array([problem.logarithms(found.z[:p]), np.sqrt(np.diag(spread))[:p]])
 
 
-def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
-    """Weighted effect of another exponent, and of a viscous term as large as the weakening in the fastest slip: shape (residuals, 2)."""
-    p = len(slow.names)
+def _law_errors(problem: Problem, slow: Problem, found: Solution) -> _Floats:
+    """Standard errors of the parameters if two coordinates of other laws, which are known to about 1, are added, shape (p,): the weighted
+    effects of another exponent, and of a viscous term as large as the weakening in the fastest slip. NaN if the law is no exponential.
+    """
+    p, z = len(slow.names), found.z
     effects: list[_Floats] = []
     try:
         for k, record in enumerate(slow.recordings):
             here = slow.at_values(record, z[:p]).scene
-            friction, wave = here.friction, record.wave
+            friction, wave = here.friction, record.waveform
             if friction.law not in (None, "weakening"):
-                return None
+                return np.full(p, math.nan)
             drop = float(friction.mu_0 or 0.0) - float(friction.mu_inf or 0.0)
             viscous = drop / fastest_slip(here, wave)
             laws = ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
@@ -513,18 +484,19 @@ def _of_other_laws(slow: Problem, z: _Floats) -> _Floats | None:
                 effect.append(np.append(change, (there.period - before.period) / record.period_error(0.0)))
             effects.append(np.column_stack(effect) / LAW_STEP)
     except Error:
-        return None
-    return np.vstack([*effects, np.zeros((len(slow.known), 2))])
+        return np.full(p, math.nan)
+    jacobian = found.jacobian.copy()
+    jacobian[:, :p] = np.linalg.solve(problem.slopes(z[:p]).T, jacobian[:, :p].T).T
+    extended = np.column_stack([jacobian, np.vstack([*effects, np.zeros((len(slow.known), 2))])])
+    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(2))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))[:p])
 
 
 def _hanging_on_the_law(
     names: Sequence[str], z: _Floats, error: _Floats, law_error: _Floats, told: NDArray[np.bool_]
 ) -> Iterator[str]:
-    hanging = [
-        i
-        for i in range(len(names))
-        if told[i] and names[i] not in CHAIN and law_error[i] > HANGING * error[i]
-    ]
+    far = told & (law_error > HANGING * error)
+    hanging = [i for i, name in enumerate(names) if far[i] and name not in CHAIN]
     if hanging:
         each = ", ".join(f"{names[i]} ± {math.exp(z[i]) * law_error[i]:.2g}" for i in hanging)
         yield (
@@ -535,20 +507,16 @@ def _hanging_on_the_law(
 
 def _flat(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
     """Notes on the parameters that the trace does not determine."""
-    if told.all():
-        return
     sizes, directions = np.linalg.eigh(inverse)
-    for size, column in zip(sizes, directions.T, strict=True):
-        if size < TOLD**2:
-            continue
+    for column in directions.T[(sizes >= TOLD**2) & ~told.all()]:
         direction = column / column[np.argmax(np.abs(column))]
-        seen = [(name, power) for name, power in zip(names, direction, strict=True) if abs(power) > SEEN]
+        seen = {name: power for name, power in zip(names, direction, strict=True) if abs(power) > SEEN}
         if len(seen) == 1:
-            yield f"the trace does not determine {seen[0][0]}: fix it at a known value"
+            yield f"the trace does not determine {next(iter(seen))}: fix it at a known value"
         else:
-            powers = " ".join(f"{name}^{power:.2g}" for name, power in seen)
+            powers = " ".join(f"{name}^{power:.2g}" for name, power in seen.items())
             yield (
-                f"the trace does not distinguish {', '.join(name for name, _ in seen)}: a common factor {powers} changes "
+                f"the trace does not distinguish {', '.join(seen)}: a common factor {powers} changes "
                 "nothing that is measured: fix one of them at a known value"
             )
 
@@ -566,14 +534,6 @@ def _linked(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]
         )
 
 
-def _law_errors(jacobian: _Floats, other_laws: _Floats) -> _Floats:
-    """Standard errors of the parameters if the coordinates of other laws, which are known to about 1, are added."""
-    extended = np.column_stack([jacobian, other_laws])
-    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(other_laws.shape[1]))
-    errors: _Floats = np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))
-    return errors
-
-
 _Given: TypeAlias = Mapping[str, Any]
 """What an option says of each key."""
 
@@ -582,7 +542,6 @@ def problem_of(
     scene: Scene,
     trace: Trace | Sequence[Trace],
     free: Sequence[str] | str,
-    spread: Map,
     *,
     each: _Given | None = None,
     known: _Given | None = None,
@@ -592,24 +551,23 @@ def problem_of(
 ) -> Problem:
     """The problem of a fit; arguments and errors are those of `fit`."""
     each, known, bounds, ties = (dict(given or {}) for given in (each, known, bounds, ties))
-    traces = trace if isinstance(trace, Sequence) else [trace]
-    for one in traces:
-        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
     names = names_in("free", free)
+    traces = [
+        instance("trace", one, Trace, "give what read_trace, Trace or Trace.of returns")
+        for one in (trace if isinstance(trace, Sequence) else [trace])
+    ]
     scene.check()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    if not names or names == ("",):
+    if not any(names):
         raise UsageError(
             "free: name the parameters to be found, like 'system.misalignment_deg,friction.mu_0'"
         )
     if not traces:
         raise UsageError("trace: give at least one trace")
-    values = scene.groups()
-    begin = []
-    for i, name in enumerate(names):
-        if name in names[:i]:
+    for name in names:
+        if names.count(name) > 1:
             raise UsageError(f"free: {name} is named twice")
-        begin.append(_begin(scene, values, chain, name))
+    begin = np.array([_begin(scene, chain, name) for name in names])
     _check_options(names, len(traces), each, known, bounds, ties)
     recordings = []
     for k, one in enumerate(traces):
@@ -625,7 +583,7 @@ def problem_of(
             )
         cycles = find_cycles(one)
         recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
-    return Problem(names, np.array(begin), known, bounds, ties, tuple(recordings), names, spread)
+    return Problem(names, begin, known, bounds, ties, tuple(recordings))
 
 
 def _check_options(
@@ -663,8 +621,8 @@ def _check_key(what: str, name: str) -> None:
     group, _, key = name.partition(".")
     if name == "drive.velocity":
         return
-    if group not in ("system", "friction") or key not in {
-        one.name for one in _native.schema() if one.group == group
+    if group not in ("system", "friction") or (group, key) not in {
+        (o.group, o.name) for o in _native.schema()
     }:
         raise UsageError(
             f"{what}: {shown(name)}: only keys of &system and &friction, like system.misalignment_deg, drive.velocity, and "
@@ -674,7 +632,7 @@ def _check_key(what: str, name: str) -> None:
         raise UsageError(f"{what}: {name} is not a real number: choose one of its values for each fit")
 
 
-def _begin(scene: Scene, values: Mapping[str, Mapping[str, Any]], chain: Chain, name: str) -> float:
+def _begin(scene: Scene, chain: Chain, name: str) -> float:
     """Value of a parameter with which a fit begins."""
     group, _, key = name.partition(".")
     if name in CHAIN:
@@ -683,7 +641,7 @@ def _begin(scene: Scene, values: Mapping[str, Mapping[str, Any]], chain: Chain, 
             raise UsageError(f"free: {name} has no value: give one to begin with, chain=Chain({key}=...)")
         return float(value)
     _check_key("free", name)
-    value = steady_velocity(scene) if name == "drive.velocity" else values.get(group, {}).get(key)
+    value = steady_velocity(scene) if name == "drive.velocity" else scene.groups().get(group, {}).get(key)
     if not isinstance(value, float) or value == 0.0:
         raise UsageError(
             f"free: {name} has no value but 0 in {scene.name}: give one to begin with, also a rough one"
@@ -717,27 +675,17 @@ def verdict(found: Fit) -> tuple[bool, str]:
         of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
         for name, scene in (("fitted", each.scene), ("given", each.given)):
             try:
-                statistics = compare(scene, each.trace, chain=each.chain).statistics
+                statistics = compared(scene, each.trace.regular(), each.cycles, each.chain).statistics
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            words = ", ".join(
-                f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit
-            )
-            agree[name] &= not words
-            how = (
-                f"differs from the trace{of}: {words} standard errors"
-                if words
-                else f"agrees with the trace{of}"
-            )
-            lines.append(f"the run of the {name} deck {how}")
+            off = [f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit]
+            agree[name] &= not off
+            differs = f"differs from the trace{of}: {', '.join(off)} standard errors"
+            lines.append(f"the run of the {name} deck {differs if off else f'agrees with the trace{of}'}")
     explains = found.explains and agree["fitted"]
-    first = (
-        "the fit explains the trace"
-        if explains
-        else "the fit does NOT explain the trace: do not use its values"
-    )
-    if not explains and agree["given"]:
-        first += "; the given deck agrees with it"
+    first = f"the fit {'explains' if explains else 'does NOT explain'} the trace"
+    if not explains:
+        first += ": do not use its values" + "; the given deck agrees with it" * agree["given"]
     return explains, "\n".join([first, *lines])

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,54 +13,19 @@ from ._fit.models import steady_velocity
 from ._fit.problem import Problem
 from ._run import run_sampled
 from .errors import UsageError
-from .html import aligned, page_table
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_fit import problem_of
 
-__all__ = ["TracePlan", "plan_traces"]
+if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
+
+__all__ = ["plan_traces"]
 
 _Floats = NDArray[np.float64]
 
 BEGINNING = 4.0
 """Time that is left out, over that in which the drive loads the spring to mu_0 W."""
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class TracePlan:
-    """Expected errors of parameters.
-
-    Attributes
-    ----------
-    key : str
-        What differs from trace to trace, ``group.key``.
-    names : tuple of str
-        The free parameters.
-    errors : dict of str to ndarray, shape (p,)
-        For one trace at each value of the key, and for ``together``, traces at all values in the same time: expected standard errors of
-        the logarithms.
-    """
-
-    key: str
-    names: tuple[str, ...]
-    errors: Mapping[str, _Floats]
-
-    def _rows(self) -> list[tuple[str, ...]]:
-        return [
-            (name, *(f"{100.0 * each[i]:.2g} %" for each in self.errors.values()))
-            for i, name in enumerate(self.names)
-        ]
-
-    def __str__(self) -> str:
-        rows = [(f"standard error at {self.key} =", *self.errors), *self._rows()]
-        return "\n".join(aligned(rows))
-
-    def __repr__(self) -> str:
-        return f"<TracePlan\n{self}>"
-
-    def _repr_html_(self) -> str:
-        return page_table("expected standard errors", ("", *self.errors), self._rows())
 
 
 def plan_traces(
@@ -74,7 +37,7 @@ def plan_traces(
     interval: float = 1e-3,
     noise: float = 0.01,
     chain: Chain | None = None,
-) -> TracePlan:
+) -> pandas.DataFrame:
     """Expected errors of a fit to traces that have not been measured.
 
     Parameters
@@ -96,33 +59,36 @@ def plan_traces(
 
     Returns
     -------
-    TracePlan
-        Standard errors of one trace at each value, and of all together, each in its part of the time.
+    pandas.DataFrame
+        Standard errors relative to the values, a row for each free parameter: of one trace at each value of the key, and, in the column
+        ``together``, of traces at all of them, each in its part of the time.
 
     Raises
     ------
     UsageError, FileError
         As for `fit`, of a trace with these samples.
     """
+    import pandas  # noqa: PLC0415  (slow to import)
+
     number("duration", duration, above=0.0, units="s")
     number("interval", interval, above=0.0, units="s")
     if len(each) != 1:
         raise UsageError("each: one key and its values, like {'drive.velocity': (3e-4, 1e-3)}")
     ((key, values),) = each.items()
-    rig = Scene(scene)
-    tables: dict[str, _Floats] = {}
-    names: tuple[str, ...] = ()
-    with ThreadPoolExecutor() as pool:
-        for value in values:
-            there = rig.replace(**cast(Any, {key: float(value)}))
-            trace = _simulated(there, duration, interval)
-            noisy = trace.with_noise(noise * float(np.ptp(trace.force)), 0)
-            problem = problem_of(there, noisy, free, pool.map, chain=chain)
-            names = problem.names
-            tables[f"{value:g}"] = _information(problem)
-    errors = {at: _errors(table, names) for at, table in tables.items()}
-    errors["together"] = _errors(np.mean(list(tables.values()), axis=0), names)
-    return TracePlan(key, names, errors)
+    rigs = [Scene(scene).replace(**cast(Any, {key: float(value)})) for value in values]
+    problems = []
+    for rig in rigs:
+        trace = _simulated(rig, duration, interval)
+        noisy = trace.with_noise(noise * float(np.ptp(trace.force)), 0)
+        problems.append(problem_of(rig, noisy, free, chain=chain))
+    tables = [_information(problem) for problem in problems]
+    named = {f"{value:g}": table for value, table in zip(values, tables, strict=True)}
+    named["together"] = np.mean(tables, axis=0)
+    names = problems[0].names
+    errors = {
+        at: np.sqrt(np.diag(np.linalg.inv(each + 1e-9 * np.eye(len(names))))) for at, each in named.items()
+    }
+    return pandas.DataFrame(errors, index=names).rename_axis(columns=key)
 
 
 def _simulated(scene: Scene, duration: float, interval: float) -> Trace:
@@ -146,7 +112,3 @@ def _information(problem: Problem) -> _Floats:
     own = matrix[:p, :p] - matrix[:p, p:] @ np.linalg.pinv(matrix[p:, p:]) @ matrix[p:, :p]
     back = np.linalg.inv(problem.slopes(here.z[:p]))
     return np.asarray(back.T @ own @ back)
-
-
-def _errors(information: _Floats, names: Sequence[str]) -> _Floats:
-    return np.sqrt(np.diag(np.linalg.inv(information + 1e-9 * np.eye(len(names)))))

@@ -5,10 +5,8 @@
 from __future__ import annotations
 
 import math
-import os
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,16 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import generator, names_in
-from ._fit.models import NoCycleError, steady_velocity
+from ._fit.models import NoCycleError
 from ._fit.problem import Problem
-from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search
+from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
 from ._fit.solve import Solution, has_failed
-from ._fit.starts import glances
 from ._progress import progress_bar
 from .errors import Error, UsageError
 from .scene import DeckLike, Scene
-from .trace import Trace
-from .trace_chain import Chain
+from .trace import Chain, Trace
 from .trace_fit import BAR, Fit, problem_of
 
 __all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
@@ -128,29 +124,24 @@ class CreepTest:
 
     def __str__(self) -> str:
         words = {
+            None: "this trace does not tell",
             "creep": "the object creeps before it slips: dynamic stiction",
             "static": "the object rests up to a static limit, without creep",
             "ageing": "the object rests up to a limit that grows with the time at rest, without creep",
             "static or ageing": "static friction, without creep; whether it ages only traces at other speeds show",
         }
+        verdict = words[self.named]
         if not self.explains:
             verdict = "none of the explanations explains the trace"
-        elif self.named:
-            verdict = words[self.named]
-        elif self.probability("static") + self.probability("ageing") >= SURE:
+        elif not self.named and self.probability("static") + self.probability("ageing") >= SURE:
             verdict = "static friction, without creep; these traces do not tell whether it ages"
-        else:
-            verdict = "this trace does not tell"
-        seen = (
-            "no misalignment would be seen"
+        angle = (
+            "no misalignment"
             if math.isnan(self.least_angle)
-            else f"a misalignment from {self.least_angle:.2g}° on would be seen"
+            else f"a misalignment from {self.least_angle:.2g}° on"
         )
-        lines = [
-            f"{verdict} ({self.cycles} cycles; in nine of ten such traces {seen})",
-            *map(str, self.explanations),
-        ]
-        return "\n".join(lines)
+        first = f"{verdict} ({self.cycles} cycles; in nine of ten such traces {angle} would be seen)"
+        return "\n".join([first, *map(str, self.explanations)])
 
     def __repr__(self) -> str:
         return f"<CreepTest: {self}>"
@@ -171,7 +162,7 @@ class _Fitted:
     def weighted_as(self, other: Problem) -> _Fitted:
         """The same with the errors of another problem of these traces."""
         weighted = [
-            replace(one, wave=two.wave)
+            replace(one, waveform=two.waveform)
             for one, two in zip(self.problem.recordings, other.recordings, strict=True)
         ]
         return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
@@ -183,7 +174,7 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     """
     told = [each.problem.misfit(each.solution.z) for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
-    bins = sum(int(np.count_nonzero(each.wave.counts)) + 1 for each in fits[0].problem.recordings)
+    bins = sum(int(np.count_nonzero(each.waveform.used)) + 1 for each in fits[0].problem.recordings)
     evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
     best: dict[str, int] = {}
     for i in np.argsort(-np.array(evidence), kind="stable"):
@@ -222,8 +213,8 @@ def _expected(problem: Problem, coarse: float) -> float:
     """Sum of the squares of the residuals that the errors of the traces explain, if a share is added to them."""
     total = 0.0
     for each in problem.recordings:
-        used = each.wave.counts
-        total += float(np.sum((each.wave.weights(coarse)[used] / each.wave.weights(0.0)[used]) ** 2))
+        used = each.waveform.used
+        total += float(np.sum((each.waveform.weights(coarse)[used] / each.waveform.weights(0.0)[used]) ** 2))
         total += (each.period_error(0.0) / each.period_error(coarse)) ** 2
     return total
 
@@ -231,15 +222,14 @@ def _expected(problem: Problem, coarse: float) -> float:
 def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
     """Starts for friction that holds an object at rest: up to the peak of the load, with a lower friction in slip."""
     record = problem.recordings[0]
-    load = record.scene.friction.normal_load or 1.0
     age = record.scene.friction.ageing_time or 1.0
     begin = dict(zip(problem.names, map(float, np.abs(problem.begin)), strict=True))
-    for values in [begin, *list(glances(record.wave, steady_velocity(record.scene), load))[:4]]:
+    for values in [begin, *list(glances(record))[:4]]:
         limit = values.get("friction.mu_0", begin.get("friction.mu_0", 0.0))
         low = values.get("friction.mu_inf", 0.5 * limit)
         for share in SHARES:
             top = low + share * (limit - low)
-            grown = (limit - top) / math.log1p(record.wave.period / age)
+            grown = (limit - top) / math.log1p(record.waveform.period / age)
             yield {**values, "friction.mu_0": top, "friction.mu_static": limit, "friction.ageing": grown}
 
 
@@ -289,14 +279,11 @@ def creep_test(
         friction={"mu_static": None, "ageing": None},
         system={"misalignment_deg": rig.system.misalignment_deg or 1.0},
     )
-    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar(progress, 1.0, BAR) as show:
+    with progress_bar(progress, 1.0, BAR) as show:
         turned = float(rig.system.misalignment_deg or 1.0)
-        low, high = sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1]))
-        limits = {ANGLE: (low, high)}
-        creep = problem_of(
-            rig, trace, (ANGLE, *names), pool.map, each=each, known=known, bounds=limits, chain=chain
-        )
-        period = min(record.wave.period for record in creep.recordings)
+        limits = {ANGLE: tuple(sorted(math.copysign(end, turned) for end in (ANGLES[0], ANGLES[-1])))}
+        creep = problem_of(rig, trace, (ANGLE, *names), each=each, known=known, bounds=limits, chain=chain)
+        period = min(record.waveform.period for record in creep.recordings)
         resting = []
         for i, (name, rest) in enumerate(_without_creep(rig, period, len(creep.recordings))):
             show(0.1 * i)
@@ -320,7 +307,9 @@ def creep_test(
         show(0.9)
         least = _least_angle(near) if near is not None else math.nan
         show(1.0)
-        return CreepTest(_compared(fits), sum(len(record.wave.rows) for record in creep.recordings), least)
+        return CreepTest(
+            _compared(fits), sum(len(record.waveform.rows) for record in creep.recordings), least
+        )
 
 
 def _without_creep(rig: Scene, period: float, traces: int) -> Iterator[tuple[str, dict[str, float]]]:
@@ -340,13 +329,8 @@ def _by_creep(problem: Problem, rng: int | np.random.Generator | None, explained
     """The explanation by creep, none where the full model has no stick-slip near; not sought far away if another explains the traces."""
     search = Search(problem, 1 if explained else STARTS, generator(rng))
     with suppress(Error):
-        ends = search.near()
-        if explained and not search.found:
-            search.stay()
-        if not explained and not ends:
-            search.beyond()
+        search.run(far=not explained)
         if search.found:
-            search.weigh()
             return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
     return []
 
@@ -386,62 +370,54 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     """
     if not found.is_of_own_model:
         return ()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        base = replace(found.problem, spread=pool.map)
-        fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
-        for name, extra, changes in _changes(found):
-            problem = base.changed((*base.names, extra), changes)
-            q, delays = np.split(found.coordinates, [len(base.names)])
-            starts = [
-                np.append(
-                    problem.coordinates(np.append(base.values(q), size * float(changes[extra]))), delays
-                )
-                for size in ((1.0,) if name.startswith("another ") else SIZES)
-            ]
-            with suppress(Error):
-                best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
-                fits.append(_Fitted(name, problem, best))
-        return _compared(fits)
+    base = found.problem
+    fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
+    q, delays = np.split(found.coordinates, [len(base.names)])
+    for name, extra, begin, more in _changes(found):
+        problem = base.changed((*base.names, extra), {extra: begin, **more})
+        sizes = (1.0,) if name.startswith("another ") else SIZES
+        starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
+        with suppress(Error):
+            best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
+            fits.append(_Fitted(name, problem, best))
+    return _compared(fits)
 
 
-def _changes(found: Fit) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Name, key and initial values of what one more free parameter may explain."""
-    scene, chain = found.traces[0].scene, found.traces[0].chain
-    wave = found.waveform
-    system, friction = scene.system, scene.friction
-    mu_0, stiffness = float(friction.mu_0 or 0.2), float(system.stiffness_x or 1.0)
+def _changes(found: Fit) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+    """Name, key and initial value of what one more free parameter may explain, and keys without which it has no effect."""
+    scene, chain, wave = found.scene, found.traces[0].chain, found.waveform
+    system, friction, velocity = scene.system, scene.friction, scene.drive.velocity
+    mu_0, stiffness, mass = friction.mu_0 or 0.2, system.stiffness_x or 1.0, system.mass or 1.0
     free = set(found.problem.names)
-    for name in ALL:
-        group, _, key = name.partition(".")
-        value = getattr(getattr(scene, group), key)
-        if name not in free and value:
-            yield f"another {key}", name, {name: value}
-    candidates: list[tuple[str, dict[str, Any], bool]] = [
-        ("a static limit", {"friction.mu_static": (1.0 + BEGIN) * mu_0}, not friction.mu_static),
-        (
-            "a limit that ages",
-            {"friction.ageing": BEGIN * mu_0, "friction.ageing_time": AGE * wave.period},
-            not friction.ageing,
+    alike = len(found.traces) > 1 or {"system.stiffness_x", "system.mass", "friction.v_f"} <= free
+    age, exponential = {"friction.ageing_time": AGE * wave.period}, friction.law in (None, "weakening")
+    values = {name: getattr(getattr(scene, name.partition(".")[0]), name.partition(".")[2]) for name in ALL}
+    # The last is whether it is left out: the rig has it, has no use for it, or the traces would not tell.
+    candidates: list[tuple[str, str, Any, dict[str, Any], bool]] = [
+        *(
+            (f"another {name.partition('.')[2]}", name, value, {}, not value)
+            for name, value in values.items()
         ),
+        ("a static limit", "friction.mu_static", (1.0 + BEGIN) * mu_0, {}, bool(friction.mu_static)),
+        ("a limit that ages", "friction.ageing", BEGIN * mu_0, age, bool(friction.ageing)),
         (
             "another exponent of friction",
-            {"friction.exponent": 1.0 + BEGIN, "friction.law": "stribeck"},
-            friction.law in (None, "weakening"),
+            "friction.exponent",
+            1.0 + BEGIN,
+            {"friction.law": "stribeck"},
+            not exponential,
         ),
         (
             "a damper along the pull",
-            {"system.damping_x": BEGIN * math.sqrt(stiffness * float(system.mass or 1.0))},
-            not system.damping_x,
+            "system.damping_x",
+            BEGIN * math.sqrt(stiffness * mass),
+            {},
+            bool(system.damping_x),
         ),
-        (
-            "another velocity",
-            {"drive.velocity": scene.drive.velocity},
-            len(found.traces) == 1 and not {"system.stiffness_x", "system.mass", "friction.v_f"} <= free,
-        ),
-        ("a zero that is off", {"chain.tare": chain.tare + BEGIN * wave.swing}, True),
-        ("a low pass", {"chain.filter": BEGIN / wave.interval}, chain.filter is None),
+        ("another velocity", "drive.velocity", velocity, {}, alike),
+        ("a zero that is off", "chain.tare", chain.tare + BEGIN * wave.swing, {}, False),
+        ("a low pass", "chain.filter", BEGIN / wave.interval, {}, chain.filter is not None),
     ]
-    for name, changes, applies in candidates:
-        extra = next(iter(changes))
-        if applies and extra not in free:
-            yield name, extra, changes
+    for name, key, begin, more, excluded in candidates:
+        if key not in free and not excluded:
+            yield name, key, float(begin), more

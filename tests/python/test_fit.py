@@ -359,12 +359,11 @@ def test_residuals_are_those_of_the_likelihood(found: ds.Fit) -> None:
 
 def test_a_plan_expects_the_errors_of_a_fit(found: ds.Fit) -> None:
     plan = ds.plan_traces(RIG, ALL, {"drive.velocity": (1e-3, 4e-3)}, duration=21.0)
-    assert list(plan.errors) == ["0.001", "0.004", "together"]
-    for i, name in enumerate(ALL):
+    assert list(plan) == ["0.001", "0.004", "together"] and tuple(plan.index) == ALL
+    for name in ALL:
         expected = found.parameters[name].error / found[name]
-        assert 0.4 < plan.errors["0.001"][i] / expected < 2.5, name
-        assert plan.errors["together"][i] <= 1.05 * plan.errors["0.001"][i] * math.sqrt(2.0), name
-    assert "friction.v_f" in str(plan)
+        assert 0.4 < plan.loc[name, "0.001"] / expected < 2.5, name
+        assert plan.loc[name, "together"] <= 1.05 * plan.loc[name, "0.001"] * math.sqrt(2.0), name
 
 
 # The page howto/fit_a_trace, which test_docs.py runs, has the command in short.

@@ -13,8 +13,7 @@ from .._run import run, run_sampled
 from ..errors import Error, SolverError
 from ..result import Result
 from ..scene import Scene, used_settings
-from ..trace import pull_force
-from ..trace_chain import Chain
+from ..trace import Chain, pull_force
 from .waveform import Waveform, bin_means, centred
 
 __all__ = [
@@ -79,10 +78,8 @@ class Cycles(NamedTuple):
 def _loaded(scene: Scene, wave: Waveform) -> Scene:
     """The scene, beginning shortly before a slip."""
     stiffness = float(scene.system.stiffness_x or 1.0)
-    _, velocity = _geometry(scene)
-    return scene.replace(
-        initial={"elongation_x": math.copysign(LOADED * float(wave.mean.max()) / stiffness, velocity)}
-    )
+    elongation = math.copysign(LOADED * float(wave.mean.max()) / stiffness, steady_velocity(scene))
+    return scene.replace(initial={"elongation_x": elongation})
 
 
 def slow_scene(scene: Scene) -> Scene:
@@ -93,23 +90,8 @@ def slow_scene(scene: Scene) -> Scene:
 def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
     """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    wave : Waveform
-        The waveform whose bins are used.
-    delay : float
-        Time by which the slips of the waveform are later than those of the model [s].
-    chain : Chain
-        Its gain and tare; for starts its filter does not matter.
-    patient : bool
-        Whether a motion may take very long to settle.
-
-    Returns
-    -------
-    Cycles
-        One cycle.
+    The slips of the waveform, of whose bins it has the means, are later than those of the model by a delay [s]. Of the chain only gain and
+    tare are applied: for starts its filter does not matter. A patient run may take very long to settle.
 
     Raises
     ------
@@ -140,9 +122,8 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     load_integral, rest_integral = load.antiderivative(), rest.antiderivative()
     end = float(time[-1])
     begin = end - period
-    grid = np.linspace(begin, end, 400)
     middle = 0.5 * cosine * (float(result.summary["peak_force"]) + float(result.summary["valley_force"]))
-    slip = _fall_through(middle, grid, load)
+    slip = _fall_through(middle, np.linspace(begin, end, 400), load)
 
     def means(bins: _Floats, of: Callable[[_Floats], _Floats]) -> _Floats:
         """Means over bins at the same phases, of what repeats and has this integral."""
@@ -159,7 +140,7 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         return np.asarray((load_integral(t) - load_integral(begin)) / -float(scene.system.stiffness_x or 0.0))
 
     rows = [chain.gain * means(wave.edges, force) + chain.tare]
-    if wave.ahead is not None:
+    if wave.creep_edges.size:
         rows.append(centred(means(wave.creep_edges, ahead)))
     row = np.hstack(rows)[np.newaxis]
     return Cycles(row, period, np.zeros(row.shape), 0.0)
@@ -193,7 +174,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         progress=False,
         scene={"settle": 0.0, "t_end": end},
         integrator={"max_steps": MOST_STEPS_OF_OWN},
-        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.ahead is not None))]},
+        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.creep_edges.size > 0))]},
     )
     summary = summary or fine.summary
     if "period" not in summary or "valley_force" not in summary:
@@ -222,7 +203,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         inside = inside[-1:]
     elif slips.size > 1:
         period = float(np.mean(np.diff(slips)))
-    way = None if wave.ahead is None else sense * (fine["X"] - velocity * time)
+    way = sense * (fine["X"] - velocity * time) if wave.creep_edges.size else None
 
     def rows(delays: float) -> _Floats:
         at = edges + delays + inside[:, np.newaxis]

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
 from ..errors import Error
 from ..scene import Scene
-from ..trace import Trace
-from ..trace_chain import Chain
+from ..trace import Chain, Trace
 from ..trace_cycles import TraceCycles
 from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
-from .solve import FAILED, Map, Solution, derivatives, has_failed, least_squares_of
+from .solve import FAILED, Solution, derivatives, has_failed, least_squares_of, spread
 from .waveform import Waveform, smoothed
 
 __all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
@@ -45,11 +45,11 @@ BAD = 0.3
 
 
 class LeadsNowhereError(NoCycleError):
-    """A search has ended far from the trace."""
+    """A search has ended far from the traces, at `found`."""
 
-    def __init__(self, z: _Floats, cost: float) -> None:
+    def __init__(self, found: Solution) -> None:
         super().__init__("no search from any start comes near the trace")
-        self.z, self.cost = z, cost
+        self.found = found
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Recording:
         The trace.
     cycles : TraceCycles
         Its cycles.
-    wave : Waveform
+    waveform : Waveform
         What is fitted.
     """
 
@@ -74,12 +74,7 @@ class Recording:
     chain: Chain
     trace: Trace
     cycles: TraceCycles
-    wave: Waveform
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether the model is low_frequency."""
-        return self.scene.scene.model == "low_frequency"
+    waveform: Waveform
 
     def changed(self, values: Mapping[str, Any]) -> Recording:
         """The same with other values of its scene and chain, by ``group.key``."""
@@ -90,11 +85,11 @@ class Recording:
     @property
     def size(self) -> int:
         """Number of residuals: of each bin, and of the period."""
-        return (1 if self.wave.repeats else len(self.wave.rows)) * self.wave.counts.size + 1
+        return (1 if self.waveform.repeats else len(self.waveform.rows)) * self.waveform.used.size + 1
 
     def residuals(self, model: Cycles, coarse: float) -> _Floats:
         """Weighted residuals of a model's cycles, the period last."""
-        wave = self.wave
+        wave = self.waveform
         weights = wave.weights(coarse)
         if wave.repeats:
             off = (model.rows.mean(axis=0) - wave.rows.mean(axis=0)) * weights
@@ -104,43 +99,40 @@ class Recording:
 
     def period_error(self, coarse: float) -> float:
         """Standard error of the period [s], with a share `coarse` of it added."""
-        return math.hypot(self.wave.period_error, coarse * self.wave.period)
+        return math.hypot(self.waveform.period_error, coarse * self.waveform.period)
 
-    def fitted(self, model: Cycles) -> _Floats:
+    def explained(self, model: Cycles) -> _Floats:
         """Mean of the model's rows as they explain the cycles."""
-        wave = self.wave
+        wave = self.waveform
         if wave.repeats:
             return np.asarray(model.rows.mean(axis=0))
         weights = wave.weights(0.0) + 1e-12
         return np.asarray((wave.rows - explained_by_each(wave, model, weights) / weights).mean(axis=0))
 
-    def misfit(self, values: _Floats, parameters: int) -> tuple[float, float]:
-        """Mean square of the residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
+    def misfit(self, model: Cycles, parameters: int) -> tuple[float, float]:
+        """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
         from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-        wave = self.wave
+        wave = self.waveform
         n = len(wave.rows)
         weights = wave.weights(0.0)
-        residual = (wave.rows.mean(axis=0) - values) * weights
+        residual = (wave.rows.mean(axis=0) - self.explained(model)) * weights
         scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
-        used = int(np.count_nonzero(wave.counts))
+        used = int(np.count_nonzero(wave.used))
         left = max(used - parameters - 1, 1)
         misfit = float(residual @ residual) / expected * used / left
         return misfit, float(f.sf(misfit, left, used * (n - 1)))
 
     def reweighted(self, model: Cycles) -> Recording:
         """With the scatter of the cycles about those of the model as their error, if they are not alike."""
-        wave = self.wave
+        wave = self.waveform
         if wave.repeats:
             return self
-        rest = explained_by_each(wave, model, wave.weights(0.0)) / np.where(
-            wave.counts, wave.weights(0.0), 1.0
-        )
-        scatter = np.sqrt(smoothed(np.where(wave.counts, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
-        k = wave.error.size
-        ahead = None if wave.ahead_error is None else np.maximum(wave.ahead_error, scatter[k:])
-        return replace(self, wave=replace(wave, error=np.maximum(wave.error, scatter[:k]), ahead_error=ahead))
+        weights = np.where(wave.used, wave.weights(0.0), 1.0)
+        rest = explained_by_each(wave, model, wave.weights(0.0)) / weights
+        scatter = np.sqrt(smoothed(np.where(wave.used, rest.var(axis=0, ddof=1), 0.0)) / len(rest))
+        return replace(self, waveform=replace(wave, error=np.maximum(wave.error, scatter)))
 
 
 def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
@@ -183,26 +175,8 @@ def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Float
 class Problem:
     """Free parameters and traces. The coordinates z are those of the parameters, and the delay of the slips of each trace over its fall.
 
-    Attributes
-    ----------
-    names : tuple of str
-        ``group.key`` of each free parameter.
-    begin : ndarray, shape (p,)
-        Its value in the scene.
-    known : mapping of str to (float, float)
-        Values with standard errors that are known from elsewhere.
-    bounds : mapping of str to (float, float)
-        Least and largest values.
-    ties : mapping of str to (str, float)
-        Keys that are multiples of a parameter: its name, and the factor.
-    recordings : tuple of Recording
-        The traces.
-    heard : tuple of str
-        Parameters that the model has.
-    spread : callable
-        Runs models side by side; `map` runs one after another.
-    runs : list of int
-        The trace of each run so far.
+    Each free parameter has a name, ``group.key``, and a value with which it begins. What is `known`, `bounds` and `ties` are those of `fit`;
+    `runs` has the trace of each run so far.
     """
 
     names: tuple[str, ...]
@@ -211,14 +185,12 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]]
     ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
-    heard: tuple[str, ...]
-    spread: Map
     runs: list[int] = field(default_factory=list)
 
     @property
     def is_slow(self) -> bool:
         """Whether the model is low_frequency."""
-        return self.recordings[0].is_slow
+        return self.model == "low_frequency"
 
     @property
     def model(self) -> str:
@@ -228,19 +200,21 @@ class Problem:
     @property
     def repeats(self) -> bool:
         """Whether the cycles of each trace are alike."""
-        return all(each.wave.repeats for each in self.recordings)
+        return all(each.waveform.repeats for each in self.recordings)
 
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""
         recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in self.recordings)
-        groups: dict[str, Mapping[str, Any]] = {
-            **recordings[0].scene.groups(),
-            "chain": {"tare": 0.0, "gain": 1.0},
-        }
-        heard = tuple(
-            name for name in self.names if name.partition(".")[2] in groups.get(name.partition(".")[0], {})
-        )
-        return replace(self, recordings=recordings, heard=heard, runs=[])
+        return replace(self, recordings=recordings, runs=[])
+
+    @cached_property
+    def heard(self) -> tuple[str, ...]:
+        """Parameters that the model has: the slow one lacks some, and sees no filter."""
+        if not self.is_slow:
+            return self.names
+        groups = self.recordings[0].scene.groups()
+        keys = {f"{group}.{key}" for group, values in groups.items() for key in values}
+        return tuple(name for name in self.names if name in {*keys, "chain.tare", "chain.gain"})
 
     def changed(self, names: tuple[str, ...], changes: Mapping[str, Any]) -> Problem:
         """The same with other values of the rig or its chain, and other free parameters, which begin as here or at these values."""
@@ -248,7 +222,6 @@ class Problem:
         return replace(
             self,
             names=names,
-            heard=names,
             begin=np.array([float(begin[name]) for name in names]),
             known={name: value for name, value in self.known.items() if name in names},
             bounds={name: ends for name, ends in self.bounds.items() if name in names},
@@ -267,7 +240,7 @@ class Problem:
     @property
     def scales(self) -> _Floats:
         """Unit of each parameter that is no logarithm [N], NaN for the others."""
-        swing = self.recordings[0].wave.swing
+        swing = self.recordings[0].waveform.swing
         return np.array([swing if name == "chain.tare" else np.nan for name in self.names])
 
     def coordinates(self, values: _Floats) -> _Floats:
@@ -327,16 +300,14 @@ class Problem:
         """Coordinates in the order of their cost, with a share that is added to the errors."""
         costs = [
             math.inf if has_failed(there) else float(np.sum(there**2))
-            for there in self.spread(lambda z: self.residuals(z, coarse), starts)
+            for there in spread(lambda z: self.residuals(z, coarse), starts)
         ]
         return [starts[i] for i in np.argsort(costs, kind="stable")]
 
     def at_values(self, recording: Recording, q: _Floats) -> Recording:
         """A trace with the values at these coordinates in its scene and chain."""
         values = {name: value for name, value in self.named(q).items() if name in self.heard}
-        values |= {
-            tied: factor * values[other] for tied, (other, factor) in self.ties.items() if other in values
-        }
+        values |= {tied: by * values[name] for tied, (name, by) in self.ties.items() if name in values}
         if STATIC in values:
             # At its end a static limit is the kinetic one.
             least = values.get("friction.mu_0", recording.scene.friction.mu_0)
@@ -348,25 +319,22 @@ class Problem:
         p = len(self.names)
         self.runs.append(k)
         recording = self.recordings[k]
-        delay = float(z[p + k]) * recording.wave.fall if recording.wave.repeats else 0.0
+        delay = float(z[p + k]) * recording.waveform.fall if recording.waveform.repeats else 0.0
         here = self.at_values(recording, z[:p])
-        model = slow_cycles if recording.is_slow else full_cycles
-        return model(here.scene, here.wave, delay, here.chain, patient)
+        model = slow_cycles if self.is_slow else full_cycles
+        return model(here.scene, here.waveform, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
-        parts = []
+        parts: list[ArrayLike] = []
         try:
             for k, recording in enumerate(self.recordings):
                 parts.append(recording.residuals(self.cycles(z, k, coarse == 0.0), coarse))
-            parts.append(self._of_known(z))
+            values = self.named(z)
+            parts.append([(values[name] - value) / error for name, (value, error) in self.known.items()])
         except Error:
             return np.full(sum(each.size for each in self.recordings) + len(self.known), FAILED)
         return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
-
-    def _of_known(self, z: _Floats) -> _Floats:
-        values = self.named(z)
-        return np.array([(values[name] - value) / error for name, (value, error) in self.known.items()])
 
     @property
     def step(self) -> float:
@@ -379,7 +347,7 @@ class Problem:
         for coarse in levels[:-1]:
             found = least_squares_of(self, z, coarse, last=False)
             if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
-                raise LeadsNowhereError(found.z, found.cost)
+                raise LeadsNowhereError(found)
             z = found.z
         return least_squares_of(self, z, levels[-1])
 
@@ -388,25 +356,20 @@ class Problem:
         try:
             return self.improved(start, levels)
         except LeadsNowhereError as error:
-            return self.at(error.z, levels[-1])
+            return self.at(error.found.z, levels[-1])
 
     def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
         """Cost and Jacobian at coordinates."""
         here = self.residuals(z, coarse)
         jacobian = derivatives(
-            lambda there: self.residuals(there, coarse),
-            z,
-            here,
-            step or self.step,
-            self.spread,
-            central=True,
+            lambda there: self.residuals(there, coarse), z, here, step or self.step, central=True
         )
         return Solution(z, float(here @ here), jacobian)
 
     def misfit(self, z: _Floats) -> tuple[float, float]:
         """The worst misfit of all traces, and the smallest probability."""
         each = [
-            recording.misfit(recording.fitted(self.cycles(z, k)), len(self.names))
+            recording.misfit(self.cycles(z, k), len(self.names))
             for k, recording in enumerate(self.recordings)
         ]
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
@@ -426,7 +389,7 @@ class Problem:
         squares, related = np.zeros((p, p)), np.zeros(p)
         begin = 0
         for k, recording in enumerate(self.recordings):
-            wave, n = recording.wave, len(recording.wave.rows)
+            wave, n = recording.waveform, len(recording.waveform.rows)
             part = found.jacobian[begin : begin + recording.size]
             begin += recording.size
             if wave.repeats:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import Error, UsageError
+from ..errors import Error
 from .models import NoCycleError, steady_velocity
-from .problem import LeadsNowhereError, Problem
+from .problem import LeadsNowhereError, Problem, Recording
 from .solve import Solution, has_failed, least_squares_of, regressed
-from .starts import glances
 
-__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search"]
+__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
 
 _Floats = NDArray[np.float64]
 
@@ -56,21 +56,52 @@ NEAR_SLOW, WIDE = 0.2, 1.4
 """Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
+ANGLES = (0.3, 0.8, 2.0, 4.0)
+"""Misalignments that are tried [deg]."""
+WEAKENING = (0.1, 0.4, 1.2, 4.0)
+"""Velocities v_f that are tried, over the speed of the fastest slip."""
+LAG = 0.4
+"""Share of the weakening that such a slip does not reach, divided by the ratio of v_f to the speed of the fastest slip."""
+FALL = 0.494
+"""Share of half a period of a harmonic motion in which it falls from 85 % to 15 % of its swing."""
+STEEPEST = 10
+"""Number of parts of a cycle; the load rises fastest over one of them."""
+
+
+def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
+    """Rough estimates of the parameters behind a waveform, for several misalignments and weakening velocities.
+
+    The load rises no faster than k_x V. It falls like half a period of a harmonic motion, and ends as far below the friction in
+    slip as it began above it.
+    """
+    wave, load = recording.waveform, recording.scene.friction.normal_load or 1.0
+    time, mean = wave.time, wave.mean
+    grid = np.linspace(time[0], time[-1], 20 * STEEPEST)
+    force = np.interp(grid, time, mean)
+    part = grid.size // STEEPEST
+    stiffness = float(np.max((force[part:] - force[:-part]) / (grid[part:] - grid[:-part]))) / abs(
+        steady_velocity(recording.scene)
+    )
+    peak, valley = float(mean.max()), float(mean[time > 0.0].min())
+    half = 0.5 * (peak - valley)
+    mass = stiffness * (wave.fall / FALL / np.pi) ** 2
+    fastest = half / np.sqrt(stiffness * mass)
+    for angle in ANGLES:
+        for share in WEAKENING:
+            yield {
+                "system.misalignment_deg": angle,
+                "system.stiffness_x": stiffness,
+                "system.mass": mass,
+                "friction.mu_0": 1.003 * peak / load,
+                "friction.mu_inf": max(peak - half * (1.0 + LAG * share), 0.1 * peak) / load,
+                "friction.v_f": share * fastest,
+            }
 
 
 class Search:
-    """A search for the values of a problem; what it finds is in `found`.
+    """A search for the values of a problem, with the scene's own model, in which so many starts are completed.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem, with the scene's own model.
-    starts : int
-        Number of starts that are completed.
-    random : numpy.random.Generator
-        Source of random starts.
-    show : callable
-        Is told the share that is done.
+    What it finds is in `found`. Random starts come from `random`; `show` is told the share that is done.
     """
 
     def __init__(
@@ -96,7 +127,17 @@ class Search:
         """The fit with the least cost."""
         return min(self.found, key=lambda each: each.cost)
 
-    def near(self) -> bool:
+    def run(self, far: bool = True) -> None:
+        """All fits, those from starts that are not near the traces only if it is sought far."""
+        if not self._near():
+            if far:
+                self._beyond()
+            elif not self.found:
+                self._stay()
+        if self.found and not self.problem.repeats:
+            self._weigh()
+
+    def _near(self) -> bool:
         """Fits that begin near the traces; whether nothing better is to be expected elsewhere."""
         problem = self.problem
         if self.slow is None:
@@ -117,7 +158,7 @@ class Search:
                 self._attempt(begin)
         return False
 
-    def beyond(self) -> None:
+    def _beyond(self) -> None:
         """Fits from other starts, until one explains the trace, and at other misalignments."""
         if not self.problem.repeats:
             self._of_each_cycle()
@@ -136,7 +177,7 @@ class Search:
         if self.found:
             self._along_the_angle()
 
-    def stay(self) -> None:
+    def _stay(self) -> None:
         """The slow model's fit as it is, if the scene's own model has stick-slip there."""
         if not self.problem.repeats:
             start = self.given if self.proposal is None else self.proposal
@@ -144,24 +185,13 @@ class Search:
         elif self.proposal is not None and not has_failed(self.problem.residuals(self.proposal, 0.0)):
             self.found.append(self.problem.at(self.proposal))
 
-    def weigh(self) -> None:
-        """Where cycles are not alike, take their scatter about those of the best fit for their error, and improve the fit with it."""
-        if self.problem.repeats:
-            return
+    def _weigh(self) -> None:
+        """Take the scatter of cycles that are not alike about those of the best fit for their error, and improve the fit with it."""
         best = self.best
-        better = [
-            each.reweighted(self.problem.cycles(best.z, k)) for k, each in enumerate(self.problem.recordings)
-        ]
-        self.problem = replace(self.problem, recordings=tuple(better))
+        recordings = enumerate(self.problem.recordings)
+        better = tuple(each.reweighted(self.problem.cycles(best.z, k)) for k, each in recordings)
+        self.problem = replace(self.problem, recordings=better)
         self.found = [regressed(self.problem, best, AGAIN, self.random)]
-
-    def nothing(self) -> UsageError:
-        """What to say if no start has stick-slip."""
-        problem = self.problem
-        return UsageError(
-            f"{problem.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(problem.names)} with which "
-            "'dynstiction cycles' finds a stable cycle"
-        )
 
     def _attempt(self, start: _Floats) -> None:
         """A fit from one start, or why there is none."""
@@ -172,7 +202,7 @@ class Search:
 
     def _add_nearest(self) -> None:
         """If no search was completed, the one that came nearest."""
-        far = [each for each in self.faults if isinstance(each, LeadsNowhereError)]
+        far = [each.found for each in self.faults if isinstance(each, LeadsNowhereError)]
         if far and not self.found:
             self.found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
 
@@ -180,10 +210,9 @@ class Search:
         """Errors that are added in turn: fewer near the traces."""
         key = start.tobytes()
         if key not in self._levels_at:
-            try:
-                misfit = self.problem.misfit(start)[0] if self.problem.repeats else math.inf
-            except Error:
-                misfit = math.inf
+            misfit = math.inf
+            with suppress(Error):
+                misfit = self.problem.misfit(start)[0]
             last = 1 if misfit < NEAR else 3 if misfit < NEAR**2 else len(COARSE_OF_OWN)
             self._levels_at[key] = COARSE_OF_OWN[-last:]
         return self._levels_at[key]
@@ -201,19 +230,14 @@ class Search:
     def _propose(self, slow: Problem) -> None:
         fits = []
         for start in self._slow_starts(slow):
-            try:
+            with suppress(NoCycleError):
                 fits.append(slow.improved(start, COARSE))
-            except NoCycleError:
-                continue
         if fits:
             self.proposal = min(fits, key=lambda each: each.cost).z
 
     def _slow_starts(self, slow: Problem) -> list[_Floats]:
         """The best starts for the slow model: the scene's values, glances at the waveform, random changes of both."""
-        recording = self.problem.recordings[0]
-        load = recording.scene.friction.normal_load or 1.0
-        rough = glances(recording.wave, steady_velocity(recording.scene), load)
-        near = [self.given, *(slow.place(values) for values in rough)]
+        near = [self.given, *map(slow.place, glances(self.problem.recordings[0]))]
         p = len(slow.names)
         for _ in range(RANDOM_STARTS):
             start = near[int(self.random.integers(len(near)))].copy()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,24 +17,12 @@ from .models import NoCycleError
 if TYPE_CHECKING:
     from .problem import Problem
 
-__all__ = [
-    "FAILED",
-    "Map",
-    "Residuals",
-    "Solution",
-    "derivatives",
-    "has_failed",
-    "least_squares_of",
-    "regressed",
-]
+__all__ = ["FAILED", "Solution", "derivatives", "has_failed", "least_squares_of", "regressed", "spread"]
 
 _Floats = NDArray[np.float64]
 
 Residuals = Callable[[_Floats], _Floats]
 """Weighted residuals at z; all are `FAILED` where there is no stick-slip."""
-
-Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""What computes a function of several arguments, side by side or, as `map`, one after another."""
 
 FAILED = 1e6
 """Residual of parameters without stick-slip."""
@@ -67,35 +57,34 @@ class Solution:
     """Covariance of the coordinates because residuals are noisy."""
 
 
+def spread(at: Residuals, places: Iterable[_Floats]) -> list[_Floats]:
+    """Values at several places, which threads compute side by side."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(at, places))
+
+
 def has_failed(residuals: _Floats) -> bool:
     """Whether there is no stick-slip."""
     return bool(np.all(residuals == FAILED))
 
 
-def derivatives(
-    at: Residuals, z: _Floats, here: _Floats, step: float, spread: Map, central: bool = False
-) -> _Floats:
+def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, central: bool = False) -> _Floats:
     """Jacobian by differences: to one side with stick-slip, or central ones; 0 where there is stick-slip on neither side.
 
     The weight of the period amplifies an error that is linear in the step: central differences have none.
     """
 
-    def column(i: int) -> _Floats:
-        def aside(change: float) -> _Floats | None:
-            there = z.copy()
-            there[i] += change
-            values = at(there)
-            return None if has_failed(values) else values
+    def column(unit: _Floats) -> _Floats:
+        ahead, behind = at(z + step * unit), here
+        if central or has_failed(ahead):
+            behind = at(z - step * unit)
+        if has_failed(ahead):
+            return np.zeros(here.size) if has_failed(behind) else (here - behind) / step
+        if has_failed(behind):
+            behind = here
+        return (ahead - behind) / (step if behind is here else 2.0 * step)
 
-        ahead = aside(step)
-        behind = aside(-step) if central or ahead is None else None
-        if ahead is not None and behind is not None:
-            return np.asarray((ahead - behind) / (2.0 * step))
-        if ahead is not None:
-            return np.asarray((ahead - here) / step)
-        return np.zeros(here.size) if behind is None else np.asarray((here - behind) / step)
-
-    return np.column_stack(list(spread(column, range(z.size))))
+    return np.column_stack(spread(column, np.eye(z.size)))
 
 
 def least_squares_of(
@@ -106,18 +95,8 @@ def least_squares_of(
     The period is known a hundred times better than anything else: steps along the curved surface of the correct period would be short.
     One coordinate is therefore not free: it is chosen so that the period is correct.
 
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted.
-    start : ndarray, shape (p,)
-        Coordinates.
-    coarse : float
-        Share of swing and period that is added to the errors.
-    last : bool
-        Whether no fit with smaller errors follows, so that the Jacobian is of use.
-    offset : ndarray or float
-        Added to the residuals.
+    A share `coarse` of swing and period is added to the errors. The `last` fit has a Jacobian that is of use, since none with smaller errors
+    follows; `offset` is added to the residuals.
 
     Raises
     ------
@@ -129,14 +108,14 @@ def least_squares_of(
     def at(z: _Floats) -> _Floats:
         return problem.residuals(z, coarse) + offset
 
-    first, spread = problem.recordings[0], problem.spread
+    first = problem.recordings[0]
     # The residual of the period, and its error relative to the period.
-    period, exact = first.size - 1, first.period_error(coarse) / first.wave.period
+    period, exact = first.size - 1, first.period_error(coarse) / first.waveform.period
     step = max(problem.step, SECANT * coarse)
     z, here = start, at(start)
     if has_failed(here):
         raise NoCycleError("no stick-slip near this start")
-    jacobian = derivatives(at, z, here, step, spread)
+    jacobian = derivatives(at, z, here, step)
     held = int(np.argmax(np.abs(jacobian[period])))
     free = np.delete(np.arange(z.size), held)
     known = {"z": z, "jacobian": jacobian}
@@ -158,17 +137,16 @@ def least_squares_of(
 
     latest: dict[bytes, tuple[_Floats, _Floats]] = {}
 
-    def fun(part: _Floats) -> _Floats:
+    def at_latest(part: _Floats) -> tuple[_Floats, _Floats]:
         key = part.tobytes()
         if key not in latest:
             latest.clear()
             latest[key] = whole(part)
-        return latest[key][1]
+        return latest[key]
 
     def jac(part: _Floats) -> _Floats:
-        fun(part)
-        z, here = latest[part.tobytes()]
-        full = derivatives(at, z, here, step, spread)
+        z, here = at_latest(part)
+        full = derivatives(at, z, here, step)
         known["z"], known["jacobian"] = z, full
         slope = full[period]
         if not abs(slope[held]) > 0.0:
@@ -177,7 +155,7 @@ def least_squares_of(
         return reduced
 
     found = least_squares(
-        fun,
+        lambda part: at_latest(part)[1],
         z[free],
         jac,
         bounds=(z[free] - RANGE, z[free] + RANGE),
@@ -193,7 +171,7 @@ def least_squares_of(
     if not last:
         return Solution(z, float(here @ here), known["jacobian"])
     # One step with all parameters: it includes the error of the period.
-    full = derivatives(at, z, here, step, spread, central=True)
+    full = derivatives(at, z, here, step, central=True)
     change = -np.linalg.lstsq(full, here, rcond=1e-12)[0]
     there = at(z + change)
     if there @ there < here @ here:
@@ -208,18 +186,8 @@ def regressed(
 
     Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks.
 
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted.
-    start : Solution
-        Where the search begins, and a first Jacobian.
-    size : float
-        Size of the first cloud, in standard errors of the coordinates.
-    random : numpy.random.Generator
-        Source of the clouds.
-    coarse : float
-        Share of swing and period that is added to the errors.
+    The search begins with the values and the Jacobian of `start` and a cloud of this size, in standard errors of the coordinates; a share
+    `coarse` of swing and period is added to the errors.
     """
 
     def at(z: _Floats) -> _Floats:
@@ -234,7 +202,7 @@ def regressed(
         width = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
         half = np.linalg.cholesky(width) @ random.standard_normal((p, CLOUD // 2)) * size
         away = np.concatenate([half.T, -half.T])
-        values = list(problem.spread(at, z + away))
+        values = spread(at, z + away)
         good = [k for k, each in enumerate(values) if not has_failed(each)]
         if len(good) < 2 * p:
             size *= SHRINK

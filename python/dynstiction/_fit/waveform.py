@@ -50,12 +50,13 @@ class Waveform:
     ----------
     edges : ndarray, shape (n + 1,)
         Edges of the bins, time since the slip [s].
-    cycles : ndarray, shape (cycles, n)
-        Mean force of each bin in each cycle [N].
-    error : ndarray, shape (n,)
-        Standard error of a bin's mean over the cycles [N].
-    used : ndarray of bool, shape (n,)
-        Whether each bin counts in a fit.
+    rows : ndarray, shape (cycles, n + k)
+        What is fitted, of each cycle: mean force of each bin [N]; then, if the displacement was measured, its mean over each of the first
+        k bins, the creep, minus that of the drive, minus the mean over these bins [m]. How the object slips is in the force.
+    error : ndarray, shape (n + k,)
+        Standard error of the mean of `rows` over the cycles.
+    used : ndarray of bool, shape (n + k,)
+        Which of `rows` count in a fit.
     period, period_error : float
         Mean period and its standard error [s].
     fall : float
@@ -64,14 +65,10 @@ class Waveform:
         Time between two samples [s].
     repeats : bool
         Whether all cycles are alike, so that their mean contains what they say; else each cycle is explained by itself.
-    ahead : ndarray, shape (cycles, k), or None
-        Mean over each of the first k bins, the creep, of the displacement minus that of the drive, minus its mean over these bins [m].
-    ahead_error : ndarray, shape (k,), or None
-        Standard error of its mean over the cycles [m].
     """
 
     edges: _Floats
-    cycles: _Floats
+    rows: _Floats
     error: _Floats
     used: NDArray[np.bool_]
     period: float
@@ -79,36 +76,16 @@ class Waveform:
     fall: float
     interval: float
     repeats: bool
-    ahead: _Floats | None = None
-    ahead_error: _Floats | None = None
 
     @property
-    def rows(self) -> _Floats:
-        """What is fitted, of each cycle: the force, followed by the displacement in the creep, since how it slips is in the force."""
-        return self.cycles if self.ahead is None else np.hstack([self.cycles, self.ahead])
+    def cycles(self) -> _Floats:
+        """Mean force of each bin in each cycle [N], shape (cycles, n)."""
+        return self.rows[:, : self.edges.size - 1]
 
     @property
-    def errors(self) -> _Floats:
-        """Standard errors of the means of `rows`, and of a model's."""
-        of_means = self.error if self.ahead_error is None else np.append(self.error, self.ahead_error)
-        return np.asarray(np.hypot(of_means, self.model_error))
-
-    @property
-    def counts(self) -> NDArray[np.bool_]:
-        """Which of `rows` count in a fit."""
-        return np.append(self.used, np.full(self.sizes.size - self.error.size, True))
-
-    @property
-    def sizes(self) -> _Floats:
-        """Swing of the quantity of each of `rows`."""
-        force = np.full(self.error.size, self.swing)
-        if self.ahead is None:
-            return force
-        return np.append(force, np.full(self.ahead.shape[1], np.ptp(self.ahead.mean(axis=0))))
-
-    def weights(self, coarse: float) -> _Floats:
-        """Inverse errors of the means of `rows`, with a share `coarse` of the swing added to the errors; 0 for what does not count."""
-        return np.asarray(self.counts / np.hypot(self.errors, coarse * self.sizes))
+    def ahead(self) -> _Floats:
+        """How far the object is ahead of the drive in the creep of each cycle [m], shape (cycles, k); k = 0 if that was not measured."""
+        return self.rows[:, self.edges.size - 1 :]
 
     @property
     def model_error(self) -> _Floats:
@@ -116,9 +93,26 @@ class Waveform:
         return EXACT * self.sizes
 
     @property
+    def errors(self) -> _Floats:
+        """Standard errors of the means of `rows`, and of a model's."""
+        return np.asarray(np.hypot(self.error, self.model_error))
+
+    @property
+    def sizes(self) -> _Floats:
+        """Swing of the quantity of each of `rows`."""
+        parts = (self.cycles, self.ahead)
+        return np.concatenate(
+            [np.full(each.shape[1], np.ptp(each.mean(axis=0))) for each in parts if each.size]
+        )
+
+    def weights(self, coarse: float) -> _Floats:
+        """Inverse errors of the means of `rows`, with a share `coarse` of the swing added to the errors; 0 for what does not count."""
+        return np.asarray(self.used / np.hypot(self.errors, coarse * self.sizes))
+
+    @property
     def creep_edges(self) -> _Floats:
-        """Edges of the bins of the displacement [s]."""
-        return self.edges[: 0 if self.ahead is None else self.ahead.shape[1] + 1]
+        """Edges of the bins of the displacement [s]; none without one."""
+        return self.edges[: self.ahead.shape[1] + 1] if self.ahead.size else self.edges[:0]
 
     @property
     def mean(self) -> _Floats:
@@ -137,20 +131,7 @@ class Waveform:
 
 
 def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
-    """Means over bins of the straight lines between samples.
-
-    Parameters
-    ----------
-    time, force : ndarray, shape (m,)
-        Samples [s, N].
-    edges : ndarray, shape (..., n + 1)
-        Edges of the bins [s], inside the samples' times.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Mean of each bin [N].
-    """
+    """Means over bins of the straight lines between samples: shape (..., n) for edges of the shape (..., n + 1) inside the samples' times."""
     steps = np.diff(time)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * steps)])
     k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, time.size - 2)
@@ -166,16 +147,7 @@ def centred(values: _Floats) -> _Floats:
 
 
 def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
-    """Waveform of a trace.
-
-    Parameters
-    ----------
-    trace : Trace
-        The trace.
-    cycles : TraceCycles
-        Its cycles, from `find_cycles`.
-    velocity : float
-        |V| [m/s].
+    """Waveform of a trace with these cycles, at a drive velocity |V| [m/s].
 
     Raises
     ------
@@ -196,32 +168,21 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
         )
     at = edges + np.array(whole)[:, np.newaxis]
     rows = bin_means(time, force, at)
-    ahead = ahead_error = None
+    error = _error(rows, noise, edges, interval, repeats)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    mean = rows.mean(axis=0)
+    after = np.flatnonzero(middle > 0.0)
+    valley = middle[after[np.argmin(mean[after])]]
+    used = np.abs(middle - valley) > max(3.0 * interval, CORNER * fall)
     if trace.displacement is not None:
         way = trace.displacement - velocity * time
         creep = edges[: max(LEAST_CREEP, int(np.count_nonzero(edges < -CREEP_ENDS * fall)))]
         ahead = centred(bin_means(time, way, at[:, : creep.size]))
         # Second differences show the noise alone.
-        bends = np.abs(np.diff(way, 2))
-        way_noise = float(np.median(bends)) / NORMAL_MEDIAN / np.sqrt(6.0)
-        ahead_error = _error(ahead, way_noise, creep, interval, repeats)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    mean = rows.mean(axis=0)
-    after = np.flatnonzero(middle > 0.0)
-    valley = middle[after[np.argmin(mean[after])]]
-    return Waveform(
-        edges,
-        rows,
-        _error(rows, noise, edges, interval, repeats),
-        np.abs(middle - valley) > max(3.0 * interval, CORNER * fall),
-        period,
-        _period_error(periods),
-        fall,
-        interval,
-        repeats,
-        ahead,
-        ahead_error,
-    )
+        way_noise = float(np.median(np.abs(np.diff(way, 2)))) / NORMAL_MEDIAN / np.sqrt(6.0)
+        error = np.append(error, _error(ahead, way_noise, creep, interval, repeats))
+        rows, used = np.hstack([rows, ahead]), np.append(used, np.full(creep.size - 1, True))
+    return Waveform(edges, rows, error, used, period, _period_error(periods), fall, interval, repeats)
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats: bool) -> _Floats:

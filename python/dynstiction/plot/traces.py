@@ -94,12 +94,12 @@ def fit_figure(fit: Fit, kind: str = "waveform") -> Figure:
 def draw_fit(fit: Fit, figure: Figure) -> None:
     """Mean force over a cycle and around the slip, displacement in the creep if it was measured, residuals in standard errors."""
     wave = fit.waveform
-    has_way = wave.ahead is not None
+    has_way = wave.ahead.size > 0
     ratios = (3.0, 3.0, *([3.0] * has_way), 2.0)
     sized(figure, 170.0 if has_way else 130.0)
     axes = figure.subplots(len(ratios), 1, height_ratios=ratios)
     cycle, slip, residual = axes[0], axes[1], axes[-1]
-    if wave.ahead is not None:
+    if has_way:
         time = wave.time[: fit.ahead.size]
         drive = abs(float(np.ravel(fit.scene.drive.velocity or 0.0)[0])) * (time - time[0]) - fit.ahead[0]
         axes[2].plot(time, 1e6 * (wave.ahead.mean(axis=0) + drive), **DOTS)
@@ -114,7 +114,7 @@ def draw_fit(fit: Fit, figure: Figure) -> None:
     slip.set_xlim(1e3 * max(-near, wave.edges[0]), 1e3 * min(near, wave.edges[-1]))
     slip.set_xlabel("time from the slip [ms]")
     off = (wave.rows.mean(axis=0) - np.append(fit.fitted, fit.ahead)) / wave.errors
-    residual.plot(np.arange(off.size), np.where(wave.counts, off, np.nan), **DOTS)
+    residual.plot(np.arange(off.size), np.where(wave.used, off, np.nan), **DOTS)
     for level in (-2.0, 0.0, 2.0):
         residual.axhline(level, color=BLACK, linewidth=0.4, linestyle="-" if level == 0.0 else ":")
     order = "bin, in the order of time" + (", force and displacement" if has_way else "")
@@ -135,13 +135,13 @@ def draw_cycles(fit: Fit, figure: Figure) -> None:
     """Residuals of every cycle, and how the periods and peaks of the cycles are distributed, with the values of the fit."""
     wave = fit.waveform
     image, *below = panels(figure, 3, 130.0, height_ratios=(3.0, 1.4, 1.4))
-    n = wave.error.size
+    n = wave.time.size
     weights = 1.0 / (wave.errors * np.sqrt(len(wave.cycles)))
     if wave.repeats:
         off = (wave.cycles - fit.fitted) * weights[:n]
     else:
         off = explained_by_each(wave, fit.problem.cycles(fit.coordinates, 0), weights)[:, :n]
-    off = np.where(wave.used, off, np.nan)
+    off = np.where(wave.used[:n], off, np.nan)
     number = np.arange(len(off) + 1) + 0.5
     mesh = image.pcolormesh(
         np.arange(n + 1), number, off, cmap="RdBu_r", vmin=-LIMIT, vmax=LIMIT, rasterized=True
