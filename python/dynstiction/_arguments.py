@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import UsageError
 
 __all__ = [
-    "LARGEST",
     "SMALLEST",
     "finite",
     "flag",
@@ -32,8 +31,6 @@ __all__ = [
 
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
 """Smaller numbers have lost digits."""
-
-LARGEST = float(np.finfo(np.float64).max)
 
 MOST_POINTS = 2**31 - 1
 """The core counts with 32 bits."""
