@@ -21,7 +21,6 @@ __all__ = [
     "held_drive",
     "number_key",
     "own_number",
-    "scene_parameters",
     "slider_parameters",
 ]
 
@@ -68,7 +67,7 @@ def slider_parameters(
     Raises
     ------
     UsageError
-        If a parameter is missing or is none of these, or only one of `mu_inf` and `v_f` is given; also as for `scene_parameters`.
+        If a parameter is missing or is none of these, or only one of `mu_inf` and `v_f` is given; also as for `_scene_parameters`.
     """
     # The core has this angle in radians.
     names = ["misalignment_deg" if name == "misalignment" else name for name in _native.slider_parameters()]
@@ -77,7 +76,7 @@ def slider_parameters(
             known = ", ".join(each for each in names if each not in fixed)
             raise UsageError(f"{name!r} is no parameter of this function: it has {known}")
     chosen = {name: value for name, value in given.items() if value is not None}
-    of_scene = {} if scene is None else scene_parameters(Scene(scene), "velocity" not in chosen)
+    of_scene = {} if scene is None else _scene_parameters(Scene(scene), "velocity" not in chosen)
     found: dict[str, Any] = {**OPTIONAL, **of_scene, **chosen, **fixed}
     missing = [name for name in names if name not in found]
     if missing:
@@ -92,7 +91,7 @@ def slider_parameters(
     return {name: found[name] for name in names}
 
 
-def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float]:
+def _scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float]:
     """Parameters of the slider of a scene, as far as the scene gives them.
 
     Raises

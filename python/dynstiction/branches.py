@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, Literal, NamedTuple
 
@@ -168,7 +168,8 @@ class _Map:
     def __init__(self, scene: Scene, key: str, start: float, end: float, model: str) -> None:
         self.scene, self.key, self.start, self.end = scene, key, start, end
         is_log = start > 0.0 and end / start > 10.0
-        self.scale, self.value_of = (math.log, math.exp) if is_log else (float, float)
+        self.scale: Callable[[float], float] = math.log if is_log else float
+        self.value_of: Callable[[float], float] = math.exp if is_log else float
         own = own_number(scene, key)
         self.begin = self.share(own) if start <= own <= end else 0.0
         self.cycles = functools.cache(lambda q: cycles(self.at(q), model=model))
@@ -397,7 +398,8 @@ class _Curve:
 
     def next(self, places: list[_Place], side: int, step: float) -> tuple[_Place | None, Kind]:
         """The next point of a branch, or why there is none with this step."""
-        here, why = places[-1], "without rest"
+        here = places[-1]
+        why: Kind = "without rest"
         for way in _ways(places, side):
             q, a, across = here.q + step * way[0], here.a + step * way[1], (-way[1], way[0])
             if not 0.0 <= q <= 1.0:

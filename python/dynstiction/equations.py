@@ -29,9 +29,7 @@ LIMITS: dict[str, dict[str, Any]] = {
 """Limits of the parameters of a slider, as `_arguments.reals` takes them."""
 
 
-def rhs(
-    state: ArrayLike, scene: DeckLike | None = None, **parameters: Unpack[SliderParameters]
-) -> NDArray[np.float64]:
+def rhs(state: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]) -> NDArray[np.float64]:
     """Time derivative of the state, Eqs. (1)-(5).
 
     ``u' = V (cos phi, sin phi) - w`` and ``m w' = K u + C u' - F(v) w / sqrt(v^2 + v_smooth^2)`` with ``v = |w|``
@@ -67,7 +65,7 @@ def rhs(
 
 
 def jacobian(
-    state: ArrayLike, scene: DeckLike | None = None, **parameters: Unpack[SliderParameters]
+    state: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]
 ) -> NDArray[np.float64]:
     """Derivative of `rhs` with respect to the state.
 

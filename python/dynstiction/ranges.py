@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -203,7 +203,7 @@ class _Rig:
             raise UsageError(f"{name} = {value:g}: ranges are found around positive values: give a small one")
         return value, value
 
-    def motion(self, change: dict[str, float]) -> _native.Settling:
+    def motion(self, change: dict[str, Any]) -> _native.Settling:
         """What the motion from rest settles to."""
         with _native.Settling(self.scene.replace(**change).source) as motion:
             while not motion.advance(_native.CHUNK_SECONDS):
@@ -211,7 +211,7 @@ class _Rig:
                     raise KeyboardInterrupt
             return motion
 
-    def growth(self, change: dict[str, float]) -> float:
+    def growth(self, change: dict[str, Any]) -> float:
         """The largest growth of a disturbance of steady sliding [1/s]."""
         return float(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real))
 
