@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TypeVar, cast
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,25 +14,45 @@ from .errors import UsageError
 from .scene import DeckLike, Scene
 
 __all__ = [
+    "ANGLE",
+    "VELOCITY",
+    "SliderParameters",
     "drive_of",
-    "for_the_core",
     "held_drive",
-    "held_velocity",
     "number_key",
     "own_number",
-    "scene_parameters",
     "slider_parameters",
 ]
 
-VELOCITY = "drive.velocity"
+DRIVE_VELOCITY = "drive.velocity"
+ANGLE, VELOCITY = 3, 8
+"""Places of the misalignment, which the core has in radians, and of the drive velocity among the parameters of the core."""
 
-T = TypeVar("T")
+
+class SliderParameters(TypedDict, total=False):
+    """Keywords of the functions of a slider, by their names in a deck and in its units; None is as not given."""
+
+    mass: ArrayLike | None
+    stiffness_x: ArrayLike | None
+    stiffness_y: ArrayLike | None
+    misalignment_deg: ArrayLike | None
+    mu_0: ArrayLike | None
+    mu_inf: ArrayLike | None
+    v_f: ArrayLike | None
+    normal_load: ArrayLike | None
+    velocity: ArrayLike | None
+    v_smooth: ArrayLike | None
+    damping_x: ArrayLike | None
+    damping_y: ArrayLike | None
+
 
 OPTIONAL = {"mu_inf": None, "v_f": None, "v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 """Optional parameters and their defaults. Without `mu_inf` and `v_f` friction is constant."""
 
 
-def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | None]) -> dict[str, ArrayLike]:
+def slider_parameters(
+    scene: DeckLike | None, given: Mapping[str, object], **fixed: float
+) -> dict[str, ArrayLike]:
     """Every parameter of sliders by its key in the deck, in its unit, in the order of the core.
 
     Parameters
@@ -41,17 +61,23 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
         A deck or a scene, for the parameters that are not given.
     given : mapping
         Parameters by name; None means not given.
+    **fixed : float
+        Parameters that have this value whatever the scene says.
 
     Raises
     ------
     UsageError
-        If a parameter is missing, or only one of `mu_inf` and `v_f` is given; also as for `scene_parameters`.
+        If a parameter is missing or is none of these, or only one of `mu_inf` and `v_f` is given; also as for `_scene_parameters`.
     """
     # The core has this angle in radians.
     names = ["misalignment_deg" if name == "misalignment" else name for name in _native.slider_parameters()]
+    for name in given:
+        if name not in names or name in fixed:
+            known = ", ".join(each for each in names if each not in fixed)
+            raise UsageError(f"{name!r} is no parameter of this function: it has {known}")
     chosen = {name: value for name, value in given.items() if value is not None}
-    known = {} if scene is None else scene_parameters(Scene(scene), "velocity" not in chosen)
-    found: dict[str, ArrayLike | None] = {**OPTIONAL, **known, **chosen}
+    of_scene = {} if scene is None else _scene_parameters(Scene(scene), "velocity" not in chosen)
+    found: dict[str, Any] = {**OPTIONAL, **of_scene, **chosen, **fixed}
     missing = [name for name in names if name not in found]
     if missing:
         raise UsageError(
@@ -62,15 +88,10 @@ def slider_parameters(scene: DeckLike | None, given: Mapping[str, ArrayLike | No
         raise UsageError("mu_inf and v_f belong together: both for weakening friction, neither for constant")
     if found["mu_inf"] is None:
         found |= {"mu_inf": found["mu_0"], "v_f": 1.0}
-    return cast(dict[str, ArrayLike], {name: found[name] for name in names})
+    return {name: found[name] for name in names}
 
 
-def for_the_core(name: str, value: T) -> T:
-    """A parameter of sliders in the unit of the core."""
-    return cast(T, np.radians(value)) if name == "misalignment_deg" else value
-
-
-def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float | None]:
+def _scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, float]:
     """Parameters of the slider of a scene, as far as the scene gives them.
 
     Raises
@@ -80,26 +101,21 @@ def scene_parameters(scene: Scene, with_velocity: bool = True) -> dict[str, floa
     UsageError
         If these functions do not have its friction law, or its drive keeps no velocity other than 0, or several.
     """
-    system, friction = scene.system, scene.friction
-    of_system = ("mass", "stiffness_x", "stiffness_y", "misalignment_deg", "damping_x", "damping_y")
-    values = {name: getattr(system, name) for name in of_system}
-    values |= {"mu_0": friction.mu_0, "normal_load": friction.normal_load}
-    values = {name: value for name, value in values.items() if value is not None}
-    is_weakening = friction.law == "weakening" or (
+    friction = scene.friction
+    used = ["mass", "stiffness_x", "stiffness_y", "misalignment_deg", "damping_x", "damping_y"]
+    used += ["mu_0", "normal_load"] + ["v_smooth"] * (friction.contact == "smoothed")
+    if friction.law == "weakening" or (
         friction.law == "stribeck" and (friction.exponent, friction.viscous) == (1.0, 0.0)
-    )
-    if is_weakening:
-        values |= {"mu_inf": friction.mu_inf, "v_f": friction.v_f}
+    ):
+        used += ["mu_inf", "v_f"]
     elif friction.law != "constant":
         raise UsageError(
             f"friction.law = '{friction.law}': with keywords these functions have the laws 'weakening' and 'constant'; "
             "for other laws critical_misalignment and steady_sliding_eigenvalues take the scene alone"
         )
-    if friction.contact == "smoothed":
-        values["v_smooth"] = friction.v_smooth
-    if with_velocity:
-        values["velocity"] = held_velocity(scene)
-    return values
+    given: dict[str, Any] = {**scene.groups().get("system", {}), **scene.groups().get("friction", {})}
+    values = {name: given[name] for name in used if name in given}
+    return values | ({"velocity": held_velocity(scene)} if with_velocity else {})
 
 
 def drive_of(scene: Scene) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -139,7 +155,7 @@ def number_key(key: str) -> str:
     """
     group, name = _native.group_of(key), key.rpartition(".")[2].lower()
     full = f"{group}.{name}"
-    if not group or (full != VELOCITY and _native.key_info(group, name).kind != "real"):
+    if not group or (full != DRIVE_VELOCITY and _native.key_info(group, name).kind != "real"):
         raise UsageError(
             f"{key!r} is no real number of the deck: name one as GROUP.KEY, like system.misalignment_deg"
         )
@@ -148,10 +164,8 @@ def number_key(key: str) -> str:
 
 def own_number(scene: Scene, key: str) -> float:
     """The value of a key GROUP.KEY in a scene; NaN if it is used there without one; of the drive, the velocity that it holds."""
-    if key == VELOCITY:
+    if key == DRIVE_VELOCITY:
         return held_velocity(scene)
     with _native.Run(scene.source) as run:
-        for info, value in run.parameters():
-            if info.name == key.partition(".")[2] and isinstance(value, float):
-                return value
-    return math.nan
+        used = {info.name: value for info, value in run.parameters()}
+    return float(used.get(key.partition(".")[2], math.nan))

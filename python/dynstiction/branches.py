@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,7 +17,8 @@ from ._arguments import whole
 from ._progress import progress_bar
 from ._slider import held_drive, number_key, own_number
 from .errors import DeckError, SolverError, UsageError
-from .limit_cycles import Cycles, LimitCycle, cycles
+from .limit_cycles import LimitCycle, cycles
+from .record import headed
 from .scene import DeckLike, Scene
 
 __all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words"]
@@ -30,15 +33,11 @@ SHARP_TURN = 0.9
 """Cosine of the angle between two steps below which the second one is halved."""
 FAR = 0.2
 """How far a corrected point may be from the predicted one, over the step."""
-PREFERRED = 0.3
-"""The key is given, and the place found, where it changes by more than this share of what the place changes by; otherwise vice versa."""
 MOST_ITERATIONS = 8
 CLOSE = 1e-10
 """Accuracy of a place and of a value, in these units."""
 VAGUE, FITTING = 0.2, 0.4
-"""Shares of the integral of the slope: above the first one it is known well enough for a test, which the second one passes."""
-NUDGE = 1e-6
-"""How far from a place the search for a cycle is repeated if it finds none."""
+"""Shares of the integral of the slope: above the first one it is known well enough, and a point of the same branch passes the second."""
 LEAP = 0.3
 """Change of the period in a step, over the period, above which the second cycle is another one."""
 KINK = 1e-3
@@ -129,10 +128,8 @@ class Branches(NamedTuple):
         return tuple(point for each in self.branches for point in each.points if point.kind == kind)
 
     def __str__(self) -> str:
-        name = self.key if self.units == "1" else f"{self.key} [{self.units}]"
-        lines = [
-            f"{self.model}: {len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'} of cycles over {name}"
-        ]
+        found = f"{len(self.branches)} branch{'' if len(self.branches) == 1 else 'es'}"
+        lines = [f"{self.model}: {found} of cycles over {headed(self.key, self.units)}"]
         for number, each in enumerate(self.branches, 1):
             share = float(np.mean(each.stable))
             stable = "stable" if share == 1.0 else "unstable" if share == 0.0 else "in part stable"
@@ -157,11 +154,8 @@ class _Place(NamedTuple):
     a: float
     slope: float
     measures: tuple[float, ...]
-
-    @property
-    def excess(self) -> dict[str, float]:
-        """What is 0 at a fold and at a doubling."""
-        return {"fold": self.slope - 1.0, "doubling": self.slope + 1.0}
+    kind: Kind | None = None
+    """Of a special point."""
 
 
 class _NoReturn(Exception):
@@ -173,25 +167,27 @@ class _Map:
 
     def __init__(self, scene: Scene, key: str, start: float, end: float, model: str) -> None:
         self.scene, self.key, self.start, self.end = scene, key, start, end
-        self.is_log = start > 0.0 and end / start > 10.0
-        self.model = model
-        with _native.Run(scene.source) as run:
-            parameters = {info.name: value for info, value in run.parameters()}
-        self.unit = 1.0 if model == "full" else float(parameters["mu_0"]) * float(parameters["normal_load"])
+        is_log = start > 0.0 and end / start > 10.0
+        self.scale: Callable[[float], float] = math.log if is_log else float
+        self.value_of: Callable[[float], float] = math.exp if is_log else float
+        own = own_number(scene, key)
+        self.begin = self.share(own) if start <= own <= end else 0.0
+        self.cycles = functools.cache(lambda q: cycles(self.at(q), model=model))
+        self.model = self.cycles(self.begin).model
+        limit = (own_number(self.at(self.begin), f"friction.{name}") for name in ("mu_0", "normal_load"))
+        self.unit = 1.0 if self.model == "full" else math.prod(limit)
 
     def value(self, q: float) -> float:
         """The value of the key."""
         if q in (0.0, 1.0):
             return self.end if q else self.start
-        if self.is_log:
-            return float(self.start * (self.end / self.start) ** q)
-        return self.start + q * (self.end - self.start)
+        low, high = self.scale(self.start), self.scale(self.end)
+        return self.value_of(low + q * (high - low))
 
     def share(self, value: float) -> float:
         """The inverse of `value`."""
-        if self.is_log:
-            return math.log(value / self.start) / math.log(self.end / self.start)
-        return (value - self.start) / (self.end - self.start)
+        low, high = self.scale(self.start), self.scale(self.end)
+        return (self.scale(value) - low) / (high - low)
 
     def at(self, q: float) -> Scene:
         """The scene with a value of the key."""
@@ -208,35 +204,23 @@ class _Map:
             raise _NoReturn
         return to / self.unit - a, _Place(q, a, slope, measures)
 
-    def at_value(self, q: float, a: float, slow_cycles: int) -> _Place:
-        """The cycle at a value, near a place, by Newton's method."""
+    def on_line(self, q: float, a: float, way: tuple[float, float], step: float, slow_cycles: int) -> _Place:
+        """The cycle on a line in the plane of value and place, near one of its points, by the secant method."""
+        before, (old, _) = 0.0, self.go(q, a, slow_cycles)
+        at = step
         for _ in range(MOST_ITERATIONS):
-            turn, here = self.go(q, a, slow_cycles)
-            slope = 0.0 if math.isnan(here.slope) else here.slope
-            if slope == 1.0:
-                break
-            step = -turn / (slope - 1.0)
-            if abs(step) <= CLOSE:
-                return here
-            if abs(step) > LONGEST_STEP:
-                break
-            a += step
-        raise _NoReturn
-
-    def at_place(self, q: float, a: float, slow_cycles: int, step: float) -> _Place:
-        """The cycle with a place, near a value, by the secant method."""
-        before, (turn, here) = q, self.go(q, a, slow_cycles)
-        old, q = turn, q + step
-        for _ in range(MOST_ITERATIONS):
-            turn, here = self.go(q, a, slow_cycles)
+            turn, here = self.go(q + at * way[0], a + at * way[1], slow_cycles)
             if turn == old:
                 break
-            change = -turn * (q - before) / (turn - old)
-            before, old = q, turn
+            change = -turn * (at - before) / (turn - old)
             if abs(change) <= CLOSE:
                 return here
-            q += change
+            before, old, at = at, turn, at + change
         raise _NoReturn
+
+    def at_value(self, q: float, a: float, slow_cycles: int) -> _Place:
+        """The cycle at a value, near a place."""
+        return self.on_line(q, a, (0.0, 1.0), SHORTEST_STEP, slow_cycles)
 
 
 def branch(
@@ -286,8 +270,8 @@ def branch(
     -----
     A cycle is a fixed point of the map from a release to the release so many slow cycles later, in the slow motion from a valley to the
     next. Both the map and its slope are exact, to the accuracy of the integrator, so that the value of a fold is known to some 1e-9. A branch
-    is followed with steps along it, in which the value is given and the place found, or, near folds, vice versa. Branches that no
-    cycle at the values above is on are not found.
+    is followed with steps in its direction, which the slope says, each corrected across it. Branches that no cycle at the values
+    above is on are not found.
 
     Examples
     --------
@@ -300,38 +284,30 @@ def branch(
     whole("slow_cycles", slow_cycles, least=0)
     for value in (start, end):
         _changed(rig, name, value).check()
-    own = own_number(rig, name)
-    first = _changed(rig, name, own if start <= own <= end else start)
-    seen = cycles(first, model=model)
-    the_map = _Map(first, name, float(start), float(end), seen.model)
-    begin = the_map.share(own) if start <= own <= end else 0.0
-    queue = [begin, *(q for q in (0.0, 1.0) if q != begin)]
-    known = {begin: seen}
+    the_map = _Map(rig, name, float(start), float(end), model)
+    queue = [the_map.begin, *(q for q in (0.0, 1.0) if q != the_map.begin)]
     found: list[tuple[Branch, list[_Place]]] = []
     with progress_bar(progress, most_branches, "{n_fmt} branches {elapsed}") as show:
         while queue and len(found) < most_branches:
             q = queue.pop(0)
-            for cycle, a in _cycles_at(the_map, q, slow_cycles, known.get(q)):
+            for cycle, a in _cycles_at(the_map, q, slow_cycles):
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
-                one = _follow(the_map, q, a, max(1, cycle.slow_cycles))
-                if one is None:
+                places = _Curve(the_map, max(1, cycle.slow_cycles)).follow(q, a)
+                if not places:
                     continue
-                found.append((_as_branch(the_map, cycle.slow_cycles, *one), one[0]))
-                queue += [
-                    beside
-                    for kind, at in one[1]
-                    if kind == "doubling"
-                    for beside in (at.q - BESIDE, at.q + BESIDE)
-                    if 0.0 <= beside <= 1.0
+                found.append((_as_branch(the_map, cycle.slow_cycles, places), places))
+                doublings = [
+                    at.q + beside for at in places if at.kind == "doubling" for beside in (-BESIDE, BESIDE)
                 ]
+                queue += [q for q in doublings if 0.0 <= q <= 1.0]
                 show(len(found))
     units = _native.key_info(*name.split(".")).units or "1"
     ordered = sorted(
         (each for each, _ in found),
         key=lambda each: (each.slow_cycles, -float(np.mean(each.stable)), each.period[0]),
     )
-    return Branches(name, units, seen.model, tuple(ordered))
+    return Branches(name, units, the_map.model, tuple(ordered))
 
 
 def _changed(scene: Scene, key: str, value: float) -> Scene:
@@ -339,12 +315,10 @@ def _changed(scene: Scene, key: str, value: float) -> Scene:
     return scene.replace(**change)
 
 
-def _cycles_at(
-    the_map: _Map, q: float, slow_cycles: int, seen: Cycles | None
-) -> Iterator[tuple[LimitCycle, float]]:
+def _cycles_at(the_map: _Map, q: float, slow_cycles: int) -> Iterator[tuple[LimitCycle, float]]:
     """The cycles at a value that are followed, of those that are known there, and their places; none if the deck is refused there."""
     try:
-        seen = seen or cycles(the_map.at(q), model=the_map.model)
+        seen = the_map.cycles(q)
     except (DeckError, SolverError):
         return
     for cycle, release in zip(seen.cycles, seen.release_angle, strict=True):
@@ -364,80 +338,155 @@ def _is_known(
             if not min(one.q, other.q) <= q <= max(one.q, other.q):
                 continue
             share = (q - one.q) / (other.q - one.q) if other.q != one.q else 0.0
-            try:
+            with suppress(_NoReturn):
                 there = the_map.at_value(q, one.a + share * (other.a - one.a), max(1, each.slow_cycles))
-            except _NoReturn:
-                continue
-            if math.isclose(there.measures[0], cycle.period, rel_tol=1e-7) and math.isclose(
-                there.measures[2], cycle.valley_force, rel_tol=1e-7, abs_tol=1e-9
-            ):
-                return True
+                if np.allclose(there.measures[:3:2], (cycle.period, cycle.valley_force), 1e-7, 1e-9):
+                    return True
     return False
 
 
-_Special = tuple[Kind, _Place]
+class _Curve:
+    """The cycles of n slow cycles as a curve in the plane of value and place."""
 
+    def __init__(self, the_map: _Map, n: int) -> None:
+        self.map, self.n = the_map, n
 
-def _follow(the_map: _Map, q: float, a: float, n: int) -> tuple[list[_Place], list[_Special]] | None:
-    """The branch through a cycle: its points, and the special ones among them."""
-    try:
-        middle = the_map.at_value(q, a, n)
-    except _NoReturn:
-        return None
-    sides = []
-    for side in (-1, 1):
-        places, between, end = _one_way(the_map, middle, side, n)
-        special = [*(found for _, found in between), (end, places[-1])]
-        for place, (_, at) in reversed(between):
-            places.insert(place, at)
-        sides.append((places, special))
-    (left, before), (right, after) = sides
-    return left[:0:-1] + right, before[::-1] + after
+    def follow(self, q: float, a: float) -> list[_Place]:
+        """The branch through a cycle; none if that is not found again."""
+        try:
+            middle = self.map.at_value(q, a, self.n)
+        except _NoReturn:
+            return []
+        left, right = (self.one_way(middle, side) for side in (-1, 1))
+        return left[:0:-1] + (left if len(left) == 1 and not right[0].kind else right[:1]) + right[1:]
 
+    def one_way(self, first: _Place, side: int) -> list[_Place]:
+        """The branch from a cycle to one side of its value, to its end."""
+        steps, places, step = [first], [first], FIRST_STEP
+        end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
+        while end is None and len(steps) < MOST_POINTS:
+            there, why = self.next(steps, side, step)
+            if there is None:
+                step *= 0.5
+                if step < SHORTEST_STEP:
+                    at = self.beginning(places[-1])
+                    places += [at] if at else []
+                    end = "doubling" if at else why
+                continue
+            for at in self.between(steps[-1], there):
+                places.append(at)
+                if at.kind == "doubling" and at.slope > 0.0:
+                    # Beyond are the same cycles, from another of their releases.
+                    end = "doubling"
+                    break
+            else:
+                steps.append(there)
+                end = self.end(steps)
+                places.append(_in_sliding(self.map, there) if end == "sliding" else there)
+                step = min(LONGEST_STEP, 1.5 * step)
+        places[-1] = places[-1]._replace(kind=end or "unfinished")
+        return places
 
-def _one_way(
-    the_map: _Map, first: _Place, side: int, n: int
-) -> tuple[list[_Place], list[tuple[int, _Special]], Kind]:
-    """The branch from a cycle to one side of its value, to its end: points, special ones with their place among these, and the end."""
-    places: list[_Place] = [first]
-    special: list[tuple[int, _Special]] = []
-    step = FIRST_STEP
-    end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
-    while end is None and len(places) < MOST_POINTS:
+    def end(self, steps: list[_Place]) -> Kind | None:
+        """Whether a branch ends with its last point."""
+        first, here, there = steps[0], *steps[-2:]
+        if there.q in (0.0, 1.0):
+            return "border"
+        if self.map.model != "full" and there.measures[1] - there.measures[2] < SMALL * self.map.unit:
+            return "sliding"
+        return "closed" if len(steps) > 10 and _passes(here, there, first) else None
+
+    def next(self, places: list[_Place], side: int, step: float) -> tuple[_Place | None, Kind]:
+        """The next point of a branch, or why there is none with this step."""
         here = places[-1]
-        way = (float(side), 0.0)
-        if len(places) > 1:
-            way = (here.q - places[-2].q, here.a - places[-2].a)
-            way = (way[0] / math.hypot(*way), way[1] / math.hypot(*way))
-        there, why = _next(the_map, places, way, step, n)
-        if there is None:
-            step *= 0.5
-            if step < SHORTEST_STEP:
-                at = _beginning(the_map, here, n)
-                places += [at] if at else []
-                end = "doubling" if at else why
-            continue
-        for kind, at in _between(the_map, here, there, n):
-            if kind == "doubling" and at.slope > 0.0:
-                # Beyond are the same cycles, from another of their releases.
-                there, end = at, kind
-                break
-            special.append((len(places), (kind, at)))
-        places.append(there)
-        end = end or _end(the_map, places)
-        step = min(LONGEST_STEP, 1.5 * step)
-    return places, special, end or "unfinished"
+        why: Kind = "without rest"
+        for way in _ways(places, side):
+            q, a, across = here.q + step * way[0], here.a + step * way[1], (-way[1], way[0])
+            if not 0.0 <= q <= 1.0:
+                # The last point is at the border.
+                border = min(1.0, max(0.0, q))
+                q, a, across = border, here.a + (border - here.q) / (q - here.q) * (a - here.a), (0.0, 1.0)
+            try:
+                there = self.map.on_line(q, a, across, 1e-3 * step, self.n)
+            except _NoReturn:
+                continue
+            why = "grazing"
+            moved = (there.q - here.q, there.a - here.a)
+            length = math.hypot(*moved)
+            if len(places) == 1:
+                # The direction is not known yet: the place may change more than the value, but not by leaps.
+                if length <= 20.0 * step + CLOSE:
+                    return there, why
+            elif (
+                0.0 <= there.q <= 1.0
+                and math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
+                and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
+                and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
+                and _fits(places, there, is_short=step <= KINK)
+                and not self.is_of_fewer(there)
+            ):
+                return there, why
+        if why == "without rest":
+            with suppress(_NoReturn):
+                self.map.go(q, a, self.n)
+                why = "grazing"
+        return None, why
 
+    def is_of_fewer(self, place: _Place, *, near: float = 1e-6) -> bool:
+        """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""
+        for fewer in (each for each in range(1, self.n // 2 + 1) if self.n % each == 0):
+            with suppress(_NoReturn):
+                if abs(self.map.go(place.q, place.a, fewer)[0]) <= near:
+                    return True
+        return False
 
-def _end(the_map: _Map, places: list[_Place]) -> Kind | None:
-    """Whether a branch ends with its last point."""
-    first, here, there = places[0], *places[-2:]
-    if there.q in (0.0, 1.0):
-        return "border"
-    if the_map.model != "full" and there.measures[1] - there.measures[2] < SMALL * the_map.unit:
-        places[-1] = _in_sliding(the_map, there)
-        return "sliding"
-    return "closed" if len(places) > 10 and _passes(here, there, first) else None
+    def beginning(self, last: _Place) -> _Place | None:
+        """The doubling next to the last point of a branch, where cycles of half as many slow cycles lose their stability."""
+        from scipy.optimize import newton  # noqa: PLC0415
+
+        if self.n % 2 or not abs(last.slope - 1.0) < 0.1:
+            return None
+
+        def half(q: float) -> _Place:
+            return self.map.at_value(q, last.a, self.n // 2)
+
+        try:
+            found = half(newton(lambda q: half(q).slope + 1.0, last.q, x1=last.q + 1e-5, tol=CLOSE, maxiter=MOST_ITERATIONS))  # fmt: skip
+        except (_NoReturn, RuntimeError):
+            return None
+        if not abs(found.slope + 1.0) < SMOOTH or abs(found.q - last.q) > BESIDE:
+            return None
+        period, *rest = found.measures
+        return _Place(found.q, found.a, 1.0, (2.0 * period, *rest))
+
+    def between(self, one: _Place, other: _Place) -> Iterator[_Place]:
+        """The folds and doublings between two points of a branch."""
+        from scipy.optimize import brentq  # noqa: PLC0415
+
+        dq, da = other.q - one.q, other.a - one.a
+        length = math.hypot(dq, da)
+
+        @functools.cache
+        def at(share: float) -> _Place:
+            if share in (0.0, 1.0):
+                return other if share else one
+            across = (-da / length, dq / length)
+            return self.map.on_line(one.q + share * dq, one.a + share * da, across, 1e-3 * length, self.n)
+
+        for slope in (1.0, -1.0):
+
+            def excess(share: float, slope: float = slope) -> float:
+                return at(share).slope - slope
+
+            if not excess(0.0) * excess(1.0) < 0.0:
+                continue
+            try:
+                there = at(brentq(excess, 0.0, 1.0, xtol=1e-9, rtol=1e-12, maxiter=60))
+            except (_NoReturn, RuntimeError):
+                continue
+            # A fold of the map of n may be where cycles of n begin.
+            kind: Kind = "fold" if slope > 0.0 and not self.is_of_fewer(there, near=1e-4) else "doubling"
+            yield there._replace(kind=kind if abs(there.slope - slope) < SMOOTH else "grazing")
 
 
 def _passes(here: _Place, there: _Place, point: _Place) -> bool:
@@ -449,104 +498,46 @@ def _passes(here: _Place, there: _Place, point: _Place) -> bool:
     return is_near and low - 0.1 * (high - low) <= point.slope <= high + 0.1 * (high - low)
 
 
-def _next(
-    the_map: _Map, places: list[_Place], way: tuple[float, ...], step: float, n: int
-) -> tuple[_Place | None, Kind]:
-    """The next point of a branch, or why there is none with this step."""
-    here, is_first = places[-1], len(places) == 1
-    q, a = here.q + step * way[0], here.a + step * way[1]
-    is_beyond = not 0.0 <= q <= 1.0
-    if is_beyond:
-        # The last point is at the border.
-        share = (min(1.0, max(0.0, q)) - here.q) / (q - here.q)
-        q, a = min(1.0, max(0.0, q)), here.a + share * (a - here.a)
-    ways: list[Callable[[], _Place]] = [lambda: the_map.at_value(q, a, n)]
-    if not is_first and not is_beyond:
-        ways.append(lambda: the_map.at_place(q, a, n, 1e-3 * step * (1.0 if way[0] > 0.0 else -1.0)))
-        if abs(way[0]) < PREFERRED * abs(way[1]):
-            ways.reverse()
-    why: Kind = "without rest"
-    for correct in ways:
-        try:
-            there = correct()
-        except _NoReturn:
-            continue
-        why = "grazing"
-        if not 0.0 <= there.q <= 1.0:
-            continue
-        moved = (there.q - here.q, there.a - here.a)
-        length = math.hypot(*moved)
-        if is_first:
-            # The direction is not known yet: the place may change more than the value, but not by leaps.
-            if length <= 20.0 * step + CLOSE:
-                return there, why
-        elif (
-            math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
-            and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
-            and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
-            and (step <= KINK or _fits(places, there))
-            and not _is_of_fewer(the_map, there, n)
-        ):
-            return there, why
-    if len(places) > 2 and (beyond := _round_a_fold(the_map, places, step, n)):
-        return beyond, why
-    if why == "without rest":
-        try:
-            the_map.go(q, a, n)
-            why = "grazing"
-        except _NoReturn:
-            pass
-    return None, why
+def _ways(places: list[_Place], side: int) -> list[_Floats]:
+    """Directions of the next step: along the branch, as the slope of the map says, along the last step, and between both."""
+    if len(places) == 1:
+        return [np.array([float(side), 0.0])]
+    before, here = places[-2:]
+    last, known = np.array([here.q - before.q, here.a - before.a]), _known_step(places)
+    if known and math.isfinite(here.slope):
+        along = np.array([known[0] * (here.slope - 1.0), known[1]])
+    else:
+        along = last
+    last, along = last / math.hypot(*last), along / math.copysign(math.hypot(*along), along @ last)
+    return [along, last, (along + last) / math.hypot(*(along + last))]
 
 
-def _round_a_fold(the_map: _Map, places: list[_Place], step: float, n: int) -> _Place | None:
-    """The next point where the value is nearly a square function of the place, as near a fold, which may be too sharp for steps along the
-    branch.
+def _known_step(places: list[_Place]) -> tuple[float, float] | None:
+    """Along a branch the change of the value is the integral of slope - 1 over the place, times a factor that changes little from step to
+    step: both in the last step in which the integral is known well enough.
     """
-    first, before, here = places[-3:]
-    length = math.hypot(here.q - before.q, here.a - before.a)
-    a = here.a + min(1.0, step / length) * (here.a - before.a)
-    if not (here.a - before.a) * (before.a - first.a) > 0.0:
-        return None
-    bend = ((here.q - before.q) / (here.a - before.a) - (before.q - first.q) / (before.a - first.a)) / (
-        here.a - first.a
-    )
-    q = here.q + (a - here.a) * ((here.q - before.q) / (here.a - before.a) + bend * (a - before.a))
-    size = abs(here.q - before.q)
-    try:
-        there = the_map.at_place(q, a, n, 1e-3 * size or CLOSE)
-    except _NoReturn:
-        return None
-    is_near = abs(there.q - q) <= FAR * max(size, abs(q - here.q)) and 0.0 <= there.q <= 1.0
-    return there if is_near and _fits(places, there) and not _is_of_fewer(the_map, there, n) else None
+    for one, other in zip(places[-2:-5:-1], places[-1:-4:-1], strict=False):
+        integral, size = _integral(one, other)
+        if abs(integral) > VAGUE * size:
+            return other.q - one.q, integral
+    return None
 
 
-def _is_of_fewer(the_map: _Map, place: _Place, n: int, *, near: float = 1e-6) -> bool:
-    """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""
-    for fewer in (each for each in range(1, n // 2 + 1) if n % each == 0):
-        try:
-            turn, _ = the_map.go(place.q, place.a, fewer)
-        except _NoReturn:
-            continue
-        if abs(turn) <= near:
-            return True
-    return False
-
-
-def _fits(places: list[_Place], there: _Place) -> bool:
-    """Whether a point is on the branch of the last ones: along it the change of the value is the integral of slope - 1 over the place, times
-    a factor that changes little from step to step.
-    """
-    here = places[-1]
+def _fits(places: list[_Place], there: _Place, *, is_short: bool) -> bool:
+    """Whether a point is on the branch of the last ones: that factor is the same, and the value turns only where the slope passes 1."""
+    before, here = places[-2:]
+    turns = (there.q - here.q) * (here.q - before.q) < 0.0
+    if turns and (there.slope - 1.0) * (before.slope - 1.0) > 0.0:
+        return False
+    if is_short:
+        return True
     if abs(there.slope - here.slope) > max(1.0, 0.5 * max(abs(there.slope), abs(here.slope))):
         return False
-    new, size = _integral(here, there)
-    for one, other in zip(places[-2:-5:-1], places[-1:-4:-1], strict=False):
-        old, old_size = _integral(one, other)
-        if abs(old) > VAGUE * old_size:
-            factor = (other.q - one.q) / old
-            return abs((there.q - here.q) - factor * new) <= FITTING * abs(factor) * size
-    return True
+    known = _known_step(places)
+    if not known:
+        return True
+    factor, (new, size) = known[0] / known[1], _integral(here, there)
+    return abs((there.q - here.q) - factor * new) <= FITTING * abs(factor) * size
 
 
 def _integral(one: _Place, other: _Place) -> tuple[float, float]:
@@ -555,97 +546,26 @@ def _integral(one: _Place, other: _Place) -> tuple[float, float]:
     return 0.5 * sum(ends) * way, abs(way) * max(map(abs, ends))
 
 
-def _beginning(the_map: _Map, last: _Place, n: int) -> _Place | None:
-    """The doubling next to the last point of a branch of cycles of n slow cycles, where cycles of half as many lose their stability."""
-    if n % 2 or not abs(last.slope - 1.0) < 0.1:
-        return None
-    q, old = last.q, math.nan
-    change = 1e-5
-    try:
-        for _ in range(MOST_ITERATIONS):
-            half = the_map.at_value(q, last.a, n // 2)
-            excess = half.slope + 1.0
-            if abs(excess) < 1e-9 or abs(change) < CLOSE:
-                break
-            if not math.isnan(old):
-                change *= -excess / (excess - old) if excess != old else 0.0
-            old = excess
-            q += change
-    except _NoReturn:
-        return None
-    if not abs(half.slope + 1.0) < SMOOTH or abs(half.q - last.q) > BESIDE:
-        return None
-    period, *rest = half.measures
-    return _Place(half.q, half.a, 1.0, (2.0 * period, *rest))
-
-
-def _between(the_map: _Map, one: _Place, other: _Place, n: int) -> list[_Special]:
-    """The folds and doublings between two points of a branch."""
-    from scipy.optimize import brentq  # noqa: PLC0415
-
-    special: list[_Special] = []
-    for kind in ("fold", "doubling"):
-        if not one.excess[kind] * other.excess[kind] < 0.0:
-            continue
-        seen: dict[float, _Place] = {0.0: one, 1.0: other}
-
-        def excess(share: float, kind: str = kind, seen: dict[float, _Place] = seen) -> float:
-            if share not in seen:
-                q, a = (
-                    before + share * (after - before)
-                    for before, after in ((one.q, other.q), (one.a, other.a))
-                )
-                if kind == "fold" or abs(other.q - one.q) < PREFERRED * abs(other.a - one.a):
-                    seen[share] = the_map.at_place(
-                        q, a, n, 1e-3 * max(abs(other.q - one.q), 1e-3 * abs(other.a - one.a))
-                    )
-                else:
-                    # From one side of a doubling a slow cycle may count as two, with a slope of 1.
-                    for beside in (0.0, NUDGE, -NUDGE):
-                        try:
-                            seen[share] = the_map.at_value(q, a + beside, n)
-                            break
-                        except _NoReturn:
-                            if beside < 0.0:
-                                raise
-            return seen[share].excess[kind]
-
-        try:
-            at = seen[brentq(excess, 0.0, 1.0, xtol=1e-9, rtol=1e-12, maxiter=60)]
-        except (_NoReturn, RuntimeError):
-            continue
-        if not abs(at.excess[kind]) < SMOOTH:
-            special.append(("grazing", at))
-        elif kind == "doubling" or _is_of_fewer(the_map, at, n, near=1e-4):
-            # Or it is one: the map of n has its fold where cycles of n begin.
-            special.append(("doubling", at))
-        else:
-            special.append(("fold", at))
-    return special
-
-
 def _in_sliding(the_map: _Map, last: _Place) -> _Place:
     """The point of steady sliding in which a small cycle of the slow motion ends: where its stability changes."""
     from scipy.optimize import brentq  # noqa: PLC0415
 
     def growth(q: float) -> float:
-        return float(np.max(cycles(the_map.at(q), model=the_map.model).eigenvalues.real))
+        return float(np.max(the_map.cycles(q).eigenvalues.real))
 
     around = [max(0.0, last.q - 0.01), min(1.0, last.q + 0.01)]
     if growth(around[0]) * growth(around[1]) >= 0.0:
         return last
     q = brentq(growth, *around, xtol=1e-13)
-    seen = cycles(the_map.at(q), model=the_map.model)
+    seen = the_map.cycles(q)
     load = seen.sliding_load
     period = 2.0 * math.pi / abs(float(seen.eigenvalues[0].imag) or math.nan)
     return _Place(q, load / the_map.unit, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan))
 
 
-def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place], special: list[_Special]) -> Branch:
-    rows = [
-        (the_map.value(place.q), place.a * the_map.unit, place.slope, *place.measures) for place in places
-    ]
-    points = tuple(
-        BranchPoint(kind, the_map.value(at.q), at.a * the_map.unit, *at.measures[:3]) for kind, at in special
+def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place]) -> Branch:
+    rows = [(the_map.value(at.q), at.a * the_map.unit, at.slope, *at.measures) for at in places]
+    points = (
+        BranchPoint(at.kind, *row[:2], *row[3:6]) for at, row in zip(places, rows, strict=True) if at.kind
     )
-    return Branch._make((slow_cycles, *np.array(rows).T, points))
+    return Branch._make((slow_cycles, *np.array(rows).T, tuple(points)))

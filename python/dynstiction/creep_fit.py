@@ -125,32 +125,29 @@ def fit_creep(
         raise UsageError(f"relaxed_at = {start:g} s: the stick begins at {t[0]:g} s: give a time before it")
     scale = speed * (t[-1] - t[0])
 
-    def path(parameters: _Floats) -> _Floats:
+    def begins(parameters: _Floats) -> float:
+        return float(start - (parameters[3] * duration if relaxed_at is None else 0.0))
+
+    def differences(parameters: _Floats) -> _Floats:
         phi, length = np.exp(parameters[:2])
-        since = t - (start - (parameters[3] * duration if relaxed_at is None else 0.0))
+        since = t - begins(parameters)
         if form == "exact":
             along = creep_path(since, min(phi, 1.5), length, speed, kappa, law)
         else:
             along = _asymptotic(speed * since / length, phi, form) * length
-        return np.asarray(along / scale + parameters[2])
+        return np.asarray(along / scale + parameters[2] - measured)
 
-    measured = x / scale
-
-    def differences(parameters: _Floats) -> _Floats:
-        return np.subtract(path(parameters), measured)
-
-    more = [0.1] if relaxed_at is None else []
+    measured, more = x / scale, [0.1] if relaxed_at is None else []
     starts = [
         np.array([np.log(np.radians(degrees)), np.log(speed * duration / tau), measured[0], *more])
         for degrees, tau in product(START_DEGREES, START_TAU)
     ]
     starts.sort(key=lambda each: float(np.sum(differences(each) ** 2)))
-    tight: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
-    fits = [least_squares(differences, each, x_scale="jac", **tight) for each in starts[:2]]
-    best = min(fits, key=lambda each: each.cost)
-    p, rest = best.x, best.fun
+    how = {"x_scale": "jac", "xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12}
+    best = min((least_squares(differences, each, **how) for each in starts[:2]), key=lambda each: each.cost)
+    p, variance = best.x, 2.0 * best.cost / max(t.size - best.x.size, 1)
     at_rest = np.sum((measured - measured.mean()) ** 2)
-    if at_rest - 2.0 * best.cost < NO_CREEP * 2.0 * best.cost / max(t.size - p.size, 1):
+    if at_rest - 2.0 * best.cost < NO_CREEP * variance:
         scatter = float(np.std(x, ddof=1))
         warnings.warn(
             f"no creep is seen above the noise of {scatter:.2g} m: the object rests, or the misalignment is too small for this "
@@ -158,16 +155,15 @@ def fit_creep(
         )  # fmt: skip
         nan, inf = np.nan, np.inf
         return CreepFit(nan, inf, nan, inf, float(x.mean()), start, scatter, 1.0)
-    spread = np.sqrt(2.0 * best.cost / max(t.size - p.size, 1))
+    spread = np.sqrt(variance)
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * spread**2
     errors = np.sqrt(np.diag(covariance))
     # Differences of neighbours show the noise alone, whatever the model leaves.
-    noise = np.std(np.diff(rest)) / np.sqrt(2.0)
+    noise = np.std(np.diff(best.fun)) / np.sqrt(2.0)
     misfit = float(spread / noise) if noise > 0.0 else 1.0
-    angle, length, position = float(np.degrees(np.exp(p[0]))), float(np.exp(p[1])), float(p[2] * scale)
-    begin = start - (p[3] * duration if relaxed_at is None else 0.0)
+    angle, length = float(np.degrees(np.exp(p[0]))), float(np.exp(p[1]))
     sizes = angle, float(angle * errors[0]), length, float(length * errors[1])
-    found = CreepFit(*sizes, position, begin, float(spread * scale), misfit)
+    found = CreepFit(*sizes, float(p[2] * scale), begins(p), float(spread * scale), misfit)
     if misfit > 1.0 + 3.0 / np.sqrt(t.size) and found.residual > PATH_ERROR * np.ptp(x):
         warnings.warn(
             f"creep does not explain the displacement: the differences are {misfit:.3g} times its noise, and the errors are too "
@@ -192,9 +188,7 @@ def creep_path(
     c, s = np.cos(theta), np.sin(theta)
     compliance = kappa * c**2 + s**2
     v = velocity * (kappa * c * np.cos(phi) + s * np.sin(phi)) / compliance
-    friction = (
-        np.ones_like(v) if law is None else np.broadcast_to(np.asarray(law(v), dtype=np.float64), v.shape)
-    )
+    friction = np.broadcast_to(np.asarray(1.0 if law is None else law(v), dtype=np.float64), v.shape)
     change = friction * s * beyond + c * CubicSpline(GRID, friction)(GRID, 1)
     rate = length / velocity * compliance / (s * np.sin(beyond)) * change
     # Friction that weakens may no longer balance the load: there creep ends.

@@ -4,56 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import SMALLEST, finite, number, reals
-from ._slider import drive_of, for_the_core, scene_parameters, slider_parameters
+from ._slider import ANGLE, VELOCITY, SliderParameters, drive_of, slider_parameters
 from .errors import UsageError
+from .record import unit_shown
 from .scene import DeckLike, Scene
 
 __all__ = ["SlipProblem", "jacobian", "rhs", "slip_problem"]
 
 LIMITS: dict[str, dict[str, Any]] = {
-    "mass": {"above": 0.0, "units": "kg"},
-    "stiffness_x": {"above": 0.0, "units": "N/m"},
-    "stiffness_y": {"above": 0.0, "units": "N/m"},
-    "misalignment_deg": {"units": "deg"},
-    "mu_0": {"least": 0.0},
-    "mu_inf": {"least": 0.0},
-    "v_f": {"least": SMALLEST, "units": "m/s"},
-    "normal_load": {"least": 0.0, "units": "N"},
-    "velocity": {"units": "m/s"},
-    "v_smooth": {"least": 0.0, "units": "m/s"},
-    "damping_x": {"least": 0.0, "units": "N s/m"},
-    "damping_y": {"least": 0.0, "units": "N s/m"},
+    **{name: {"above": 0.0} for name in ("mass", "stiffness_x", "stiffness_y")},
+    **{
+        name: {"least": 0.0}
+        for name in ("mu_0", "mu_inf", "normal_load", "v_smooth", "damping_x", "damping_y")
+    },
+    "v_f": {"least": SMALLEST},
 }
 """Limits of the parameters of a slider, as `_arguments.reals` takes them."""
 
-VELOCITY = 8
-"""Index of the drive velocity among the parameters of a slider."""
 
-
-def rhs(
-    state: ArrayLike,
-    scene: Any = None,
-    *,
-    mass: float | None = None,
-    stiffness_x: float | None = None,
-    stiffness_y: float | None = None,
-    misalignment_deg: float | None = None,
-    mu_0: float | None = None,
-    mu_inf: float | None = None,
-    v_f: float | None = None,
-    normal_load: float | None = None,
-    velocity: float | None = None,
-    v_smooth: float | None = None,
-    damping_x: float | None = None,
-    damping_y: float | None = None,
-) -> NDArray[np.float64]:
+def rhs(state: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]) -> NDArray[np.float64]:
     """Time derivative of the state, Eqs. (1)-(5).
 
     ``u' = V (cos phi, sin phi) - w`` and ``m w' = K u + C u' - F(v) w / sqrt(v^2 + v_smooth^2)`` with ``v = |w|``
@@ -66,24 +42,12 @@ def rhs(
         axes. Any leading dimensions.
     scene : str, PathLike or Scene, optional
         A deck or a scene, for the parameters that are not given. If its drive keeps several velocities, `velocity` must be given.
-    mass : float
-        m [kg].
-    stiffness_x, stiffness_y : float
-        k_x, k_y [N/m] of the soft and the stiff principal axis.
-    misalignment_deg : float
-        phi [deg], from the drive direction to the soft axis.
-    mu_0, mu_inf : float
-        Friction coefficients at rest and at high speed [-]. Without `mu_inf` friction is constant.
-    v_f : float
-        Velocity over which friction weakens [m/s], with `mu_inf`.
-    normal_load : float
-        W [N].
-    velocity : float
-        Drive velocity V [m/s].
-    v_smooth : float
-        Smoothing velocity [m/s] of the direction of friction; 0 for the exact law.
-    damping_x, damping_y : float
-        c_x, c_y [N s/m] of the dampers parallel to the springs.
+    **parameters : float
+        `mass` m [kg]; `stiffness_x`, `stiffness_y`: k_x, k_y [N/m] of the soft and the stiff principal axis; `misalignment_deg`:
+        phi [deg], from the drive direction to the soft axis; `mu_0`, `mu_inf`: friction coefficients at rest and at high speed
+        [-]; `v_f`: velocity over which friction weakens [m/s] (without `mu_inf` and `v_f` friction is constant); `normal_load`
+        W [N]; `velocity`: drive velocity V [m/s]; `v_smooth`: smoothing velocity [m/s] of the direction of friction, 0 for the
+        exact law; `damping_x`, `damping_y`: c_x, c_y [N s/m] of the dampers parallel to the springs.
 
     Returns
     -------
@@ -97,35 +61,17 @@ def rhs(
         mu_0, mu_inf, W, v_smooth, c_x, c_y >= 0), or only one of `mu_inf` and `v_f` is given. Also if a rate is not a
         number: with the exact law (`v_smooth` = 0) friction has no direction at ``w = 0``.
     """
-    return _evaluated(_slider(locals()), state, 1)[..., 0]
+    return _evaluated(_slider(scene, parameters), state, 1)[..., 0]
 
 
 def jacobian(
-    state: ArrayLike,
-    scene: Any = None,
-    *,
-    mass: float | None = None,
-    stiffness_x: float | None = None,
-    stiffness_y: float | None = None,
-    misalignment_deg: float | None = None,
-    mu_0: float | None = None,
-    mu_inf: float | None = None,
-    v_f: float | None = None,
-    normal_load: float | None = None,
-    velocity: float | None = None,
-    v_smooth: float | None = None,
-    damping_x: float | None = None,
-    damping_y: float | None = None,
+    state: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]
 ) -> NDArray[np.float64]:
     """Derivative of `rhs` with respect to the state.
 
     Parameters
     ----------
-    state : array_like, shape (..., 4)
-        ``u_x, u_y`` [m], ``w_x, w_y`` [m/s], as for `rhs`.
-    scene : str, PathLike or Scene, optional
-        As for `rhs`.
-    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : float
+    state, scene, **parameters
         As for `rhs`.
 
     Returns
@@ -139,7 +85,7 @@ def jacobian(
     UsageError
         As for `rhs`.
     """
-    return _evaluated(_slider(locals()), state, 4)
+    return _evaluated(_slider(scene, parameters), state, 4)
 
 
 @dataclass(frozen=True)
@@ -187,7 +133,7 @@ class SlipProblem:
         return self.drive_velocity[last] + part * (self.drive_velocity[last + 1] - self.drive_velocity[last])
 
     def fun(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
-        """Time derivative of the state, `rhs` with the drive velocity at the time.
+        """Time derivative of the state, as `rhs` with the drive velocity at the time; of the shape of `y`.
 
         Parameters
         ----------
@@ -195,20 +141,11 @@ class SlipProblem:
             Time [s].
         y : array_like, shape (4,) or (4, n)
             One state, or n at the same time, as ``solve_ivp(..., vectorized=True)`` gives them.
-
-        Returns
-        -------
-        ndarray, of the shape of `y`
-
-        Raises
-        ------
-        UsageError
-            As `rhs`.
         """
         return np.asarray(_evaluated(self._at(t), np.transpose(y), 1)[..., 0].T)
 
     def jac(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
-        """Derivative of `fun` with respect to the state.
+        """Derivative of `fun` with respect to the state, shape (4, 4), as `jacobian`.
 
         Parameters
         ----------
@@ -216,15 +153,6 @@ class SlipProblem:
             Time [s].
         y : array_like, shape (4,)
             State.
-
-        Returns
-        -------
-        ndarray, shape (4, 4)
-
-        Raises
-        ------
-        UsageError
-            As `rhs`.
         """
         return _evaluated(self._at(t), y, 4)
 
@@ -271,10 +199,8 @@ def slip_problem(scene: DeckLike) -> SlipProblem:
         )
     times, velocities = drive_of(scene)
     t_end = float(scene.scene.t_end or 0.0)
-    parameters = scene_parameters(scene, with_velocity=False)
-    slider = _slider({"scene": None, **parameters, "velocity": velocities[0]})
-    angle = np.radians(parameters["misalignment_deg"] or 0.0)
-    along = np.array([np.cos(angle), np.sin(angle)])
+    slider = _slider(scene, {"velocity": velocities[0]})
+    along = np.array([np.cos(slider[ANGLE]), np.sin(slider[ANGLE])])
     initial = scene.initial
     y0 = np.concatenate(
         [[initial.elongation_x, initial.elongation_y], initial.velocity_ratio * velocities[0] * along]
@@ -298,9 +224,11 @@ def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) ->
     return finite("the result", rates)
 
 
-def _slider(given: Mapping[str, Any]) -> NDArray[np.float64]:
+def _slider(scene: DeckLike | None, given: Mapping[str, object]) -> NDArray[np.float64]:
     """The parameter vector of the core, from the arguments of a function."""
-    values = slider_parameters(given["scene"], given)
-    return np.array(
-        [for_the_core(name, number(name, value, **LIMITS[name])) for name, value in values.items()]
-    )
+    slider = np.array([
+        number(name, value, units=unit_shown(_native.key_info(_native.group_of(name), name).units), **LIMITS.get(name, {}))
+        for name, value in slider_parameters(scene, given).items()
+    ])  # fmt: skip
+    slider[ANGLE] = np.radians(slider[ANGLE])
+    return slider

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares  # type: ignore[import-untyped]
 from . import _native
 from ._arguments import number, reals
 from .errors import FitWarning, UsageError
+from .record import unit_shown
 from .trace_file import Units, read_friction
 
 __all__ = ["FrictionFit", "fit_friction_law"]
@@ -30,8 +31,8 @@ LAWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("stribeck", KEYS),
 )
 """Laws of a deck with their free coefficients, from the simplest on."""
-ABSENT = {"mu_inf": 0.0, "v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
-"""Values of coefficients that are not free."""
+ABSENT = {"v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
+"""Values of coefficients that are not free; mu_inf is then mu_0."""
 STEEPEST = 10.0
 """Largest exponent of a deck."""
 
@@ -102,10 +103,8 @@ class FrictionFit:
         """The lines of a deck, with the errors as comments; the normal load is missing."""
         lines = [f"  law = '{self.law}'"]
         for key, value in self.values.items():
-            units = _native.key_info("friction", key).units
-            lines.append(
-                f"  {key} = {value:.10g}  ! ± {self.errors[key]:.2g}{'' if units == '1' else ' ' + units}"
-            )
+            units = unit_shown(_native.key_info("friction", key).units)
+            lines.append(f"  {key} = {value:.10g}  ! ± {self.errors[key]:.2g} {units}".rstrip())
         return "&friction\n" + "\n".join(lines) + "\n/\n"
 
     def __str__(self) -> str:
@@ -192,10 +191,8 @@ def fit_friction_law(
 
 
 def _friction(values: Mapping[str, float], v: _Floats) -> _Floats:
-    mu_0 = values["mu_0"]
-    mu_inf, v_f, exponent, viscous = (values.get(key, ABSENT[key]) for key in KEYS[1:])
-    if "mu_inf" not in values:
-        return np.full_like(v, mu_0)
+    coefficients = {"mu_inf": values["mu_0"], **ABSENT, **values}
+    mu_0, mu_inf, v_f, exponent, viscous = (coefficients[key] for key in KEYS)
     return mu_inf + (mu_0 - mu_inf) * np.exp(-((v / v_f) ** exponent)) + viscous * v
 
 
@@ -203,8 +200,8 @@ def _slope(values: Mapping[str, float], v: float) -> float:
     """By central differences; at rest by a difference to one side."""
     step = 1e-6 * max(v, values.get("v_f", 1.0))
     ahead, behind = v + step, max(v - step, 0.0)
-    change = _friction(values, np.array([ahead])) - _friction(values, np.array([behind]))
-    return float(change[0] / (ahead - behind))
+    low, high = _friction(values, np.array([behind, ahead]))
+    return float((high - low) / (ahead - behind))
 
 
 def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> FrictionFit:
@@ -222,14 +219,12 @@ def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> Friction
         return (_friction(values_of(p), v) - f) / scale
 
     lower, upper = (np.array([bounds[key][side] for key in keys]) for side in (0, 1))
-    tried = []
     start = {"mu_0": f[0], "mu_inf": f[-1], "exponent": 1.5, "viscous": 1e-3 * scale / most}
+    tried = []
     for v_f in np.geomspace(least, most, 5) if "v_f" in keys else (1.0,):
-        start["v_f"] = np.log(v_f)
-        begin = np.clip([start[key] for key in keys], lower + 1e-9, upper - 1e-9)
-        tried.append(
-            least_squares(differences, begin, bounds=(lower, upper), x_scale="jac", xtol=1e-12, ftol=1e-12)
-        )
+        begin = np.clip([(start | {"v_f": np.log(v_f)})[key] for key in keys], lower + 1e-9, upper - 1e-9)
+        how = {"x_scale": "jac", "xtol": 1e-12, "ftol": 1e-12}
+        tried.append(least_squares(differences, begin, bounds=(lower, upper), **how))
     best = min(tried, key=lambda each: each.cost)
     scatter = np.sqrt(2.0 * best.cost / (v.size - len(keys))) * scale
     jacobian = best.jac * scale

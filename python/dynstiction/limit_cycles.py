@@ -13,6 +13,9 @@ from .scene import DeckLike, Scene
 
 __all__ = ["Cycles", "LimitCycle", "Regularity", "cycles"]
 
+Verdict = Literal["regular", "irregular", "steady sliding", "undecided"]
+VERDICTS: dict[float, Verdict] = {1.0: "regular", -1.0: "irregular", 2.0: "steady sliding"}
+
 
 class LimitCycle(NamedTuple):
     """A stick-slip cycle that repeats itself. Loads are k_x u_x, positive where the drive pulls."""
@@ -48,7 +51,7 @@ class LimitCycle(NamedTuple):
 class Regularity(NamedTuple):
     """Regularity of the motion of a scene from its initial state."""
 
-    verdict: Literal["regular", "irregular", "steady sliding", "undecided"]
+    verdict: Verdict
     """Whether the motion reaches a cycle; if it is irregular, its cycles have a distribution, not one value."""
     repeats: int
     """Slow cycles after which the motion repeats; 0 if it does not."""
@@ -131,15 +134,11 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     if it has no releases, only the cycle to which it settles is known. See docs/cycles.md.
     """
     with _native.Cycles(Scene(scene).source, model) as found:
+        rows = zip(found.values.tolist(), found.are_stable, strict=True)
         return Cycles(
             found.model,
             found.velocity,
-            tuple(
-                LimitCycle(*row, int(slow_cycles), stable)
-                for (*row, slow_cycles, _), stable in zip(
-                    found.values.tolist(), found.are_stable, strict=True
-                )
-            ),
+            tuple(LimitCycle(*row, int(slow_cycles), stable) for (*row, slow_cycles, _), stable in rows),
             found.values[:, -1],
             found.sliding_load,
             found.sliding_is_stable,
@@ -150,14 +149,9 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
 
 
 def _regularity(found: _native.Cycles) -> Regularity:
-    verdicts: dict[float, Literal["regular", "irregular", "steady sliding"]] = {
-        1.0: "regular",
-        -1.0: "irregular",
-        2.0: "steady sliding",
-    }
     there = found.count > 0
     return Regularity(
-        verdicts.get(found.verdict, "undecided"),
+        VERDICTS.get(found.verdict, "undecided"),
         found.repeats,
         found.exponent,
         found.error,

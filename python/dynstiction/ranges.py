@@ -7,8 +7,9 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from typing import NamedTuple
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ._arguments import names_in
 from ._progress import progress_bar
 from ._slider import held_drive, number_key, own_number
 from .errors import DeckError, SolverError, UsageError
+from .record import headed
 from .scene import DeckLike, Scene
 from .stability import steady_sliding_eigenvalues
 
@@ -86,9 +88,9 @@ class StickSlipRange(NamedTuple):
         other = "is stable" if not self.sliding_is_stable else "is unstable"
         lines.append(f"{'key':28}{'value':>12}  {f'stick-slip {change}':40}  sliding {other}")
         for each in self.keys:
-            name = f"{each.key} [{each.units}]" if each.units != "1" else each.key
+            ends, stable = _ends(each.stick_slip, each.jumps), _ends(each.sliding, (False, False))
             lines.append(
-                f"{name:28}{each.value:>12.6g}  {_ends(each.stick_slip, each.jumps):40}  {_ends(each.sliding, (False, False))}".rstrip()
+                f"{headed(each.key, each.units):28}{each.value:>12.6g}  {ends:40}  {stable}".rstrip()
             )
         return "\n".join(lines)
 
@@ -146,27 +148,31 @@ def stick_slip_range(
     >>> print(stick_slip_range("inputs/fig3.nml", "system.damping_x"))         # doctest: +SKIP
     """
     rig = _Rig(Scene(scene))
-    wanted = [rig.name(key) for key in names_in("keys", keys)]
-    starts = {name: rig.start(name) for name in wanted}
+    starts: dict[str, tuple[float, float]] = {}
+    for key in names_in("keys", keys):
+        name = number_key(key)
+        if name.partition(".")[0] not in GROUPS:
+            raise UsageError(
+                f"no range of {key!r}: name numbers of &system, &friction and &drive as GROUP.KEY"
+            )
+        starts[name] = rig.start(name)
     own, sliding = rig.own, rig.growth({}) < 0.0
     if not own.limit > 0.0:
         raise UsageError("without friction there is no stick-slip: give mu_0 and normal_load that are > 0")
-    sides = [(name, side) for name in wanted for side in (-1, 1)]
-    found: dict[tuple[str, int], _Side] = {}
-    pool = ThreadPoolExecutor(os.cpu_count() or 1)
-    with progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}") as show:
+    sides = [(name, side, *starts[name], sliding) for name in starts for side in (-1, 1)]
+    found: list[_Side] = []
+    bar = progress_bar(progress, len(sides), "{percentage:3.0f}%|{bar}| {elapsed}")
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool, bar as show:
         try:
-            searches = {pool.submit(_search, rig, *side, starts[side[0]], sliding): side for side in sides}
-            for search in as_completed(searches):
-                found[searches[search]] = search.result()
+            for each in pool.map(lambda side: _search(rig, *side), sides):
+                found.append(each)
                 show(len(found))
         finally:
             rig.stopped = True
-            pool.shutdown(cancel_futures=True)
     ranges = []
-    for name in wanted:
-        about = name, _native.key_info(*name.split(".")).units or "1", starts[name][0]
-        ranges.append(KeyRange._make((*about, *zip(found[name, -1], found[name, 1], strict=True))))
+    for name, *both in zip(starts, found[::2], found[1::2], strict=True):
+        units = _native.key_info(*name.split(".")).units or "1"
+        ranges.append(KeyRange._make((name, units, starts[name][0], *zip(*both, strict=True))))
     return StickSlipRange(rig.velocity, own.swing, own.limit, own.least, sliding, tuple(ranges))
 
 
@@ -187,16 +193,6 @@ class _Rig:
         self.velocity = own_number(self.scene, "drive.velocity")
         self.own = self.motion({})
 
-    @staticmethod
-    def name(key: str) -> str:
-        """The full name of a key."""
-        name = number_key(key)
-        if name.partition(".")[0] not in GROUPS:
-            raise UsageError(
-                f"no range of {key!r}: name numbers of &system, &friction and &drive as GROUP.KEY"
-            )
-        return name
-
     def start(self, name: str) -> tuple[float, float]:
         """The value of a key in the scene, and one from which a search begins: of a damper that is 0, a share of the critical one."""
         value = own_number(self.scene, name)
@@ -207,7 +203,7 @@ class _Rig:
             raise UsageError(f"{name} = {value:g}: ranges are found around positive values: give a small one")
         return value, value
 
-    def motion(self, change: dict[str, float]) -> _native.Settling:
+    def motion(self, change: dict[str, Any]) -> _native.Settling:
         """What the motion from rest settles to."""
         with _native.Settling(self.scene.replace(**change).source) as motion:
             while not motion.advance(_native.CHUNK_SECONDS):
@@ -215,67 +211,52 @@ class _Rig:
                     raise KeyboardInterrupt
             return motion
 
-    def growth(self, change: dict[str, float]) -> float:
+    def growth(self, change: dict[str, Any]) -> float:
         """The largest growth of a disturbance of steady sliding [1/s]."""
         return float(np.max(steady_sliding_eigenvalues(self.scene.replace(**change)).real))
 
 
-def _search(rig: _Rig, name: str, side: int, start: tuple[float, float], slides: bool) -> _Side:
-    """What changes on one side of a value."""
-    value, begin = start
+def _search(rig: _Rig, name: str, side: int, value: float, begin: float, slides: bool) -> _Side:
+    """What changes on one side of a value, searched from `begin` on."""
+    from scipy.optimize import brentq  # noqa: PLC0415
+
     if value == 0.0 and side < 0:
         return math.nan, False, math.nan, 0.0
     swings: dict[float, float] = {}
+    last = 90.0 if name == KEYS[0] else math.inf
 
     def excess(at: float) -> float:
         motion = rig.own if at == value else rig.motion({name: at})
         swings[at] = motion.swing / motion.least
         return swings[at] - 1.0
 
-    last = 90.0 if name == KEYS[0] else math.inf
-    end, reached = _nearest(excess, rig.own.swing >= rig.own.least, value, begin, side, last, JUMP)
-    sliding, _ = _nearest(lambda at: rig.growth({name: at}), not slides, value, begin, side, last)
-    beside = [
-        swing for at, swing in swings.items() if swing >= 1.0 and abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY
-    ]
-    return end, bool(beside) and min(beside) > JUMP, sliding, reached
+    def nearest(function: Callable[[float], float], is_positive: bool, gap: float) -> tuple[float, float]:
+        """The nearest change of the sign of a function, NaN if there is none, and how far was searched; values of the function that
+        differ by more than `gap` say only where it changes.
+        """
+        reached, seen = value, functools.cache(function)
+        # Beyond may be what the key may not be, or what the solver cannot do.
+        with suppress(DeckError, SolverError, UsageError):
+            for count in itertools.count(1 if value else 0):
+                ratio = FIRST_STEP ** (count * (count + 1) // 2)
+                at = begin * ratio**side
+                if ratio >= MOST or at >= last:
+                    break
+                if (seen(at) >= 0.0) == is_positive:
+                    reached = at
+                    continue
+                inside, outside = reached, at
+                while abs(seen(inside) - seen(outside)) > gap:
+                    # The line between both says little.
+                    middle = 0.5 * (inside + outside)
+                    if abs(outside - inside) < 2.0 * JUMP_ACCURACY * middle:
+                        return middle, at
+                    is_inside = (seen(middle) >= 0.0) == is_positive
+                    inside, outside = (middle, outside) if is_inside else (inside, middle)
+                return float(brentq(seen, inside, outside, xtol=1e-300, rtol=0.5 * ACCURACY)), at
+        return math.nan, reached
 
-
-def _nearest(
-    function: Callable[[float], float],
-    is_positive: bool,
-    value: float,
-    begin: float,
-    side: int,
-    last: float,
-    gap: float = math.inf,
-) -> tuple[float, float]:
-    """The nearest change of the sign of a function on one side of a value, NaN if there is none, and how far was searched; values of the
-    function that differ by more than `gap` say only where it changes.
-    """
-    from scipy.optimize import brentq  # noqa: PLC0415
-
-    reached, seen = value, functools.cache(function)
-    try:
-        for count in itertools.count(1 if value else 0):
-            ratio = FIRST_STEP ** (count * (count + 1) // 2)
-            at = begin * ratio**side
-            if ratio >= MOST or at >= last:
-                return math.nan, reached
-            if (seen(at) >= 0.0) == is_positive:
-                reached = at
-                continue
-            inside, outside = reached, at
-            while abs(seen(inside) - seen(outside)) > gap:
-                # The line between both says little.
-                middle = 0.5 * (inside + outside)
-                if abs(outside - inside) < 2.0 * JUMP_ACCURACY * middle:
-                    return middle, at
-                inside, outside = (
-                    (middle, outside) if (seen(middle) >= 0.0) == is_positive else (inside, middle)
-                )
-            return float(brentq(seen, inside, outside, xtol=1e-300, rtol=0.5 * ACCURACY)), at
-    except (DeckError, SolverError, UsageError):
-        # Beyond what the key may be, or what the solver can do.
-        pass
-    return math.nan, reached
+    end, reached = nearest(excess, rig.own.swing >= rig.own.least, JUMP)
+    sliding, _ = nearest(lambda at: rig.growth({name: at}), not slides, math.inf)
+    near = [swing for at, swing in swings.items() if abs(at / end - 1.0) < 2.0 * JUMP_ACCURACY]
+    return end, min((swing for swing in near if swing >= 1.0), default=0.0) > JUMP, sliding, reached

@@ -5,15 +5,14 @@ Every parameter may be a number or an array; arrays broadcast against each other
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import reals, shape_of
-from ._slider import for_the_core, slider_parameters
+from ._slider import SliderParameters, slider_parameters
 from .scene import DeckLike, Scene
 
 __all__ = [
@@ -28,7 +27,7 @@ __all__ = [
 ]
 
 
-UNDAMPED = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
+UNDAMPED: dict[str, Any] = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 
 class CriticalMisalignment(NamedTuple):
@@ -97,21 +96,7 @@ def stability(scene: Scene) -> Stability:
 
 
 def steady_sliding_eigenvalues(
-    scene: DeckLike | None = None,
-    /,
-    *,
-    mass: ArrayLike | None = None,
-    stiffness_x: ArrayLike | None = None,
-    stiffness_y: ArrayLike | None = None,
-    misalignment_deg: ArrayLike | None = None,
-    mu_0: ArrayLike | None = None,
-    mu_inf: ArrayLike | None = None,
-    v_f: ArrayLike | None = None,
-    normal_load: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    v_smooth: ArrayLike | None = None,
-    damping_x: ArrayLike | None = None,
-    damping_y: ArrayLike | None = None,
+    scene: DeckLike | None = None, /, **parameters: Unpack[SliderParameters]
 ) -> NDArray[np.complex128]:
     """Eigenvalues of a perturbation of steady sliding.
 
@@ -124,11 +109,8 @@ def steady_sliding_eigenvalues(
     scene : str, PathLike or Scene, optional
         A deck or a scene, for the parameters that are not given. If its drive keeps several velocities, `velocity` must be given.
         Without keywords the scene may have any friction law, with keywords only constant or weakening friction.
-    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth : array_like
-        As for `rhs`: m [kg], k_x, k_y [N/m], phi [deg], friction coefficients, v_f [m/s], W [N], V [m/s], which must not be
-        0, and the smoothing velocity [m/s].
-    damping_x, damping_y : array_like
-        c_x, c_y [N s/m] of the dampers parallel to the springs.
+    **parameters : array_like
+        As for `rhs`; V must not be 0. Arrays broadcast.
 
     Returns
     -------
@@ -146,31 +128,15 @@ def steady_sliding_eigenvalues(
     Computed by LAPACK; the error is about 1e-16 times the largest eigenvalue, so the sign of a real part
     far below that has no meaning. `critical_misalignment` has no such limit.
     """
-    given = locals()
-    if _is_alone(given):
-        with _native.Steady(Scene(given["scene"]).source) as found:
+    if scene is not None and not _given(parameters):
+        with _native.Steady(Scene(scene).source) as found:
             return found.eigenvalues
-    sliders, shape = _sliders(given)
-    parts = _native.steady_sliding("eigenvalues", 8, sliders)
-    return (parts[:, :4] + 1j * parts[:, 4:]).reshape(*shape, 4)
+    parts = _theory("eigenvalues", 8, scene, parameters)
+    return parts[..., :4] + 1j * parts[..., 4:]
 
 
 def critical_misalignment(
-    scene: DeckLike | None = None,
-    /,
-    *,
-    mass: ArrayLike | None = None,
-    stiffness_x: ArrayLike | None = None,
-    stiffness_y: ArrayLike | None = None,
-    misalignment_deg: ArrayLike | None = None,
-    mu_0: ArrayLike | None = None,
-    mu_inf: ArrayLike | None = None,
-    v_f: ArrayLike | None = None,
-    normal_load: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    v_smooth: ArrayLike | None = None,
-    damping_x: ArrayLike | None = None,
-    damping_y: ArrayLike | None = None,
+    scene: DeckLike | None = None, /, **parameters: Unpack[SliderParameters]
 ) -> CriticalMisalignment:
     """Misalignments between 0 and 90 degrees at which the stability of steady sliding changes.
 
@@ -181,12 +147,8 @@ def critical_misalignment(
 
     Parameters
     ----------
-    scene : str, PathLike or Scene, optional
-        As for `steady_sliding_eigenvalues`.
-    mass, stiffness_x, stiffness_y, mu_0, mu_inf, v_f, normal_load, velocity, v_smooth, damping_x, damping_y : array_like
-        As for `steady_sliding_eigenvalues`.
-    misalignment_deg : array_like
-        Has an effect on the shape only. It is accepted so that the same keywords can be used as for `steady_sliding_eigenvalues`.
+    scene, **parameters
+        As for `steady_sliding_eigenvalues`; `misalignment_deg` may be missing, and has an effect on the shape only.
 
     Returns
     -------
@@ -198,14 +160,12 @@ def critical_misalignment(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    given = locals()
-    if _is_alone(given):
-        with _native.Steady(Scene(given["scene"]).source) as found:
+    if scene is not None and not _given(parameters):
+        with _native.Steady(Scene(scene).source) as found:
             return _critical(found.critical)
-    if scene is None and misalignment_deg is None:
-        given["misalignment_deg"] = 0.0
-    sliders, shape = _sliders(given)
-    return _critical(_native.steady_sliding("critical", 9, sliders).reshape(*shape, 9))
+    if scene is None and parameters.get("misalignment_deg") is None:
+        parameters["misalignment_deg"] = 0.0
+    return _critical(_theory("critical", 9, scene, parameters))
 
 
 def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
@@ -219,20 +179,7 @@ def _critical(values: NDArray[np.float64]) -> CriticalMisalignment:
     )
 
 
-def creep_end(
-    scene: DeckLike | None = None,
-    /,
-    *,
-    mass: ArrayLike | None = None,
-    stiffness_x: ArrayLike | None = None,
-    stiffness_y: ArrayLike | None = None,
-    misalignment_deg: ArrayLike | None = None,
-    mu_0: ArrayLike | None = None,
-    mu_inf: ArrayLike | None = None,
-    v_f: ArrayLike | None = None,
-    normal_load: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-) -> CreepEnd:
+def creep_end(scene: DeckLike | None = None, /, **parameters: Unpack[SliderParameters]) -> CreepEnd:
     """Where slow creep ends in slip, and how far the fast oscillation has decayed by then.
 
     During creep ``v = V sin(phi)/sin(theta)`` and ``k_x u_x = F(v) cos(theta)``; creep ends at the maximum of k_x u_x. The fast
@@ -242,10 +189,8 @@ def creep_end(
 
     Parameters
     ----------
-    scene : str, PathLike or Scene, optional
-        As for `steady_sliding_eigenvalues`.
-    mass, stiffness_x, stiffness_y, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity : array_like
-        As for `steady_sliding_eigenvalues`.
+    scene, **parameters
+        As for `steady_sliding_eigenvalues`, without smoothing velocity and dampers.
 
     Returns
     -------
@@ -258,25 +203,12 @@ def creep_end(
     UsageError
         As for `steady_sliding_eigenvalues`.
     """
-    sliders, shape = _sliders(locals() | UNDAMPED)
-    values = _native.steady_sliding("creep_end", 5, sliders)
-    exists = values[:, 0] == 1.0
-    return CreepEnd(*(np.where(exists, column, np.nan).reshape(shape) for column in values.T[1:]))
+    exists, *values = np.moveaxis(_theory("creep_end", 5, scene, parameters, **UNDAMPED), -1, 0)
+    return CreepEnd(*(np.where(exists == 1.0, column, np.nan) for column in values))
 
 
 def damping_ratio(
-    theta: ArrayLike,
-    scene: Any = None,
-    *,
-    mass: ArrayLike | None = None,
-    stiffness_x: ArrayLike | None = None,
-    stiffness_y: ArrayLike | None = None,
-    misalignment_deg: ArrayLike | None = None,
-    mu_0: ArrayLike | None = None,
-    mu_inf: ArrayLike | None = None,
-    v_f: ArrayLike | None = None,
-    normal_load: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
+    theta: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]
 ) -> NDArray[np.float64]:
     """Damping ratio of the slow motion while friction points along theta, Eq. (10).
 
@@ -288,12 +220,8 @@ def damping_ratio(
     ----------
     theta : array_like
         Angle [rad] from the soft axis to the friction; broadcasts with the parameters.
-    scene : str, PathLike or Scene, optional
-        As for `steady_sliding_eigenvalues`.
-    mass, stiffness_x, misalignment_deg, mu_0, mu_inf, v_f, normal_load, velocity : array_like
-        As for `steady_sliding_eigenvalues`; ``V sin(phi)`` must not be 0.
-    stiffness_y : array_like
-        Has an effect on the shape only: the stiff axis is taken as rigid.
+    scene, **parameters
+        As for `creep_end`; `stiffness_y` may be missing, and has an effect on the shape only: the stiff axis is taken as rigid.
 
     Returns
     -------
@@ -305,29 +233,35 @@ def damping_ratio(
     UsageError
         As for `steady_sliding_eigenvalues`; also if ``V sin(phi) = 0``.
     """
-    given = locals() | UNDAMPED | {"stiffness_y": 1.0 if stiffness_y is None else stiffness_y}
+    if parameters.get("stiffness_y") is None:
+        parameters["stiffness_y"] = 1.0
     angles = reals("theta", theta, units="rad")
-    sliders, shape = _sliders(given, theta=angles)
-    every_angle = np.broadcast_to(angles, shape).reshape(-1)
-    weakens = np.any(sliders[:, 4] != sliders[:, 5])
-    what = "weakening" if mu_inf is not None or weakens else "damping"
-    return _native.steady_sliding(what, 1, sliders, every_angle).reshape(shape)
+    return _theory("damping", 1, scene, parameters, angles, **UNDAMPED)[..., 0]
 
 
-def _is_alone(given: Mapping[str, Any]) -> bool:
-    """Whether a scene is given, and no parameter besides."""
-    return [name for name, value in given.items() if value is not None] == ["scene"]
+def _given(parameters: SliderParameters) -> bool:
+    return any(value is not None for value in parameters.values())
 
 
-def _sliders(
-    given: Mapping[str, Any], **others: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], tuple[int, ...]]:
-    """Parameter rows of the core, from the arguments of a function, and the shape that they and `others` broadcast to."""
+def _theory(
+    what: str,
+    n_values: int,
+    scene: DeckLike | None,
+    given: SliderParameters,
+    theta: NDArray[np.float64] | None = None,
+    **fixed: float,
+) -> NDArray[np.float64]:
+    """Values (..., n_values) of the core's linear theory, from the arguments of a function."""
     # The core checks the ranges.
-    parameters = {
-        name: for_the_core(name, reals(name, value, checked=False))
-        for name, value in slider_parameters(given["scene"], given).items()
+    arrays = {
+        name: reals(name, value, checked=False)
+        for name, value in slider_parameters(scene, given, **fixed).items()
     }
-    shape = shape_of(**parameters, **others)
-    rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in parameters.values()], axis=1)
-    return np.ascontiguousarray(rows), shape
+    arrays["misalignment_deg"] = np.radians(arrays["misalignment_deg"])
+    shape = shape_of(**arrays, **({} if theta is None else {"theta": theta}))
+    rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in arrays.values()], axis=1)
+    if theta is not None:
+        theta = np.broadcast_to(theta, shape).reshape(-1)
+        if given.get("mu_inf") is not None or np.any(arrays["mu_0"] != arrays["mu_inf"]):
+            what = "weakening"
+    return _native.steady_sliding(what, n_values, np.ascontiguousarray(rows), theta).reshape(*shape, n_values)

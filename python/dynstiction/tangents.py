@@ -36,8 +36,7 @@ class Sensitivity(NamedTuple):
     def elasticities(self) -> NDArray[np.float64]:
         """Percent of each measure per percent of each parameter; shape (measure, parameter)."""
         measures = np.array([*self.cycle.values()])[:, np.newaxis]
-        result: NDArray[np.float64] = self.derivatives * np.array([*self.parameters.values()]) / measures
-        return result
+        return np.asarray(self.derivatives * np.array([*self.parameters.values()]) / measures)
 
     def __str__(self) -> str:
         head = [f"{'percent per percent':32s}", *(f"{name:>15s}" for name in self.cycle)]
