@@ -11,6 +11,7 @@ from .branches import branch as branch
 from .creep import Creep as Creep
 from .creep import creep_asymptotic as creep_asymptotic
 from .creep import creep_exact as creep_exact
+from .creep import creep_velocity as creep_velocity
 from .creep_fit import CreepFit as CreepFit
 from .creep_fit import fit_creep as fit_creep
 from .equations import SlipProblem as SlipProblem
@@ -52,6 +53,7 @@ from .result import open as open
 from .scene import Scene as Scene
 from .simulation import Simulation as Simulation
 from .spectrum import Spectrogram as Spectrogram
+from .spectrum import creep_frequency as creep_frequency
 from .spectrum import oscillation_frequency as oscillation_frequency
 from .spectrum import ridge as ridge
 from .spectrum import spectrogram as spectrogram

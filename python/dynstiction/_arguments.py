@@ -20,6 +20,8 @@ ALIKE = 0.6
 SMALLEST = float(np.finfo(np.float64).smallest_normal)
 """Smaller numbers have lost digits."""
 
+LARGEST = float(np.finfo(np.float64).max)
+
 MOST_POINTS = 2**31 - 1
 """The core counts with 32 bits."""
 

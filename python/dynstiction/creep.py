@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from ._arguments import finite, reals, shape_of, shown
+from ._arguments import LARGEST, SMALLEST, finite, reals, shape_of, shown
 from .errors import UsageError
 
-__all__ = ["Creep", "creep_asymptotic", "creep_exact"]
+__all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimensionless"]
 
 _Floats = NDArray[np.float64]
 Form = Literal["first_power", "printed", "third_order"]
@@ -107,6 +107,78 @@ def creep_asymptotic(tau: ArrayLike, phi: ArrayLike, form: Form = "first_power")
     if not isinstance(form, str) or form not in FORMS:
         raise UsageError(f"form = {shown(form)}: one of {', '.join(map(repr, FORMS))}")
     return cast(_Floats, finite("X'/V", _evaluate(form, 1, tau, phi, 0.0)[0]))
+
+
+def creep_velocity(
+    t: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    misalignment_deg: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike | None = None,
+    mu_0: ArrayLike,
+    normal_load: ArrayLike,
+) -> _Floats:
+    """Velocity X' of slow creep along the drive in SI units, exact (`creep_exact`).
+
+    Parameters
+    ----------
+    t : array_like
+        Time [s] since the spring was relaxed, at least 0.
+    velocity : array_like
+        V [m/s] of the drive, positive.
+    misalignment_deg : array_like
+        phi [deg] in (-90, 90).
+    stiffness_x, stiffness_y : array_like
+        k_x < k_y [N/m] of the soft and the stiff principal axis; without `stiffness_y` the stiff axis is rigid.
+    mu_0 : array_like
+        Friction coefficient [-], positive.
+    normal_load : array_like
+        W [N], positive.
+
+    Returns
+    -------
+    ndarray, float64
+        X' [m/s] in the broadcast shape of all arguments.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of range or is not a number (the message gives the range), or if the arguments do not broadcast.
+    """
+    scaled = dimensionless(**locals() | {"stiffness_y": np.inf if stiffness_y is None else stiffness_y})
+    return reals("velocity", velocity) * creep_exact(*scaled).X_rate
+
+
+def dimensionless(
+    t: ArrayLike,
+    *,
+    velocity: ArrayLike,
+    misalignment_deg: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    mu_0: ArrayLike,
+    normal_load: ArrayLike,
+) -> tuple[_Floats, _Floats, _Floats]:
+    """Arguments (tau, phi, kappa) of `creep_exact` from those of `creep_velocity`; an infinite `stiffness_y` is rigid."""
+    positive = (("velocity", velocity, "m/s"), ("stiffness_x", stiffness_x, "N/m"), ("mu_0", mu_0, "1"),
+                ("normal_load", normal_load, "N"))  # fmt: skip
+    given = {name: reals(name, value, above=0.0, units=units) for name, value, units in positive}
+    stiff = reals("stiffness_y", stiffness_y, checked=False)
+    # Infinity means a rigid axis.
+    reals("stiffness_y", np.minimum(stiff, LARGEST), above=0.0, units="N/m")
+    times = reals("t", t, least=0.0, units="s")
+    phi = np.radians(reals("misalignment_deg", misalignment_deg, above=-90.0, below=90.0, units="deg"))
+    shape_of(t=times, misalignment_deg=phi, stiffness_y=stiff, **given)
+    speed, soft, friction_coefficient, load = given.values()
+    with np.errstate(all="ignore"):
+        friction = reals("mu_0 normal_load", friction_coefficient * load, least=SMALLEST, units="N")
+        loading = reals("velocity stiffness_x", speed * soft, least=SMALLEST, units="N/s")
+        rate = reals(
+            "velocity stiffness_x/(mu_0 normal_load)", loading / friction, least=SMALLEST, units="1/s"
+        )
+        kappa = reals("stiffness_x/stiffness_y", soft / stiff, least=0.0, below=1.0)
+        return times * rate, phi, kappa
 
 
 def _evaluate(form: str, n_values: int, tau: ArrayLike, phi: ArrayLike, kappa: ArrayLike) -> _Floats:

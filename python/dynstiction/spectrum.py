@@ -9,9 +9,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import finite, instance, number, reals, shape_of
+from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
-__all__ = ["Spectrogram", "oscillation_frequency", "ridge", "spectrogram"]
+__all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "spectrogram"]
 
 _Floats = NDArray[np.float64]
 
@@ -147,7 +148,7 @@ def oscillation_frequency(
     Parameters
     ----------
     theta : array_like
-        Angle [rad] from the soft axis to the slip; in slow creep ``creep_exact(V*t*k_x/(mu_0*W), phi, k_x/k_y).theta``.
+        Angle [rad] from the soft axis to the slip.
     mass : array_like
         m [kg].
     stiffness_x, stiffness_y : array_like
@@ -172,6 +173,51 @@ def oscillation_frequency(
     root = np.hypot(np.sqrt(stiff) * np.sin(angle), np.sqrt(soft) * np.cos(angle))
     with np.errstate(over="ignore"):
         return np.asarray(finite("the frequency", root / np.sqrt(inertia) / (2.0 * np.pi)))
+
+
+def creep_frequency(
+    t: ArrayLike,
+    *,
+    mass: ArrayLike,
+    velocity: ArrayLike,
+    misalignment_deg: ArrayLike,
+    stiffness_x: ArrayLike,
+    stiffness_y: ArrayLike,
+    mu_0: ArrayLike,
+    normal_load: ArrayLike,
+) -> _Floats:
+    """Frequency of the fast oscillation in slow creep: `oscillation_frequency` at the angle of `creep_exact`.
+
+    For small misalignment ``sqrt(k_y/m) sqrt(1 - tau^2)/(2 pi)`` with ``tau = V t k_x/(mu_0 W)``.
+
+    Parameters
+    ----------
+    t : array_like
+        Time [s] since the spring was relaxed, at least 0.
+    mass, velocity, misalignment_deg, stiffness_x, stiffness_y, mu_0, normal_load : array_like
+        m [kg], V [m/s] > 0, phi [deg], k_x < k_y [N/m], friction coefficient, W [N].
+
+    Returns
+    -------
+    ndarray, float64
+        Frequency [Hz] in the broadcast shape.
+
+    Raises
+    ------
+    UsageError
+        If an argument is out of the range of `creep_velocity`, or the mass is not positive.
+    """
+    scaled = dimensionless(
+        t,
+        velocity=velocity,
+        misalignment_deg=misalignment_deg,
+        stiffness_x=stiffness_x,
+        stiffness_y=reals("stiffness_y", stiffness_y, above=0.0, units="N/m"),
+        mu_0=mu_0,
+        normal_load=normal_load,
+    )
+    theta = creep_exact(*scaled).theta
+    return oscillation_frequency(theta, mass=mass, stiffness_x=stiffness_x, stiffness_y=stiffness_y)
 
 
 def _uniform(times: _Floats) -> tuple[float, int]:

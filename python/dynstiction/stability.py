@@ -5,7 +5,7 @@ Every parameter may be a number or an array; arrays broadcast against each other
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 
-UNDAMPED: dict[str, Any] = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
+UNDAMPED = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 
 class CriticalMisalignment(NamedTuple):

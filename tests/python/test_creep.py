@@ -1,4 +1,4 @@
-"""Slow creep through Python: symmetry, shapes, speed. The numbers: tests/unit/test_creep.f90, test_creep_validation.py."""
+"""Slow creep through Python: units, shapes, errors. The numbers: tests/unit/test_creep.f90, test_creep_validation.py."""
 
 from __future__ import annotations
 
@@ -6,6 +6,19 @@ import time
 
 import dynstiction as ds
 import numpy as np
+from fig3 import SLIDER
+
+FIG3 = {name: SLIDER[name] for name in ("velocity", "stiffness_x", "mu_0", "normal_load")}
+
+
+def test_si_units() -> None:
+    phi = np.radians(1.0)
+    t = np.array([0.5, 1.0, 3.0])
+    rigid = ds.creep_velocity(t, misalignment_deg=1.0, **FIG3)
+    np.testing.assert_allclose(rigid, 1e-3 * ds.creep_exact(0.5 * t, phi).X_rate, rtol=1e-15)
+    finite = ds.creep_velocity(t, misalignment_deg=1.0, stiffness_y=1e7, **FIG3)
+    np.testing.assert_allclose(finite, 1e-3 * ds.creep_exact(0.5 * t, phi, 1e-4).X_rate, rtol=1e-15)
+    assert finite[1] != rigid[1]
 
 
 def test_mirror() -> None:

@@ -38,6 +38,7 @@ SHORT = {"t_end": 0.05}
 
 SLIDER = fig3_deck.SLIDER | {"misalignment_deg": 1.1}
 
+CREEP = {k: SLIDER[k] for k in ("velocity", "misalignment_deg", "stiffness_x", "stiffness_y", "mu_0", "normal_load")}
 
 
 def process(script: str, deck: str, **how: object) -> str:
@@ -239,6 +240,8 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "damping_ratio": (ds.damping_ratio, {"theta": 0.3, **SLIDER}),
     "creep_exact": (ds.creep_exact, {"tau": 0.5, "phi": 0.1, "kappa": 1e-3}),
     "creep_asymptotic": (ds.creep_asymptotic, {"tau": 0.5, "phi": 0.1, "form": "printed"}),
+    "creep_velocity": (ds.creep_velocity, {"t": 0.5, **CREEP}),
+    "creep_frequency": (ds.creep_frequency, {"t": 0.5, "mass": 0.25, **CREEP}),
     "oscillation_frequency": (ds.oscillation_frequency, {"theta": 0.3, "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}),
     "spectrogram": (ds.spectrogram, {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2}),
     "ridge": (ds.ridge, {"spectrum": ds.spectrogram(np.arange(99) * 0.01, np.sin(np.arange(99)), 0.2), "above": 1.0}),
@@ -248,7 +251,7 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
 NO_NUMBERS = ["x", b"x", 1j, [1j], {}, object(), [[1.0], [1.0, 2.0]], np.array(["a"]), np.datetime64("2020-01-01"),
               np.ma.array([1.0, 2.0], mask=[0, 1])]  # fmt: skip
 POSITIVE = ("mass", "stiffness_x", "stiffness_y", "v_f")
-"""Not 0 either."""
+"""Not 0 either; 0 is a friction of no creep alone, and a velocity has any sign elsewhere."""
 
 
 @pytest.mark.parametrize("name", NUMERICAL)
@@ -256,13 +259,15 @@ def test_every_argument_that_cannot_be_meant_is_refused(name: str) -> None:
     function, good = NUMERICAL[name]
     function(**good)
     optional = {"mu_inf", "v_f", "v_smooth"} | ({"misalignment_deg"} if name == "critical_misalignment" else set())
-    optional |= {"stiffness_y"} if name == "damping_ratio" else set()
+    optional |= {"stiffness_y"} if name in ("damping_ratio", "creep_velocity") else set()
+    of_creep = name in ("creep_velocity", "creep_frequency")
     for argument in good:
-        for value in [*([] if argument in optional else [None]), *NO_NUMBERS, np.nan, -np.inf, np.inf]:
+        beyond = [np.nan, -np.inf] + ([] if (name, argument) == ("creep_velocity", "stiffness_y") else [np.inf])
+        for value in [*([] if argument in optional else [None]), *NO_NUMBERS, *beyond]:
             with pytest.raises(ds.UsageError):
                 function(**{**good, argument: value})
-        negative = [-1.0] if argument in ("mu_0", "normal_load", *POSITIVE) else []
-        zero = [0.0] if argument in POSITIVE else []
+        negative = [-1.0] if argument in ("mu_0", "normal_load", *POSITIVE) or (argument == "velocity" and of_creep) else []
+        zero = [0.0] if argument in POSITIVE or (argument in ("mu_0", "normal_load", "velocity") and of_creep) else []
         for value in negative + zero if name != "critical_misalignment" else []:
             with pytest.raises(ds.UsageError, match=argument):
                 function(**{**good, argument: value})
@@ -303,7 +308,7 @@ def test_any_arguments_give_numbers_or_an_error(name: str, data: Any) -> None:
         assert name in ("ridge", "critical_misalignment", "creep_end") or not np.any(np.isnan(array))
 
 
-def test_no_rate_where_there_is_no_direction_and_beyond_the_numbers() -> None:
+def test_no_rate_where_there_is_no_direction_and_no_creep_beyond_the_numbers() -> None:
     at_rest = [[0.0, 0.0, 0.0, 0.0]]
     for function in (ds.rhs, ds.jacobian):
         with pytest.raises(ds.UsageError, match=r"w = 0, .* give v_smooth > 0"):
@@ -311,6 +316,9 @@ def test_no_rate_where_there_is_no_direction_and_beyond_the_numbers() -> None:
         assert np.all(np.isfinite(function(at_rest, **SLIDER, v_smooth=1e-5)))
         with pytest.raises(ds.UsageError, match="beyond the range"):
             function([[1e308, 1e308, 1e308, 1.0]], **SLIDER)
+    for *product, value in (("mu_0", "normal_load", 1e200), ("mu_0", "normal_load", 1e-200), ("velocity", "stiffness_x", 1e-200)):
+        with pytest.raises(ds.UsageError, match="must be finite and in"):
+            ds.creep_velocity(0.5, **{**CREEP, "stiffness_y": 1e307, **dict.fromkeys(product, value)})
 
 
 LOOP: list[object] = []

@@ -15,13 +15,6 @@ SIMULATED = np.array([1000.9, 990.8, 956.2, 869.1, 720.3, 610.5])
 TIME = np.arange(20001) / 1e4
 
 
-def creep_frequency(t: np.ndarray, **p: float) -> np.ndarray:
-    """Of the fast oscillation at the angle of slow creep."""
-    tau = p["velocity"] * p["stiffness_x"] / (p["mu_0"] * p["normal_load"]) * t
-    theta = ds.creep_exact(tau, np.radians(p["misalignment_deg"]), p["stiffness_x"] / p["stiffness_y"]).theta
-    return ds.oscillation_frequency(theta, **{name: p[name] for name in ("mass", "stiffness_x", "stiffness_y")})
-
-
 def tone(frequency: float, amplitude: float = 1.0, offset: float = 0.0) -> np.ndarray:
     return offset + amplitude * np.sin(2 * np.pi * frequency * TIME)
 
@@ -84,7 +77,7 @@ def test_prediction_is_the_circle_for_small_misalignment() -> None:
     for phi in (1e-2, 1e-3):
         # A rigid stiff axis: both stiffnesses and the mass scaled, so that k_x/k_y does not show.
         slider = FIG4 | {"misalignment_deg": np.degrees(phi), "stiffness_y": 1e11, "mass": 2.5e3}
-        errors.append(np.max(np.abs(creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
+        errors.append(np.max(np.abs(ds.creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
     assert errors[0] < 0.05
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.15)
 
@@ -95,10 +88,10 @@ def test_ridge_of_fig4(fig4_result: ds.Result, column: str) -> None:
     spectrum = ds.spectrogram(fig4_result.time, fig4_result[column])
     found = ds.ridge(spectrum, above=100.0)
     here = np.interp(TIMES, spectrum.time, found)
-    np.testing.assert_allclose(here, creep_frequency(TIMES, **FIG4), rtol=0.01)
+    np.testing.assert_allclose(here, ds.creep_frequency(TIMES, **FIG4), rtol=0.01)
     np.testing.assert_allclose(here, SIMULATED, rtol=0.002)
     between = (spectrum.time >= 0.1) & (spectrum.time <= 1.6)
-    predicted = creep_frequency(spectrum.time[between], **FIG4)
+    predicted = ds.creep_frequency(spectrum.time[between], **FIG4)
     np.testing.assert_allclose(found[between], predicted, rtol=0.01)
 
 
@@ -107,4 +100,4 @@ def test_without_rests_the_ridge_is_the_prediction() -> None:
     result = ds.run(deck("fig3_constant"), scene={"t_end": 0.7}, output={"interval": 1e-4})
     spectrum = ds.spectrogram(result.time, result["w_y"])
     here = np.interp(TIMES[:3], spectrum.time, ds.ridge(spectrum, above=100.0))
-    np.testing.assert_allclose(here, creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)
+    np.testing.assert_allclose(here, ds.creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)
