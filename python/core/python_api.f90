@@ -1035,18 +1035,24 @@ contains
   subroutine check_parameters(values, error)
     real(wp), intent(in) :: values(12)
     type(error_t), allocatable, intent(out) :: error
-    real(wp), parameter :: largest = sqrt(huge(1.0_wp))
+    real(wp) :: least(12)
+    integer :: i
 
-    associate (friction => values(5:8), v_smooth => values(10))
-      if (.not. (all(friction >= 0.0_wp) .and. all(friction <= huge(friction)) .and. values(7) >= tiny(1.0_wp))) then
-        call raise(error, usage_error, 'mu_0, mu_inf, v_f or normal_load is out of range: mu_0, mu_inf and normal_load must be '// &
-                   'finite and >= 0, v_f finite and > 0')
-      else if (maxval(exponent(values(5:6))) + exponent(values(8)) > maxexponent(1.0_wp) - 2) then
-        call raise(error, usage_error, 'mu_0 or mu_inf times normal_load is beyond the range of the numbers: give smaller ones')
-      else if (.not. (v_smooth >= 0.0_wp .and. v_smooth < largest)) then
-        call raise(error, usage_error, 'v_smooth is out of range: it must be finite and >= 0, and its square too')
-      end if
-    end associate
+    least = 0.0_wp
+    ! Masses, stiffnesses and v_f are not 0; any misalignment is one, and each function has its own velocities.
+    least([1, 2, 3, 7]) = tiny(1.0_wp)
+    least([4, 9]) = -huge(1.0_wp)
+    do i = 1, size(values)
+      if (i == 9 .or. (values(i) >= least(i) .and. values(i) <= huge(1.0_wp))) cycle
+      call raise(error, usage_error, trim(slider_parameters(i))//' = '//trim(short_text(values(i)))//': it must be finite'// &
+                 trim(merge(' and > 0 ', merge(' and >= 0', '         ', least(i) >= 0.0_wp), least(i) > 0.0_wp)))
+      return
+    end do
+    if (maxval(exponent(values(5:6))) + exponent(values(8)) > maxexponent(1.0_wp) - 2) then
+      call raise(error, usage_error, 'mu_0 or mu_inf times normal_load is beyond the range of the numbers: give smaller ones')
+    else if (.not. values(10) < sqrt(huge(1.0_wp))) then
+      call raise(error, usage_error, 'v_smooth is out of range: it must be finite and >= 0, and its square too')
+    end if
   end subroutine check_parameters
 
   function slider_from(values) result(slider)

@@ -30,8 +30,6 @@ module dst_friction
     procedure :: limit_after
     procedure :: limit_rate
     procedure :: holds_more
-    !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge if it is smooth.
-    procedure :: first_knot
   end type friction_law_t
 
   abstract interface
@@ -77,7 +75,6 @@ module dst_friction
     type(monotone_cubic_t) :: curve
   contains
     procedure :: evaluate => evaluate_table
-    procedure :: first_knot => first_knot_of_table
   end type table_friction_t
 
 contains
@@ -229,18 +226,4 @@ contains
 
     call self%curve%evaluate(speed, force, slope)
   end subroutine evaluate_table
-
-  pure real(wp) function first_knot(self)
-    class(friction_law_t), intent(in) :: self
-
-    associate (unused => self%static_limit)
-    end associate
-    first_knot = huge(1.0_wp)
-  end function first_knot
-
-  pure real(wp) function first_knot_of_table(self)
-    class(table_friction_t), intent(in) :: self
-
-    first_knot_of_table = self%curve%x(2)
-  end function first_knot_of_table
 end module dst_friction

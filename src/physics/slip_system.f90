@@ -154,11 +154,15 @@ contains
     self%drive_coupling = slider%drive_coupling()
     self%drive_stiffness = slider%stiffness*self%drive_coupling
     self%acceleration_noise = slider%acceleration_noise()
-    self%frequency = slider%frequency()
-    self%static_speed = slider%static_speed()
+    self%frequency = sqrt(slider%stiffness/slider%mass)
+    ! Without friction or without a spring there is no scale.
+    if (slider%law%static_limit > 0.0_wp) then
+      where (slider%stiffness > 0.0_wp) self%static_speed = slider%law%static_limit/sqrt(slider%mass*slider%stiffness)
+    end if
     self%is_damped = slider%is_damped()
     self%damping = slider%free*slider%damping
-    self%relaxation = slider%relaxation()
+    ! A model without this spring has no damper parallel to it.
+    where (slider%damping > 0.0_wp) self%relaxation = slider%free*slider%damping/slider%stiffness
   end subroutine take
 
   !> Dampers act as longer springs: with the times r = c/k, k u becomes k (u + r u'), u' = V e - w. To be called last in `dynamics`,

@@ -11,7 +11,6 @@ module dst_stability
   use dst_eigenvalues, only: find_eigenvalues
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, usage_error
-  use dst_friction, only: exponential_form
   use dst_slider, only: slider_t
   use dst_text, only: short_text
   implicit none
@@ -251,12 +250,12 @@ contains
     real(wp) :: drift
 
     lambda = 0.0_wp
-    call check_slider(slider, error)
     drift = abs(velocity*slider%along(2))
-    if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
+    if (.not. (drift > 0.0_wp .and. drift <= huge(drift))) then
       call raise(error, usage_error, 'V sin(phi) = '//trim(short_text(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
-    if (allocated(error)) return
+      return
+    end if
     lambda = 0.5_wp*slider%law%kinetic_limit/(drift*impedance(slider))
     call check_finite('Lambda', [lambda], error)
   end subroutine damping_scale
@@ -322,8 +321,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: speed, force(1), slope(1), smoothing, smoothed
 
-    call check_slider(slider, error)
-    if (allocated(error)) return
     speed = abs(velocity)
     if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
       call raise(error, usage_error, 'V = '//trim(short_text(velocity))// &
@@ -349,43 +346,4 @@ contains
 
     if (.not. all(abs(values) <= huge(values))) call raise(error, usage_error, name//' is '//beyond)
   end subroutine check_finite
-
-  !> Decks are checked when they are read; other callers may pass anything.
-  subroutine check_slider(slider, error)
-    type(slider_t), intent(in) :: slider
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: limit, drop, decay, values(4)
-    logical :: is_exponential
-
-    call check('mass', slider%mass, 'kg')
-    call check('stiffness_x', slider%stiffness(1), 'N/m')
-    call check('stiffness_y', slider%stiffness(2), 'N/m')
-    if (allocated(error)) return
-    if (.not. all(slider%damping >= 0.0_wp .and. slider%damping <= huge(slider%damping))) then
-      call raise(error, usage_error, 'damping_x or damping_y is negative or not a number: both must be finite and >= 0')
-      return
-    end if
-    if (.not. sum(abs(slider%along)) <= 2.0_wp) then
-      call raise(error, usage_error, 'the misalignment is not a number: it must be finite')
-      return
-    end if
-    call exponential_form(slider%law, limit, drop, decay, is_exponential)
-    ! Not with `min` and `max`, which ignore a NaN.
-    values = [slider%law%static_limit, limit, decay, slider%smoothing]
-    if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
-      call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
-                 'must be finite and >= 0, v_f > 0')
-    end if
-
-  contains
-
-    subroutine check(name, value, unit)
-      character(*), intent(in) :: name, unit
-      real(wp), intent(in) :: value
-
-      if (allocated(error)) return
-      if (.not. (value > 0.0_wp .and. value <= huge(value))) &
-        call raise(error, usage_error, name//' = '//trim(short_text(value))//' '//unit//': it must be finite and > 0')
-    end subroutine check
-  end subroutine check_slider
 end module dst_stability
