@@ -619,19 +619,14 @@ contains
     case ('columns')
       call describe(self%table, columns(self%derivatives%selected), 0)
     case ('samples')
-      associate (value => self%derivatives%value, change => self%derivatives%change)
-        call new_table(self%table, size(value, 2), 0, size(value, 1)*(1 + size(change, 2)))
-        self%table%number(:size(value, 1), :) = value
-        do i = 1, size(value, 2)
-          self%table%number(size(value, 1) + 1:, i) = reshape(change(:, :, i), [size(value, 1)*size(change, 2)])
-        end do
+      associate (done => self%derivatives%samples)
+        call new_table(self%table, done%rows, 0, size(self%derivatives%selected)*(1 + size(self%derivatives%key)))
+        if (done%rows > 0) self%table%number = done%samples(:, :done%rows)
       end associate
     case ('events')
-      associate (derivatives => self%derivatives, n => self%derivatives%events)
-        call new_table(self%table, n, 0, 2 + size(derivatives%key))
-        self%table%number(1, :) = derivatives%event(:n)%time
-        self%table%number(2, :) = derivatives%event(:n)%kind
-        self%table%number(3:, :) = derivatives%shift(:, :n)
+      associate (done => self%derivatives%events)
+        call new_table(self%table, done%rows, 0, 2 + size(self%derivatives%key))
+        if (done%rows > 0) self%table%number = done%samples(:, :done%rows)
       end associate
     case ('parameters')
       if (allocated(self%derivatives%key)) then
