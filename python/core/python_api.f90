@@ -11,8 +11,7 @@ module dst_python_api
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, int64, pi
-  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
-    first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
+  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_asymptotic
   use dst_cycle_return, only: find_return, return_values
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
@@ -585,7 +584,6 @@ contains
   subroutine make_cycles_table(self, which)
     class(cycles_session_t), intent(inout) :: self
     character(*), intent(in) :: which
-    integer :: i
 
     select case (which)
     case ('cycle_quantities')
@@ -941,18 +939,14 @@ contains
         fault = 4
       end if
       if (fault > 0) return
-      select case (form)
-      case ('exact')
+      if (form == 'exact') then
         here = creep_at(path, time)
         values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
                              here%position, here%deficit], c_double)
-      case ('first_power')
-        values(i, 1) = real(first_power(abs(angle), time), c_double)
-      case ('printed')
-        values(i, 1) = real(printed(abs(angle), time), c_double)
-      case default
-        values(i, 1) = real(third_order(abs(angle), time), c_double)
-      end select
+      else
+        here = creep_asymptotic(form, abs(angle), time)
+        values(i, 1) = real(here%x_rate, c_double)
+      end if
     end do
   end subroutine creep
 

@@ -121,8 +121,6 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
 
-    associate (unused => [rate, curvature])
-    end associate
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     ! The equations may be different from now on.

@@ -231,17 +231,11 @@ contains
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: y(max_unknowns)
     real(wp), intent(inout) :: friction
-
-    associate (unused => [self%prescribed, y, friction])
-    end associate
   end subroutine own_friction
 
   !> Most models have the direction among their unknowns.
   pure subroutine set_slip_direction(self, theta)
     class(slip_system_t), intent(inout) :: self
     real(wp), intent(in) :: theta
-
-    associate (unused => [self%prescribed, theta])
-    end associate
   end subroutine set_slip_direction
 end module dst_slip_system

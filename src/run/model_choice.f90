@@ -8,7 +8,7 @@
 !> A column that is requested by name counts like a quantity: it must be that of the full model, to the same accuracy.
 module dst_model_choice
   use dst_kinds, only: wp
-  use dst_creep, only: creep_t, creep_exact, position_third_order
+  use dst_creep, only: creep_t, creep_exact, creep_asymptotic
   use dst_creep_end, only: creep_end_t, creep_end
   use dst_friction, only: falls_exponentially
   use dst_methods, only: fixed_step_methods
@@ -259,7 +259,7 @@ contains
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: speed              !! |V|, m/s
     type(smallness_t), intent(inout) :: small
-    type(creep_t), dimension(0:samples) :: rigid, elastic
+    type(creep_t), dimension(0:samples) :: rigid, elastic, expanded
     real(wp), dimension(0:samples) :: tau, sine, force, slope, rise, part
     real(wp) :: phi, lag, lead
     integer :: i
@@ -285,7 +285,9 @@ contains
       lead = 0.5_wp*small%length/real(samples, wp)*sum(part(1:) + part(:samples - 1))
       small%lag = max(lag, lead, lag - lead)/small%reached
     end if
-    if (small%length < 1.0_wp) small%expansion = maxval(abs(position_third_order(phi, tau) - elastic%position))/small%reached
+    if (small%length >= 1.0_wp) return
+    expanded = creep_asymptotic('third_order', phi, tau)
+    small%expansion = maxval(abs(expanded%position - elastic%position))/small%reached
   end subroutine look_at_creep
 
   !> Largest error of X(t) over X(t_end): from the fast oscillation (the displacement in a radian of it, more if its force is large,
