@@ -98,10 +98,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(perturbed_t) :: own
     real(wp) :: edge(4), angle, square, ratio
-    integer :: side, i, edges, branch
+    integer :: side, i, edges, branch, power
 
     call perturb(slider, velocity, own, error)
     if (allocated(error)) return
+    call use_own_units(own, power)
     edge(1) = 0.0_wp
     edges = 1
     ! Angles up to 45 degrees from sin^2, the others from cos^2: so each has all its digits.
@@ -120,7 +121,7 @@ contains
           if (critical%has(branch)) branch = 3 - branch
           critical%has(branch) = .true.
           critical%angle(branch) = angle
-          critical%frequency(branch) = sqrt(square)
+          critical%frequency(branch) = scale(sqrt(square), power)
           edges = edges + 1
           edge(edges) = angle
         end do
@@ -235,10 +236,13 @@ contains
     logical, intent(out) :: stable
     type(error_t), allocatable, intent(out) :: error
     type(perturbed_t) :: own
+    integer :: power
 
     stable = .false.
     call perturb(slider, velocity, own, error)
-    if (.not. allocated(error)) stable = is_stable_along(own, slider%along)
+    if (allocated(error)) return
+    call use_own_units(own, power)
+    stable = is_stable_along(own, slider%along)
   end subroutine is_stable
 
   !> Lambda = mu_0 W/(2 V sin(phi) sqrt(m k_x)), the damping ratio at theta = 90 degrees (Eq. 10).
@@ -337,6 +341,22 @@ contains
     own%alpha = slope(1)*(speed/smoothed) + own%beta*(smoothing/smoothed)**2
     call check_finite('F/V', [own%alpha, own%beta], error)
   end subroutine perturb
+
+  !> Units of mass and time near the slider's own, powers of two, in which no product is out of range; rates are in 2**power 1/s.
+  pure subroutine use_own_units(own, power)
+    type(perturbed_t), intent(inout) :: own
+    integer, intent(out) :: power
+    integer :: mass
+
+    mass = exponent(own%mass)
+    power = exponent(maxval(own%stiffness)) - mass
+    power = (power - modulo(power, 2))/2
+    own%mass = scale(own%mass, -mass)
+    own%stiffness = scale(own%stiffness, -mass - 2*power)
+    own%alpha = scale(own%alpha, -mass - power)
+    own%beta = scale(own%beta, -mass - power)
+    own%damping = scale(own%damping, -mass - power)
+  end subroutine use_own_units
 
   !> Refuse what the range of the numbers was too small for.
   subroutine check_finite(name, values, error)
