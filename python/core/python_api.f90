@@ -11,8 +11,7 @@ module dst_python_api
   use dst_catalogue, only: catalogue
   use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, int64
-  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, &
-    first_power => creep_first_power, printed => creep_printed, third_order => creep_third_order
+  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_asymptotic
   use dst_cycle_return, only: find_return, return_values
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
@@ -388,6 +387,19 @@ contains
     allocate (self%number, source=number)
   end subroutine give
 
+  !> What a writer has kept, in rows of this length, for an answer.
+  subroutine give_kept(self, writer, length)
+    class(session_t), intent(inout) :: self
+    type(memory_writer_t), intent(in) :: writer
+    integer, intent(in) :: length
+
+    if (writer%rows > 0) then
+      call give(self, writer%samples(:, :writer%rows))
+    else
+      call give(self, reshape([real(wp) ::], [length, 0]))
+    end if
+  end subroutine give_kept
+
   !> Numbers for an answer, in one row.
   subroutine give_row(self, number)
     class(session_t), intent(inout) :: self
@@ -622,13 +634,9 @@ contains
       case ('columns')
         call describe(self, text, columns(derivatives%selected))
       case ('samples')
-        n = size(derivatives%value, 1)*(1 + size(derivatives%change, 2))
-        call give(self, reshape([(derivatives%value(:, i), derivatives%change(:, :, i), i=1, size(derivatives%value, 2))], &
-          [n, size(derivatives%value, 2)]))
+        call give_kept(self, derivatives%samples, size(derivatives%selected)*(1 + size(derivatives%key)))
       case ('events')
-        n = derivatives%events
-        call give(self, reshape([(derivatives%event(i)%time, real(derivatives%event(i)%kind, wp), derivatives%shift(:, i), &
-          i=1, n)], [2 + size(derivatives%key), n]))
+        call give_kept(self, derivatives%events, 2 + size(derivatives%key))
       case ('parameters')
         if (allocated(derivatives%key)) then
           call list(text, derivatives%key)
@@ -804,8 +812,7 @@ contains
     side = 1.0_wp
     do i = 1, n
       time = real(tau(i), wp)
-      select case (form)
-      case ('exact')
+      if (form == 'exact') then
         ! A path serves all times on it.
         if (abs(phi(i) - angle) > 0.0_wp .or. abs(kappa(i) - ratio) > 0.0_wp) then
           angle = phi(i)
@@ -816,13 +823,10 @@ contains
         here = creep_at(path, time)
         values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
                              here%position, here%deficit], c_double)
-      case ('first_power')
-        values(i, 1) = real(first_power(abs(real(phi(i), wp)), time), c_double)
-      case ('printed')
-        values(i, 1) = real(printed(abs(real(phi(i), wp)), time), c_double)
-      case default
-        values(i, 1) = real(third_order(abs(real(phi(i), wp)), time), c_double)
-      end select
+      else
+        here = creep_asymptotic(form, abs(real(phi(i), wp)), time)
+        values(i, 1) = real(here%x_rate, c_double)
+      end if
     end do
   end subroutine creep
 
@@ -900,18 +904,24 @@ contains
   subroutine check_parameters(values, error)
     real(wp), intent(in) :: values(12)
     type(error_t), allocatable, intent(out) :: error
-    real(wp), parameter :: largest = sqrt(huge(1.0_wp))
+    real(wp) :: least(12)
+    integer :: i
 
-    associate (friction => values(5:8), v_smooth => values(10))
-      if (.not. (all(friction >= 0.0_wp) .and. all(friction <= huge(friction)) .and. values(7) >= tiny(1.0_wp))) then
-        call raise(error, usage_error, 'mu_0, mu_inf, v_f or normal_load is out of range: mu_0, mu_inf and normal_load must be '// &
-                   'finite and >= 0, v_f finite and > 0')
-      else if (maxval(exponent(values(5:6))) + exponent(values(8)) > maxexponent(1.0_wp) - 2) then
-        call raise(error, usage_error, 'mu_0 or mu_inf times normal_load is beyond the range of the numbers: give smaller ones')
-      else if (.not. (v_smooth >= 0.0_wp .and. v_smooth < largest)) then
-        call raise(error, usage_error, 'v_smooth is out of range: it must be finite and >= 0, and its square too')
-      end if
-    end associate
+    least = 0.0_wp
+    ! Masses, stiffnesses and v_f are not 0; any misalignment is one, and each function has its own velocities.
+    least([1, 2, 3, 7]) = tiny(1.0_wp)
+    least([4, 9]) = -huge(1.0_wp)
+    do i = 1, size(values)
+      if (i == 9 .or. (values(i) >= least(i) .and. values(i) <= huge(1.0_wp))) cycle
+      call raise(error, usage_error, trim(slider_parameters(i))//' = '//trim(short_text(values(i)))//': it must be finite'// &
+                 trim(merge(' and > 0 ', merge(' and >= 0', '         ', least(i) >= 0.0_wp), least(i) > 0.0_wp)))
+      return
+    end do
+    if (maxval(exponent(values(5:6))) + exponent(values(8)) > maxexponent(1.0_wp) - 2) then
+      call raise(error, usage_error, 'mu_0 or mu_inf times normal_load is beyond the range of the numbers: give smaller ones')
+    else if (.not. values(10) < sqrt(huge(1.0_wp))) then
+      call raise(error, usage_error, 'v_smooth is out of range: it must be finite and >= 0, and its square too')
+    end if
   end subroutine check_parameters
 
   function slider_from(values) result(slider)

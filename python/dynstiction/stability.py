@@ -208,7 +208,7 @@ def creep_end(scene: DeckLike | None = None, /, **parameters: Unpack[SliderParam
 
 
 def damping_ratio(
-    theta: ArrayLike, scene: Any = None, **parameters: Unpack[SliderParameters]
+    theta: ArrayLike, scene: DeckLike | None = None, **parameters: Unpack[SliderParameters]
 ) -> NDArray[np.float64]:
     """Damping ratio of the slow motion while friction points along theta, Eq. (10).
 

@@ -27,8 +27,9 @@ module dst_runge_kutta
 
   public :: runge_kutta_t, new_runge_kutta
 
-  !> Elongations and slip unknowns in one vector.
+  !> Elongations and slip unknowns in one vector; in that of their rates the powers of drive, friction and dampers [W] follow.
   integer, parameter :: n_values = max_components + max_unknowns, first_y = 1 + max_components
+  integer, parameter :: of_drive = n_values + 1, of_friction = n_values + 2, of_dampers = n_values + 3
   ! The effects of "twice" were measured with dop853 on Fig. 3 (1 s, rtol 1e-6).
   !
   !> Largest product of step and rate for which rk4 is stable (2.785 for relaxation, 2.828 for oscillation).
@@ -60,11 +61,8 @@ module dst_runge_kutta
 
   !> The stages of the last attempt, which the next one may need again, and what the length of the next step is made of.
   type :: history_t
-    !> slope(:, i) = (U', y') at stage i, and the powers of drive, friction and dampers there [W].
-    real(wp) :: slope(n_values, max_stages) = 0.0_wp
-    real(wp) :: drive_power(max_stages) = 0.0_wp
-    real(wp) :: friction_power(max_stages) = 0.0_wp
-    real(wp) :: damper_power(max_stages) = 0.0_wp
+    !> slope(:, i) = (U', y', powers) at stage i.
+    real(wp) :: slope(of_dampers, max_stages) = 0.0_wp
     !> The states (u, y, V) whose slopes are the first and the one at the end of the step: an attempt starts where the last one did,
     !> if that was rejected, or where it ended.
     real(wp) :: start(n_values + 1) = 0.0_wp, end(n_values + 1) = 0.0_wp
@@ -123,8 +121,6 @@ contains
     class(runge_kutta_t), intent(inout) :: self
     real(wp), intent(in) :: rate(:), curvature(:)
 
-    associate (unused => [rate, curvature])
-    end associate
     self%start_speed = 0.0_wp
     self%peak_speed = 0.0_wp
     ! The equations may be different from now on.
@@ -164,6 +160,7 @@ contains
 
     !> The stages of the step itself, its end and the slope there.
     subroutine step_stages()
+      real(wp) :: gained(of_dampers)
       integer :: i
 
       call begin()
@@ -175,16 +172,15 @@ contains
         end do
         self%history%end = [state, drive%velocity_at(from%time + self%step)]
         self%history%end_known = outcome%solved
-        associate (b => self%method%b(1:s))
-          call to%later(from, self%step)
-          to%u = state(1:max_components)
-          to%y = state(first_y:)
-          to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
-            - self%step*dot_product(system%advance_by_slip, matmul(self%history%slope(1:max_components, 1:s), b))
-          to%drive_work = from%drive_work + self%step*dot_product(b, self%history%drive_power(1:s))
-          to%friction_work = from%friction_work + self%step*dot_product(b, self%history%friction_power(1:s))
-          to%damper_work = from%damper_work + self%step*dot_product(b, self%history%damper_power(1:s))
-        end associate
+        gained = matmul(self%history%slope(:, 1:s), self%method%b(1:s))
+        call to%later(from, self%step)
+        to%u = state(1:max_components)
+        to%y = state(first_y:)
+        to%position = from%position + system%advance_by_drive*drive%displacement(from%time, self%step) &
+          - self%step*dot_product(system%advance_by_slip, gained(1:max_components))
+        to%drive_work = from%drive_work + self%step*gained(of_drive)
+        to%friction_work = from%friction_work + self%step*gained(of_friction)
+        to%damper_work = from%damper_work + self%step*gained(of_dampers)
       end associate
     end subroutine step_stages
 
@@ -197,9 +193,6 @@ contains
       self%history%repeated = self%history%start_known .and. all_equal(first, self%history%start)
       if (self%history%end_known .and. all_equal(first, self%history%end)) then
         self%history%slope(:, 1) = self%history%slope(:, self%method%stages + 1)
-        self%history%friction_power(1) = self%history%friction_power(self%method%stages + 1)
-        self%history%drive_power(1) = self%history%drive_power(self%method%stages + 1)
-        self%history%damper_power(1) = self%history%damper_power(self%method%stages + 1)
       else if (.not. self%history%repeated) then
         state = first(:n_values)
         call evaluate(1)
@@ -212,16 +205,23 @@ contains
       self%history%end_known = .false.
     end subroutine begin
 
+    !> The weighted sum of the slopes of elongations and slip unknowns at the first stages.
+    function combined(weight) result(total)
+      real(wp), intent(in) :: weight(:)
+      real(wp) :: total(n_values)
+      integer :: j
+
+      total = 0.0_wp
+      do j = 1, size(weight)
+        total = total + weight(j)*self%history%slope(1:n_values, j)
+      end do
+    end function combined
+
     !> u and y of stage i.
     subroutine stage_state(i)
       integer, intent(in) :: i
-      integer :: j
 
-      state = 0.0_wp
-      do j = 1, i - 1
-        state = state + self%method%a(i, j)*self%history%slope(:, j)
-      end do
-      state = self%step*state
+      state = self%step*combined(self%method%a(i, 1:i - 1))
       state(1:max_components) = from%u + state(1:max_components) &
         + drive%displacement(from%time, self%method%c(i)*self%step)*system%drive_coupling
       state(first_y:) = from%y + state(first_y:)
@@ -242,16 +242,17 @@ contains
         call system%kinematics(1, state(first_y:), velocity, self%velocity_y)
         call system%dynamics(1, [drive_velocity], state(first:last), state(first_y:), self%velocity_y, terms)
         if (any(terms%inertia(1, :) <= 0.0_wp)) return
-        self%history%slope(:, i) = 0.0_wp
-        self%history%slope(first:last, i) = -velocity(1:n)
-        self%history%slope(first_y:max_components + m, i) = terms%force(1, :)/terms%inertia(1, :)
-        self%history%friction_power(i) = terms%dissipation(1)
-        self%history%drive_power(i) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) &
-          + terms%supply(1)
-        if (system%is_damped) then
-          call system%damper_powers(drive_velocity, velocity(1:n), driven, self%history%damper_power(i))
-          self%history%drive_power(i) = self%history%drive_power(i) + driven
-        end if
+        associate (slope => self%history%slope(:, i))
+          slope = 0.0_wp
+          slope(first:last) = -velocity(1:n)
+          slope(first_y:max_components + m) = terms%force(1, :)/terms%inertia(1, :)
+          slope(of_friction) = terms%dissipation(1)
+          slope(of_drive) = drive_velocity*dot_product(system%drive_stiffness, state(1:max_components)) + terms%supply(1)
+          if (system%is_damped) then
+            call system%damper_powers(drive_velocity, velocity(1:n), driven, slope(of_dampers))
+            slope(of_drive) = slope(of_drive) + driven
+          end if
+        end associate
         self%speed_scale = max(self%speed_scale, sqrt(sum(velocity(1:n)**2) + (system%prescribed*drive_velocity)**2))
         outcome%solved = .true.
         if (self%method%errors > 0) return
@@ -287,13 +288,9 @@ contains
     real(wp) function error_size(weight, velocity_y) result(size)
       real(wp), intent(in) :: weight(max_stages), velocity_y(system%components, system%unknowns)
       real(wp) :: error(n_values), square, frequency_square, own_speed(max_components)
-      integer :: j, k, l, axis
+      integer :: k, l, axis
 
-      error = 0.0_wp
-      do j = 1, self%method%all_stages
-        error = error + weight(j)*self%history%slope(:, j)
-      end do
-      error = self%step*error
+      error = self%step*combined(weight(1:self%method%all_stages))
       square = 0.0_wp
       own_speed = system%spring_speed(self%history%start(1:max_components))
       do k = 1, system%components
@@ -337,14 +334,10 @@ contains
     !> Node values of the dense output.
     subroutine set_nodal()
       real(wp) :: change(n_values)
-      integer :: i, j
+      integer :: i
 
       do i = 0, self%grid%degree
-        change = 0.0_wp
-        do j = 1, self%method%all_stages
-          change = change + self%dense_weight(j, i)*self%history%slope(:, j)
-        end do
-        change = self%step*change
+        change = self%step*combined(self%dense_weight(1:self%method%all_stages, i))
         self%nodal(i, column_u:column_u + max_components - 1) = from%u + change(1:max_components)
         self%nodal(i, column_y:column_y + max_unknowns - 1) = from%y + change(first_y:)
         self%nodal(i, column_position) = from%position - dot_product(system%advance_by_slip, change(1:max_components)) &
@@ -421,7 +414,7 @@ contains
     class(runge_kutta_t), intent(in) :: self
     real(wp) :: rate(max_unknowns)
 
-    rate = self%history%slope(first_y:, self%method%stages + 1)
+    rate = self%history%slope(first_y:n_values, self%method%stages + 1)
   end function end_rate
 
   !> Save or load. Terms and dw/dy are scratch: each attempt computes them again.

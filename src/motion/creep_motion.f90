@@ -7,8 +7,7 @@
 !> Source: Nakano & Popov (2020), Eqs. (6)-(8); docs/theory.md.
 module dst_creep_motion
   use dst_kinds, only: wp
-  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_first_power, creep_printed, creep_third_order, &
-    position_first_power, position_printed, position_third_order
+  use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_asymptotic
   use dst_drive, only: drive_t
   use dst_errors, only: error_t, raise, deck_error
   use dst_motion, only: motion_t
@@ -196,20 +195,10 @@ contains
     type(creep_motion_t), intent(in) :: self
     real(wp), intent(in) :: tau
     type(instant_t), intent(inout) :: instant
-    real(wp) :: rate, position
+    type(creep_t) :: creep
 
-    select case (self%form)
-    case ('first_power')
-      rate = creep_first_power(self%phi, tau)
-      position = position_first_power(self%phi, tau)
-    case ('printed')
-      rate = creep_printed(self%phi, tau)
-      position = position_printed(self%phi, tau)
-    case default
-      rate = creep_third_order(self%phi, tau)
-      position = position_third_order(self%phi, tau)
-    end select
-    instant%velocity = rate*instant%drive_velocity*self%slider%along
-    instant%state%position = self%drive_sign*self%length*position
+    creep = creep_asymptotic(self%form, self%phi, tau)
+    instant%velocity = creep%x_rate*instant%drive_velocity*self%slider%along
+    instant%state%position = self%drive_sign*self%length*creep%position
   end subroutine follow_asymptotics
 end module dst_creep_motion

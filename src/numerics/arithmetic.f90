@@ -27,20 +27,8 @@ contains
       y(i) = 1.0_wp/real(3*i, wp)
     end do
     ! Loops that a compiler turns into calls of vector functions.
-    values(:, 1) = exp(-x)
-    values(:, 2) = log(x)
-    values(:, 3) = sin(x)
-    values(:, 4) = cos(x)
-    values(:, 5) = tan(x)
-    values(:, 6) = atan2(x, y)
-    values(:, 7) = hypot(x, y)
-    values(:, 8) = x**y
-    values(:, 9) = asin(y)
-    values(:, 10) = acos(y)
-    values(:, 11) = atan(x)
-    values(:, 12) = tanh(y)
-    values(:, 13) = log10(x)
-    values(:, 14) = gamma(x)
+    values(:, :14) = reshape([exp(-x), log(x), sin(x), cos(x), tan(x), atan2(x, y), hypot(x, y), x**y, asin(y), acos(y), atan(x), &
+      tanh(y), log10(x), gamma(x)], [points, 14])
     ! One after the other, each from the value before: no compiler makes vectors of it.
     z = 0.3_wp
     do i = 1, points

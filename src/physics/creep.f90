@@ -21,8 +21,7 @@ module dst_creep
   private
 
   public :: creep_t, creep_path_t, new_creep_path, creep_at, creep_exact
-  public :: creep_first_power, creep_printed, creep_third_order
-  public :: position_first_power, position_printed, position_third_order
+  public :: creep_asymptotic
 
   !> The state of creep at one time; all ratios without unit.
   type :: creep_t
@@ -79,7 +78,7 @@ module dst_creep
   ! First guesses: the value of level/s^2 from which on the guess without the logarithm is nearer, and the coefficient that joins
   ! the other guess to it. Fitted.
   real(wp), parameter :: joint = 1.2_wp, bend = 0.6_wp
-  ! Up to here the first term that the series of position_printed omits is roundoff in double precision. Derived.
+  ! Up to here the first term that the series of the position 'printed' omits is roundoff in double precision. Derived.
   real(wp), parameter :: small_tau = 0.1_wp
 
 contains
@@ -354,62 +353,37 @@ contains
     point%cos_psi = path%c*point%sin_alpha + path%s*point%cos_alpha
   end subroutine complete
 
-  !> Eq. (8) with the first power that Eqs. (6) and (7) give: X'/V = phi (phi + tau/sqrt(1 - tau^2)).
-  elemental real(wp) function creep_first_power(phi, tau) result(x_rate)
+  !> X'/V and X/l_x, its integral over tau, for 0 <= tau < 1; the rest of the state is 0. By `form`:
+  !> 'first_power': Eq. (8) with the first power that Eqs. (6) and (7) give, X'/V = phi (phi + tau/sqrt(1 - tau^2));
+  !> 'printed': Eq. (8) as printed in the preprint, with tau^2 in the numerator;
+  !> 'third_order': the expansion of the exact creep through phi^2, with an error of order phi^3.
+  elemental function creep_asymptotic(form, phi, tau) result(creep)
+    character(*), intent(in) :: form
     real(wp), intent(in) :: phi, tau
-
-    x_rate = phi*(phi + tau/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
-  end function creep_first_power
-
-  !> Eq. (8) as printed in the preprint, with tau^2 in the numerator.
-  elemental real(wp) function creep_printed(phi, tau) result(x_rate)
-    real(wp), intent(in) :: phi, tau
-
-    x_rate = phi*(phi + tau**2/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
-  end function creep_printed
-
-  !> The expansion of the exact creep through phi^2, with an error of order phi^3.
-  elemental real(wp) function creep_third_order(phi, tau) result(x_rate)
-    real(wp), intent(in) :: phi, tau
-    real(wp) :: q
+    type(creep_t) :: creep
+    real(wp) :: q, root, fall, half
 
     q = (1.0_wp - tau)*(1.0_wp + tau)
-    x_rate = phi*tau/sqrt(q) + phi**2*(1.0_wp + 1.0_wp/q - 1.0_wp/(q*sqrt(q)))
-  end function creep_third_order
-
-  !> X/l_x, the integral of `creep_first_power` over tau.
-  elemental real(wp) function position_first_power(phi, tau) result(position)
-    real(wp), intent(in) :: phi, tau
-
-    position = phi*(phi*tau + one_minus_root(tau))
-  end function position_first_power
-
-  !> X/l_x, the integral of `creep_printed` over tau.
-  elemental real(wp) function position_printed(phi, tau) result(position)
-    real(wp), intent(in) :: phi, tau
-    real(wp) :: half
-
-    if (tau < small_tau) then
-      ! (asin tau - tau sqrt(1 - tau^2))/2, which cancels for small tau.
-      half = tau**3*(1.0_wp/3.0_wp + tau**2*(1.0_wp/10.0_wp + tau**2*(3.0_wp/56.0_wp + tau**2*(5.0_wp/144.0_wp &
-        + tau**2*(35.0_wp/1408.0_wp + tau**2*(63.0_wp/3328.0_wp + tau**2*(77.0_wp/5120.0_wp)))))))
-    else
-      half = 0.5_wp*(asin(tau) - tau*sqrt((1.0_wp - tau)*(1.0_wp + tau)))
-    end if
-    position = phi*(phi*tau + half)
-  end function position_printed
-
-  !> X/l_x, the integral of `creep_third_order` over tau.
-  elemental real(wp) function position_third_order(phi, tau) result(position)
-    real(wp), intent(in) :: phi, tau
-
-    position = phi*one_minus_root(tau) + phi**2*(tau + atanh(tau) - tau/sqrt((1.0_wp - tau)*(1.0_wp + tau)))
-  end function position_third_order
-
-  !> 1 - sqrt(1 - tau^2), also where tau is small.
-  elemental real(wp) function one_minus_root(tau)
-    real(wp), intent(in) :: tau
-
-    one_minus_root = tau**2/(1.0_wp + sqrt((1.0_wp - tau)*(1.0_wp + tau)))
-  end function one_minus_root
+    root = sqrt(q)
+    ! 1 - sqrt(1 - tau^2), also where tau is small.
+    fall = tau**2/(1.0_wp + root)
+    select case (form)
+    case ('first_power')
+      creep%x_rate = phi*(phi + tau/root)
+      creep%position = phi*(phi*tau + fall)
+    case ('printed')
+      if (tau < small_tau) then
+        ! (asin tau - tau sqrt(1 - tau^2))/2, which cancels for small tau.
+        half = tau**3*(1.0_wp/3.0_wp + tau**2*(1.0_wp/10.0_wp + tau**2*(3.0_wp/56.0_wp + tau**2*(5.0_wp/144.0_wp &
+          + tau**2*(35.0_wp/1408.0_wp + tau**2*(63.0_wp/3328.0_wp + tau**2*(77.0_wp/5120.0_wp)))))))
+      else
+        half = 0.5_wp*(asin(tau) - tau*root)
+      end if
+      creep%x_rate = phi*(phi + tau**2/root)
+      creep%position = phi*(phi*tau + half)
+    case default
+      creep%x_rate = phi*tau/root + phi**2*(1.0_wp + 1.0_wp/q - 1.0_wp/(q*root))
+      creep%position = phi*fall + phi**2*(tau + atanh(tau) - tau/root)
+    end select
+  end function creep_asymptotic
 end module dst_creep

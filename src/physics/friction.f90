@@ -30,8 +30,6 @@ module dst_friction
     procedure :: limit_after
     procedure :: limit_rate
     procedure :: holds_more
-    !> The lowest speed above 0 [m/s] at which the law has no third derivative; huge if it is smooth.
-    procedure :: first_knot
   end type friction_law_t
 
   abstract interface
@@ -44,40 +42,28 @@ module dst_friction
     end subroutine evaluate
   end interface
 
-  !> F = mu_0 W.
-  type, extends(friction_law_t) :: constant_friction_t
-  contains
-    procedure :: evaluate => evaluate_constant
-  end type constant_friction_t
-
-  !> F = [mu_inf + (mu_0 - mu_inf) exp(-v/v_f)] W (Eq. 3).
-  type, extends(friction_law_t) :: weakening_friction_t
+  !> F = [mu_inf + (mu_0 - mu_inf) exp(-(v/v_f)^p) + viscous v] W, p >= 1. The law 'weakening' (Eq. 3) is that of p = 1 without
+  !> the last term, and 'constant' that of mu_0 alone.
+  type, extends(friction_law_t) :: exponential_friction_t
     !> mu_inf W [N].
     real(wp) :: limit = 0.0_wp
     !> (mu_0 - mu_inf) W [N].
     real(wp) :: drop = 0.0_wp
     !> 1/v_f [s/m].
     real(wp) :: decay = 0.0_wp
-  contains
-    procedure :: evaluate => evaluate_weakening
-  end type weakening_friction_t
-
-  !> F = [mu_inf + (mu_0 - mu_inf) exp(-(v/v_f)^p) + viscous v] W, p >= 1.
-  type, extends(weakening_friction_t) :: stribeck_friction_t
     !> p, without unit.
     real(wp) :: exponent = 1.0_wp
     !> viscous W [N s/m].
     real(wp) :: viscosity = 0.0_wp
   contains
-    procedure :: evaluate => evaluate_stribeck
-  end type stribeck_friction_t
+    procedure :: evaluate => evaluate_exponential
+  end type exponential_friction_t
 
   !> F through points (v, F), piecewise cubic and monotone where they are; constant above the last point.
   type, extends(friction_law_t) :: table_friction_t
     type(monotone_cubic_t) :: curve
   contains
     procedure :: evaluate => evaluate_table
-    procedure :: first_knot => first_knot_of_table
   end type table_friction_t
 
 contains
@@ -90,24 +76,23 @@ contains
     class(friction_law_t), allocatable, intent(out) :: law
     real(wp), intent(in), optional :: exponent, viscous
     real(wp), intent(in), optional :: speed(:), mu(:)
+    type(exponential_friction_t) :: exponential
 
     select case (name)
-    case ('weakening')
-      law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
-        drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
-    case ('stribeck')
-      if (abs(exponent - 1.0_wp) + viscous > 0.0_wp) then
-        law = stribeck_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
-          drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f, exponent=exponent, viscosity=viscous*normal_load)
-      else
-        ! The same numbers, but the form is exponential.
-        law = weakening_friction_t(static_limit=mu_0*normal_load, limit=mu_inf*normal_load, &
-          drop=(mu_0 - mu_inf)*normal_load, decay=1.0_wp/v_f)
-      end if
     case ('table')
       law = table_friction_t(static_limit=mu(1)*normal_load, curve=new_monotone_cubic(speed, mu*normal_load))
     case default
-      law = constant_friction_t(static_limit=mu_0*normal_load)
+      exponential = exponential_friction_t(static_limit=mu_0*normal_load, limit=mu_0*normal_load)
+      if (name /= 'constant') then
+        exponential%limit = mu_inf*normal_load
+        exponential%drop = (mu_0 - mu_inf)*normal_load
+        exponential%decay = 1.0_wp/v_f
+      end if
+      if (name == 'stribeck') then
+        exponential%exponent = exponent
+        exponential%viscosity = viscous*normal_load
+      end if
+      law = exponential
     end select
     law%kinetic_limit = law%static_limit
     law%least_force = normal_load*min(mu_0, mu_inf)
@@ -149,15 +134,13 @@ contains
     limit = law%kinetic_limit
     drop = 0.0_wp
     decay = 0.0_wp
-    is_exponential = .true.
+    is_exponential = .false.
     select type (law)
-    type is (weakening_friction_t)
+    type is (exponential_friction_t)
       limit = law%limit
       drop = law%drop
       decay = law%decay
-    type is (constant_friction_t)
-    class default
-      is_exponential = .false.
+      is_exponential = .not. abs(law%exponent - 1.0_wp) + law%viscosity > 0.0_wp
     end select
   end subroutine exponential_form
 
@@ -169,39 +152,10 @@ contains
     call exponential_form(law, limit, drop, decay, falls_exponentially)
   end function falls_exponentially
 
-  pure subroutine evaluate_constant(self, n, speed, force, slope)
-    class(constant_friction_t), intent(in) :: self
-    integer, intent(in) :: n
-    real(wp), intent(in) :: speed(n)
-    real(wp), intent(out) :: force(n), slope(n)
-
-    force = self%kinetic_limit + 0.0_wp*speed
-    slope = 0.0_wp
-  end subroutine evaluate_constant
-
-  !> Below v = 0, which only a stage beyond a stop can reach, the exponential is continued analytically for one v_f and then by its
-  !> tangent, so that it cannot overflow.
-  pure subroutine evaluate_weakening(self, n, speed, force, slope)
-    class(weakening_friction_t), intent(in) :: self
-    integer, intent(in) :: n
-    real(wp), intent(in) :: speed(n)
-    real(wp), intent(out) :: force(n), slope(n)
-    real(wp) :: x, y, part
-    integer :: i
-
-    do i = 1, n
-      x = -speed(i)*self%decay
-      y = min(x, 1.0_wp)
-      part = self%drop*exp(y)
-      force(i) = self%limit + part*(1.0_wp + (x - y))
-      slope(i) = -part*self%decay
-    end do
-  end subroutine evaluate_weakening
-
   !> Below v = 0, which only a stage beyond a stop can reach, the power is continued as an odd function for one v_f, and the force
-  !> then by its tangent, so that it cannot overflow: for p = 1 as in the weakening law.
-  pure subroutine evaluate_stribeck(self, n, speed, force, slope)
-    class(stribeck_friction_t), intent(in) :: self
+  !> then by its tangent, so that it cannot overflow.
+  pure subroutine evaluate_exponential(self, n, speed, force, slope)
+    class(exponential_friction_t), intent(in) :: self
     integer, intent(in) :: n
     real(wp), intent(in) :: speed(n)
     real(wp), intent(out) :: force(n), slope(n)
@@ -214,12 +168,13 @@ contains
       x = -speed(i)*self%decay
       y = max(min(x, 1.0_wp), -far)
       ! |v/v_f|^(p - 1): finite at v = 0, where |v/v_f|^p/v is not.
-      power = abs(y)**(self%exponent - 1.0_wp)
+      power = 1.0_wp
+      if (self%exponent > 1.0_wp) power = abs(y)**(self%exponent - 1.0_wp)
       part = self%drop*exp(y*power)
       force(i) = self%limit + part*(1.0_wp + self%exponent*(x - min(x, 1.0_wp))) + self%viscosity*speed(i)
       slope(i) = self%viscosity - part*self%decay*(self%exponent*power)
     end do
-  end subroutine evaluate_stribeck
+  end subroutine evaluate_exponential
 
   pure subroutine evaluate_table(self, n, speed, force, slope)
     class(table_friction_t), intent(in) :: self
@@ -229,18 +184,4 @@ contains
 
     call self%curve%evaluate(speed, force, slope)
   end subroutine evaluate_table
-
-  pure real(wp) function first_knot(self)
-    class(friction_law_t), intent(in) :: self
-
-    associate (unused => self%static_limit)
-    end associate
-    first_knot = huge(1.0_wp)
-  end function first_knot
-
-  pure real(wp) function first_knot_of_table(self)
-    class(table_friction_t), intent(in) :: self
-
-    first_knot_of_table = self%curve%x(2)
-  end function first_knot_of_table
 end module dst_friction

@@ -129,8 +129,6 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    associate (unused => [self%prescribed, drive_velocity])
-    end associate
     velocity = y(1)*[cos(y(2)), sin(y(2))]
   end function polar_velocity
 
@@ -138,8 +136,6 @@ contains
     class(full_polar_t), intent(in) :: self
     real(wp), intent(in) :: before(:), after(:)
 
-    associate (unused => self%components)
-    end associate
     polar_turned = abs(after(2) - before(2)) > 0.5_wp*pi
   end function polar_turned
 
@@ -151,8 +147,6 @@ contains
     real(wp), parameter :: at_once = 1.0e8_wp
     real(wp) :: friction(1), slope(1), across
 
-    associate (unused => drive_velocity)
-    end associate
     call self%slider%law%evaluate(1, y(1:1), friction, slope)
     weakening = -slope(1)/self%slider%mass
     across = at_once*sqrt(self%slider%mass*maxval(self%slider%stiffness))
@@ -239,8 +233,6 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    associate (unused => [self%prescribed, drive_velocity])
-    end associate
     velocity = y(1:2)
   end function smoothed_velocity
 
@@ -250,8 +242,6 @@ contains
     real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1), speed, smooth, direction(2)
 
-    associate (unused => drive_velocity)
-    end associate
     speed = hypot(y(1), y(2))
     smooth = sqrt(speed**2 + self%slider%smoothing)
     direction = [1.0_wp, 0.0_wp]

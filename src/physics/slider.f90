@@ -29,16 +29,12 @@ module dst_slider
     procedure :: is_damped
     procedure :: force_at_rest
     procedure :: loading_rate
-    procedure :: relaxation
     procedure :: drive_coupling
     procedure :: elongation_at_limit
     procedure :: held_force
     procedure :: pull_force
     procedure :: acceleration_noise
-    procedure :: frequency
     procedure :: radian_time
-    procedure :: damping_rate
-    procedure :: static_speed
   end type slider_t
 
 contains
@@ -81,23 +77,6 @@ contains
       rate = rate + self%damping*self%drive_coupling()*drive_acceleration
   end function loading_rate
 
-  !> Times c/k [s] in which the dampers let their springs relax.
-  pure function relaxation(self)
-    class(slider_t), intent(in) :: self
-    real(wp) :: relaxation(2)
-
-    relaxation = 0.0_wp
-    ! A model without this spring has no damper parallel to it.
-    where (self%damping > 0.0_wp) relaxation = self%free*self%damping/self%stiffness
-  end function relaxation
-
-  !> The larger of the rates c/m [1/s] at which the dampers slow the mass down.
-  pure real(wp) function damping_rate(self)
-    class(slider_t), intent(in) :: self
-
-    damping_rate = maxval(self%free*self%damping)/self%mass
-  end function damping_rate
-
   !> Elongation [m] at the static limit, with the force on the object at rest in the direction `theta` [rad]; with dampers that
   !> hangs on the velocity of the drive [m/s].
   pure function elongation_at_limit(self, theta, drive_velocity) result(u)
@@ -134,16 +113,9 @@ contains
     real(wp), intent(in), optional :: velocity
 
     acceleration_noise = force_roundoff*self%law%static_limit/self%mass
-    if (present(velocity)) acceleration_noise = acceleration_noise + force_roundoff*self%damping_rate()*velocity
+    if (present(velocity)) acceleration_noise = acceleration_noise &
+      + force_roundoff*(maxval(self%free*self%damping)/self%mass)*velocity
   end function acceleration_noise
-
-  !> Frequencies sqrt(k/m) of the mass on either spring [rad/s].
-  pure function frequency(self)
-    class(slider_t), intent(in) :: self
-    real(wp) :: frequency(2)
-
-    frequency = sqrt(self%stiffness/self%mass)
-  end function frequency
 
   !> Time in which the faster oscillation passes one radian [s].
   pure real(wp) function radian_time(self)
@@ -151,17 +123,6 @@ contains
 
     radian_time = sqrt(self%mass/maxval(self%stiffness))
   end function radian_time
-
-  !> Slip speeds F_0/sqrt(m k) that stretch either spring to the static limit [m/s]; huge if there is no friction or no spring,
-  !> which then set no scale.
-  pure function static_speed(self)
-    class(slider_t), intent(in) :: self
-    real(wp) :: static_speed(2)
-
-    static_speed = huge(1.0_wp)
-    if (.not. self%law%static_limit > 0.0_wp) return
-    where (self%stiffness > 0.0_wp) static_speed = self%law%static_limit/sqrt(self%mass*self%stiffness)
-  end function static_speed
 
   !> (cos, sin) of an angle in degrees, exact at multiples of 90 and odd/even to the last bit.
   pure function cos_sin_degrees(angle) result(direction)

@@ -154,11 +154,15 @@ contains
     self%drive_coupling = slider%drive_coupling()
     self%drive_stiffness = slider%stiffness*self%drive_coupling
     self%acceleration_noise = slider%acceleration_noise()
-    self%frequency = slider%frequency()
-    self%static_speed = slider%static_speed()
+    self%frequency = sqrt(slider%stiffness/slider%mass)
+    ! Without friction or without a spring there is no scale.
+    if (slider%law%static_limit > 0.0_wp) then
+      where (slider%stiffness > 0.0_wp) self%static_speed = slider%law%static_limit/sqrt(slider%mass*slider%stiffness)
+    end if
     self%is_damped = slider%is_damped()
     self%damping = slider%free*slider%damping
-    self%relaxation = slider%relaxation()
+    ! A model without this spring has no damper parallel to it.
+    where (slider%damping > 0.0_wp) self%relaxation = slider%free*slider%damping/slider%stiffness
   end subroutine take
 
   !> Dampers act as longer springs: with the times r = c/k, k u becomes k (u + r u'), u' = V e - w. To be called last in `dynamics`,
@@ -227,17 +231,11 @@ contains
     class(slip_system_t), intent(in) :: self
     real(wp), intent(in) :: y(max_unknowns)
     real(wp), intent(inout) :: friction
-
-    associate (unused => [self%prescribed, y, friction])
-    end associate
   end subroutine own_friction
 
   !> Most models have the direction among their unknowns.
   pure subroutine set_slip_direction(self, theta)
     class(slip_system_t), intent(inout) :: self
     real(wp), intent(in) :: theta
-
-    associate (unused => [self%prescribed, theta])
-    end associate
   end subroutine set_slip_direction
 end module dst_slip_system

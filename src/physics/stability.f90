@@ -4,15 +4,13 @@
 !>
 !>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
 !>
-!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C parallel to the springs add to D. Without dampers,
-!> only one coefficient of the characteristic polynomial depends on phi, and linearly in sin^2(phi): the critical angles have a
-!> closed form, derived in docs/theory_stability.md. The damping ratio of the slow motion at any direction of friction is Eq. (10)
-!> of Nakano & Popov (2020). SI units, angles in radians.
+!> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C parallel to the springs add to D. Routh's
+!> criterion is quadratic in sin^2(phi), and without dampers docs/theory_stability.md derives the critical angles from it. The damping
+!> ratio of the slow motion at any direction of friction is Eq. (10) of Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
   use dst_eigenvalues, only: find_eigenvalues
   use dst_kinds, only: wp, pi
   use dst_errors, only: error_t, raise, usage_error
-  use dst_friction, only: exponential_form
   use dst_slider, only: slider_t
   use dst_text, only: short_text
   implicit none
@@ -88,76 +86,23 @@ contains
     end do
   end subroutine steady_sliding_eigenvalues
 
-  !> The critical angles for this slider; its own misalignment is ignored. With p = m omega^2 they are the solutions of (p - k_x)(p
-  !> - k_y) = alpha beta p/m and sin^2(phi) = [alpha (p - k_y) + beta (p - k_x)]/[(beta - alpha)(k_y - k_x)], written without
-  !> cancellation.
+  !> The critical angles for this slider; its own misalignment is ignored. With q = sin^2(phi), D_11 = alpha (1 - q) + beta q + c_x
+  !> and D_22 = alpha q + beta (1 - q) + c_y, both linear in q as the determinant E of D + C, and S = D_11 + D_22, Routh's criterion
+  !> for the eigenvalues is S > 0, R > 0 and
+  !>     G = m (k_y - k_x)^2 D_11 D_22 + S R E > 0,      R = k_x D_22 + k_y D_11;
+  !> G is quadratic in q, and where it vanishes, m omega^2 = R/S.
   subroutine critical_misalignment(slider, velocity, critical, error)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     type(critical_t), intent(out) :: critical
     type(error_t), allocatable, intent(out) :: error
     type(perturbed_t) :: own
-    real(wp) :: alpha, beta, coupling, root_sum, gap, share, p(2), below(2), above(2), soft(2), stiff(2), frequency(2)
-
-    if (slider%is_damped()) then
-      call damped_misalignment(slider, velocity, critical, error)
-      return
-    end if
-    call perturb(slider, velocity, own, error)
-    if (allocated(error)) return
-    alpha = own%alpha
-    beta = own%beta
-    if (alpha > 0.0_wp .or. (alpha >= 0.0_wp .and. beta > 0.0_wp .and. abs(slider%stiffness(1) - slider%stiffness(2)) > 0.0_wp)) &
-      critical%window = [0.0_wp, 0.5_wp*pi]
-    if (alpha >= 0.0_wp .or. alpha + beta <= 0.0_wp) return
-
-    associate (soft_stiffness => minval(own%stiffness), stiff_stiffness => maxval(own%stiffness))
-      ! p has two real positive values if gap > 0: the sum of the roots is larger than twice the root of their product.
-      coupling = -alpha*beta/own%mass
-      root_sum = sqrt(soft_stiffness) + sqrt(stiff_stiffness)
-      gap = ((stiff_stiffness - soft_stiffness)/root_sum)**2 - coupling
-      if (.not. gap > 0.0_wp) return
-      ! Distances of p from the two stiffnesses; their product is coupling*p.
-      below(2) = 0.5_wp*(stiff_stiffness - soft_stiffness - coupling + sqrt(gap)*sqrt(root_sum**2 - coupling))
-      p(2) = soft_stiffness + below(2)
-      p(1) = soft_stiffness*stiff_stiffness/p(2)
-      above = [stiff_stiffness*below(2)/p(2), coupling*p(2)/below(2)]
-      below(1) = coupling*p(1)/above(1)
-    end associate
-    frequency = sqrt(p/own%mass)
-    call check_finite('the frequency at the critical angle', [frequency, above, below], error)
-    if (allocated(error)) return
-    critical%exists = .true.
-    critical%has = .true.
-    critical%frequency = frequency
-    ! Squares of the sine and the cosine of the angle to the soft axis, except a common factor.
-    share = -alpha/beta
-    soft = share*above + below
-    stiff = share*below + above
-    if (slider%stiffness(1) <= slider%stiffness(2)) then
-      critical%angle = atan2(sqrt(soft), sqrt(stiff))
-      critical%window = critical%angle
-    else
-      critical%angle = atan2(sqrt(stiff), sqrt(soft))
-      critical%window = critical%angle([2, 1])
-    end if
-  end subroutine critical_misalignment
-
-  !> The same with dampers. With q = sin^2(phi), D_11 = alpha (1 - q) + beta q + c_x and D_22 = alpha q + beta (1 - q) + c_y, both
-  !> linear in q as the determinant E of D + C, and S = D_11 + D_22, Routh's criterion for the eigenvalues is S > 0, R > 0 and
-  !>     G = m (k_y - k_x)^2 D_11 D_22 + S R E > 0,      R = k_x D_22 + k_y D_11;
-  !> G is quadratic in q, and where it vanishes, m omega^2 = R/S.
-  subroutine damped_misalignment(slider, velocity, critical, error)
-    type(slider_t), intent(in) :: slider
-    real(wp), intent(in) :: velocity
-    type(critical_t), intent(out) :: critical
-    type(error_t), allocatable, intent(out) :: error
-    type(perturbed_t) :: own
     real(wp) :: edge(4), angle, square, ratio
-    integer :: side, i, edges, branch
+    integer :: side, i, edges, branch, power
 
     call perturb(slider, velocity, own, error)
     if (allocated(error)) return
+    call use_own_units(own, power)
     edge(1) = 0.0_wp
     edges = 1
     ! Angles up to 45 degrees from sin^2, the others from cos^2: so each has all its digits.
@@ -176,7 +121,7 @@ contains
           if (critical%has(branch)) branch = 3 - branch
           critical%has(branch) = .true.
           critical%angle(branch) = angle
-          critical%frequency(branch) = sqrt(square)
+          critical%frequency(branch) = scale(sqrt(square), power)
           edges = edges + 1
           edge(edges) = angle
         end do
@@ -191,10 +136,11 @@ contains
     edge(edges) = 0.5_wp*pi
     ! The stable part; the widest if there are several.
     do i = 2, edges
-      if (.not. is_damped_stable(own, 0.5_wp*(edge(i - 1) + edge(i)))) cycle
+      angle = 0.5_wp*(edge(i - 1) + edge(i))
+      if (.not. is_stable_along(own, [cos(angle), sin(angle)])) cycle
       if (edge(i) - edge(i - 1) > critical%window(2) - critical%window(1)) critical%window = edge(i - 1:i)
     end do
-  end subroutine damped_misalignment
+  end subroutine critical_misalignment
 
   !> Trace of D + C, S above.
   pure real(wp) function trace(own)
@@ -249,21 +195,21 @@ contains
     if (zeros(1) > zeros(2)) zeros = zeros([2, 1])
   end function zeros_of_stability
 
-  !> Routh's criterion at an angle [rad].
-  pure logical function is_damped_stable(own, angle)
+  !> Routh's criterion for a drive along (cos(phi), sin(phi)).
+  pure logical function is_stable_along(own, along)
     type(perturbed_t), intent(in) :: own
-    real(wp), intent(in) :: angle
+    real(wp), intent(in) :: along(2)
     real(wp) :: term(3, 2), damping(3), square
     integer :: side
 
-    side = merge(1, 2, angle <= 0.25_wp*pi)
-    square = merge(sin(angle), cos(angle), side == 1)**2
+    side = merge(1, 2, abs(along(2)) <= abs(along(1)))
+    square = along(3 - side)**2
     term = damping_terms(own, side)
     damping = term(:, 1) + square*term(:, 2)
-    is_damped_stable = min(trace(own), rigidity(own, side, square)) > 0.0_wp
-    if (is_damped_stable) is_damped_stable = own%mass*(own%stiffness(2) - own%stiffness(1))**2*damping(1)*damping(2) &
+    is_stable_along = min(trace(own), rigidity(own, side, square)) > 0.0_wp
+    if (is_stable_along) is_stable_along = own%mass*(own%stiffness(2) - own%stiffness(1))**2*damping(1)*damping(2) &
       + trace(own)*rigidity(own, side, square)*damping(3) > 0.0_wp
-  end function is_damped_stable
+  end function is_stable_along
 
   !> The critical angle [rad] in the limit of a rigid stiff axis, tan^2(phi) = -(F' + c_x)/(F/V + c_x); stable above it.
   !> 0 if friction weakens no more than the damper takes.
@@ -289,21 +235,14 @@ contains
     real(wp), intent(in) :: velocity                     !! of the drive, m/s, not 0
     logical, intent(out) :: stable
     type(error_t), allocatable, intent(out) :: error
-    type(critical_t) :: critical
     type(perturbed_t) :: own
-    real(wp) :: angle
+    integer :: power
 
     stable = .false.
     call perturb(slider, velocity, own, error)
-    if (.not. (allocated(error) .or. slider%is_damped())) call critical_misalignment(slider, velocity, critical, error)
     if (allocated(error)) return
-    angle = atan2(abs(slider%along(2)), abs(slider%along(1)))
-    if (slider%is_damped()) then
-      stable = is_damped_stable(own, angle)
-    else
-      ! Strengthening friction also damps along the axes.
-      stable = own%alpha > 0.0_wp .or. (angle > critical%window(1) .and. angle < critical%window(2))
-    end if
+    call use_own_units(own, power)
+    stable = is_stable_along(own, slider%along)
   end subroutine is_stable
 
   !> Lambda = mu_0 W/(2 V sin(phi) sqrt(m k_x)), the damping ratio at theta = 90 degrees (Eq. 10).
@@ -315,12 +254,12 @@ contains
     real(wp) :: drift
 
     lambda = 0.0_wp
-    call check_slider(slider, error)
     drift = abs(velocity*slider%along(2))
-    if (.not. allocated(error) .and. .not. (drift > 0.0_wp .and. drift <= huge(drift))) &
+    if (.not. (drift > 0.0_wp .and. drift <= huge(drift))) then
       call raise(error, usage_error, 'V sin(phi) = '//trim(short_text(drift))//' m/s: Eq. (10) divides by it, '// &
                  'so V and the misalignment must be finite and not 0')
-    if (allocated(error)) return
+      return
+    end if
     lambda = 0.5_wp*slider%law%kinetic_limit/(drift*impedance(slider))
     call check_finite('Lambda', [lambda], error)
   end subroutine damping_scale
@@ -386,8 +325,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: speed, force(1), slope(1), smoothing, smoothed
 
-    call check_slider(slider, error)
-    if (allocated(error)) return
     speed = abs(velocity)
     if (.not. (speed > 0.0_wp .and. speed <= huge(speed))) then
       call raise(error, usage_error, 'V = '//trim(short_text(velocity))// &
@@ -405,6 +342,22 @@ contains
     call check_finite('F/V', [own%alpha, own%beta], error)
   end subroutine perturb
 
+  !> Units of mass and time near the slider's own, powers of two, in which no product is out of range; rates are in 2**power 1/s.
+  pure subroutine use_own_units(own, power)
+    type(perturbed_t), intent(inout) :: own
+    integer, intent(out) :: power
+    integer :: mass
+
+    mass = exponent(own%mass)
+    power = exponent(maxval(own%stiffness)) - mass
+    power = (power - modulo(power, 2))/2
+    own%mass = scale(own%mass, -mass)
+    own%stiffness = scale(own%stiffness, -mass - 2*power)
+    own%alpha = scale(own%alpha, -mass - power)
+    own%beta = scale(own%beta, -mass - power)
+    own%damping = scale(own%damping, -mass - power)
+  end subroutine use_own_units
+
   !> Refuse what the range of the numbers was too small for.
   subroutine check_finite(name, values, error)
     character(*), intent(in) :: name
@@ -413,43 +366,4 @@ contains
 
     if (.not. all(abs(values) <= huge(values))) call raise(error, usage_error, name//' is '//beyond)
   end subroutine check_finite
-
-  !> Decks are checked when they are read; other callers may pass anything.
-  subroutine check_slider(slider, error)
-    type(slider_t), intent(in) :: slider
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: limit, drop, decay, values(4)
-    logical :: is_exponential
-
-    call check('mass', slider%mass, 'kg')
-    call check('stiffness_x', slider%stiffness(1), 'N/m')
-    call check('stiffness_y', slider%stiffness(2), 'N/m')
-    if (allocated(error)) return
-    if (.not. all(slider%damping >= 0.0_wp .and. slider%damping <= huge(slider%damping))) then
-      call raise(error, usage_error, 'damping_x or damping_y is negative or not a number: both must be finite and >= 0')
-      return
-    end if
-    if (.not. sum(abs(slider%along)) <= 2.0_wp) then
-      call raise(error, usage_error, 'the misalignment is not a number: it must be finite')
-      return
-    end if
-    call exponential_form(slider%law, limit, drop, decay, is_exponential)
-    ! Not with `min` and `max`, which ignore a NaN.
-    values = [slider%law%static_limit, limit, decay, slider%smoothing]
-    if (.not. all(values >= 0.0_wp .and. values <= huge(values))) then
-      call raise(error, usage_error, 'the friction is negative or not a number: mu_0, mu_inf and normal_load '// &
-                 'must be finite and >= 0, v_f > 0')
-    end if
-
-  contains
-
-    subroutine check(name, value, unit)
-      character(*), intent(in) :: name, unit
-      real(wp), intent(in) :: value
-
-      if (allocated(error)) return
-      if (.not. (value > 0.0_wp .and. value <= huge(value))) &
-        call raise(error, usage_error, name//' = '//trim(short_text(value))//' '//unit//': it must be finite and > 0')
-    end subroutine check
-  end subroutine check_slider
 end module dst_stability

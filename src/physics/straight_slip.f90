@@ -119,8 +119,6 @@ contains
     real(wp), intent(in) :: y(max_unknowns), drive_velocity
     real(wp) :: velocity(2)
 
-    associate (unused => drive_velocity)
-    end associate
     ! In the direction of the motion there: the slip may have turned since.
     velocity = y(1)*[cos(y(2)), sin(y(2))]
     if (self%axis == 1) velocity = [sign(y(1), cos(y(2))), 0.0_wp]
@@ -132,8 +130,6 @@ contains
     real(wp), intent(out) :: coefficient(0:self%components + self%unknowns), weakening
     real(wp) :: friction(1), slope(1)
 
-    associate (unused => drive_velocity)
-    end associate
     call self%slider%law%evaluate(1, y(1:1), friction, slope)
     weakening = -slope(1)/self%slider%mass
     coefficient = [self%slider%stiffness(self%axis)*self%direction(self%axis)**2, slope(1), self%slider%mass]/self%slider%mass

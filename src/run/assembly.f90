@@ -49,13 +49,17 @@ contains
     type(slider_t) :: slider
     type(drive_t) :: drive
     class(slip_system_t), allocatable :: resting, sliding
-    class(stepper_t), allocatable :: stepper
-    class(stepping_t), allocatable :: first, with_rest, without
-    logical :: rests_first
+    class(stepping_t), allocatable :: first, second
+    type(cycle_map_t), allocatable :: map
+    logical :: can_rest, rests_first
 
     call slider_from_scene(scene, slider)
-    call check_static_friction(scene, error)
-    if (allocated(error)) return
+    if (scene%mu_static > 0.0_wp .and. scene%mu_static < scene%mu_0) then
+      call raise(error, deck_error, 'mu_static = '//trim(short_text(scene%mu_static))//' is below the friction coefficient '// &
+        'F(0)/W as slip begins, mu_0 = '//trim(short_text(scene%mu_0))//': give mu_static >= mu_0, or 0 for the same', &
+        'friction.mu_static')
+      return
+    end if
     drive = new_drive(scene%drive_time, scene%drive_velocity)
     if (scene%is_closed_form()) then
       call start_creep(scene, slider, drive, motion, error)
@@ -64,45 +68,29 @@ contains
     call choose_equations(scene, slider, drive, resting, sliding, error)
     if (.not. allocated(error)) call check_method(scene, drive, resting, sliding, error)
     if (allocated(error)) return
-    if (allocated(resting)) then
-      call choose_method(scene, slider, resting, .true., stepper)
-    else
-      call choose_method(scene, slider, sliding, .false., stepper)
-    end if
-    rests_first = allocated(resting)
-    if (rests_first .and. allocated(sliding)) rests_first = drive%segment(1)%rests
-    if (allocated(resting)) call new_steps(scene, slider, drive, resting, .true., with_rest)
-    if (allocated(sliding)) call new_steps(scene, slider, drive, sliding, .false., without)
+    can_rest = allocated(resting)
+    rests_first = can_rest
+    if (can_rest .and. allocated(sliding)) rests_first = drive%segment(1)%rests
     if (rests_first) then
-      call move_alloc(with_rest, first)
+      call new_steps(scene, slider, drive, resting, .true., first)
+      if (allocated(sliding)) call new_steps(scene, slider, drive, sliding, .false., second)
     else
-      call move_alloc(without, first)
+      call new_steps(scene, slider, drive, sliding, .false., first)
+      if (can_rest) call new_steps(scene, slider, drive, resting, .true., second)
     end if
-    call move_alloc(stepper, first%stepper)
+    call choose_method(scene, first%system, can_rest, first%stepper)
     call start_motion(scene, first)
     ! A release under a limit that ages is more than an angle; the rigid spring of the slow motion has no elongation at the limit.
-    if (allocated(with_rest) .or. allocated(without) .or. (first%may_rest .and. scene%model == 'low_frequency') &
-      .or. slider%law%ageing > 0.0_wp) then
+    if (allocated(second) .or. (first%may_rest .and. scene%model == 'low_frequency') .or. slider%law%ageing > 0.0_wp) then
       call move_alloc(first, motion)
     else
-      call leap_cycles(scene, first, motion)
+      allocate (map)
+      ! Whether a motion has settled is decided cycle by cycle, and by steps.
+      call new_cycle_map(first, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
+      call move_alloc(map, motion)
     end if
-    if (allocated(with_rest)) call move_alloc(with_rest, other)
-    if (allocated(without)) call move_alloc(without, other)
+    if (allocated(second)) call move_alloc(second, other)
   end subroutine new_motion
-
-  !> The motion that has been started, slow cycle by slow cycle, with leaps if the scene permits.
-  subroutine leap_cycles(scene, first, motion)
-    type(scene_t), intent(in) :: scene
-    class(stepping_t), allocatable, intent(inout) :: first
-    class(motion_t), allocatable, intent(out) :: motion
-    type(cycle_map_t), allocatable :: map
-
-    allocate (map)
-    ! Whether a motion has settled is decided cycle by cycle, and by steps.
-    call new_cycle_map(first, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
-    call move_alloc(map, motion)
-  end subroutine leap_cycles
 
   !> The equations of motion by name: of motion that can rest (exact contact), of motion that cannot, or both.
   subroutine choose_equations(scene, slider, drive, resting, sliding, error)
@@ -181,17 +169,6 @@ contains
     if (scene%contact /= 'exact') slider%smoothing = scene%v_smooth**2
   end subroutine slider_from_scene
 
-  !> The static limit is at least the friction as slip begins.
-  subroutine check_static_friction(scene, error)
-    type(scene_t), intent(in) :: scene
-    type(error_t), allocatable, intent(out) :: error
-
-    if (.not. scene%mu_static > 0.0_wp .or. scene%mu_static >= scene%mu_0) return
-    call raise(error, deck_error, 'mu_static = '//trim(short_text(scene%mu_static))//' is below the friction coefficient '// &
-      'F(0)/W as slip begins, mu_0 = '//trim(short_text(scene%mu_0))//': give mu_static >= mu_0, or 0 for the same', &
-      'friction.mu_static')
-  end subroutine check_static_friction
-
   !> Refuse methods that cannot compute this motion.
   subroutine check_method(scene, drive, resting, sliding, error)
     type(scene_t), intent(in) :: scene
@@ -214,26 +191,24 @@ contains
   end subroutine check_method
 
   !> The integrators by name.
-  subroutine choose_method(scene, slider, system, rests, stepper)
+  subroutine choose_method(scene, system, can_rest, stepper)
     type(scene_t), intent(in) :: scene
-    type(slider_t), intent(in) :: slider
     class(slip_system_t), intent(in) :: system
-    logical, intent(in) :: rests             !! whether the object can rest
+    logical, intent(in) :: can_rest
     class(stepper_t), allocatable, intent(out) :: stepper
     type(method_t) :: method
 
     method = method_named(scene%method)
-    select case (method%kind)
-    case ('implicit')
-      stepper = new_radau(method%stages, system%components, system%unknowns, scene%rtol)
-    case default
-      if (rests) then
-        stepper = new_past_rest(scene%method, system%components, system%unknowns, scene%rtol)
+    associate (n => system%components, m => system%unknowns)
+      if (method%kind == 'implicit') then
+        stepper = new_radau(method%stages, n, m, scene%rtol)
+      else if (can_rest) then
+        stepper = new_past_rest(scene%method, n, m, scene%rtol)
       else
-        stepper = new_runge_kutta(scene%method, system%components, system%unknowns, scene%rtol)
+        stepper = new_runge_kutta(scene%method, n, m, scene%rtol)
       end if
-    end select
-    stepper%memory = memory/maxval(slider%frequency())
+    end associate
+    stepper%memory = memory/maxval(system%frequency)
   end subroutine choose_method
 
   !> Motion by steps of a system that can rest, or cannot.

@@ -6,9 +6,10 @@
 module dst_derivatives
   use dst_columns, only: columns, row_of
   use dst_deck_values, only: deck_t
-  use dst_errors, only: error_t, raise, deck_error, usage_error, out_of_memory
+  use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp, int64, pi
+  use dst_memory_writer, only: memory_writer_t
   use dst_output_size, only: sample_count
   use dst_piece, only: no_event, slip_begins, slips
   use dst_sampling, only: settle_interval
@@ -20,9 +21,7 @@ module dst_derivatives
   use dst_stepping, only: stepping_t
   use dst_stopwatch, only: wall_clock
   use dst_tangent, only: tangent_t, trail_t, directions_t, rate_in, n_changes
-  use dst_text, only: integer_text
   use dst_variation, only: steps_of, vary
-  use dst_writer, only: event_t
   implicit none
   private
 
@@ -40,14 +39,12 @@ module dst_derivatives
     character(longest_text), allocatable :: key(:)
     real(wp), allocatable :: parameter(:)                    !! values of the keys
     integer, allocatable :: selected(:)                      !! numbers of the columns
-    real(wp), allocatable :: value(:, :)                     !! (column, sample)
-    real(wp), allocatable :: change(:, :, :)                 !! per change of a parameter: (column, parameter, sample)
-    integer :: events = 0
-    type(event_t), allocatable :: event(:)                   !! valid up to `events`
-    real(wp), allocatable :: shift(:, :)                     !! of the time of an event per change of a parameter: (parameter, event)
+    !> The columns and then their changes per change of each parameter, one sample after another; and of each event the time, the
+    !> kind, and the changes of the time.
+    type(memory_writer_t) :: samples, events
     logical :: is_finished = .false.
     real(wp), allocatable, private :: time(:)                !! of the samples, s
-    integer, private :: sampled = 0, segment = 1
+    integer, private :: segment = 1
     integer(int64), private :: max_steps = 0
     class(stepping_t), allocatable, private :: steps
     type(directions_t), private :: directions
@@ -75,7 +72,8 @@ contains
     if (.not. allocated(error)) call vary(deck, scene, keys, self%key, self%parameter, self%directions%variation, error)
     if (.not. allocated(error)) call place_samples(scene, times, self%time, error)
     if (.not. allocated(error)) call select_columns(scene, self%steps%slider, self%steps%drive, self%selected, error)
-    if (.not. allocated(error)) call make_room(self, error)
+    if (.not. allocated(error) .and. size(self%key) == 0) &
+      call raise(error, usage_error, 'no parameter is named: name one as GROUP.KEY, like system.mass')
     if (allocated(error)) return
     self%max_steps = scene%max_steps
     allocate (self%tangents(size(self%key)), self%trail(size(self%key)))
@@ -86,7 +84,7 @@ contains
         one%is_polar = self%steps%system%is_polar
       end associate
     end do
-    if (self%steps%piece%event /= no_event) call add_event(self, event_t(0.0_wp, self%steps%piece%event), self%tangents%clock)
+    if (self%steps%piece%event /= no_event) call add_event(self, self%tangents%clock, error)
     self%segment = self%steps%segment
   end subroutine start
 
@@ -117,23 +115,6 @@ contains
     end if
   end subroutine place_samples
 
-  subroutine make_room(self, error)
-    class(derivatives_t), intent(inout) :: self
-    type(error_t), allocatable, intent(inout) :: error
-    integer :: status
-
-    if (size(self%key) == 0) then
-      call raise(error, usage_error, 'no parameter is named: name one as GROUP.KEY, like system.mass')
-      return
-    end if
-    associate (columns => size(self%selected), keys => size(self%key), n => size(self%time))
-      allocate (self%value(columns, n), self%change(columns, keys, n), stat=status)
-      if (status == 0) allocate (self%event(64), self%shift(keys, 64), stat=status)
-      if (status /= 0) call raise(error, out_of_memory, 'no memory for '//integer_text(n)//' samples of '//integer_text(columns)// &
-        ' columns and '//integer_text(keys)//' parameters: give fewer times, or name the columns in output.fields')
-    end associate
-  end subroutine make_room
-
   !> Continue for at most `seconds` of wall time [s].
   subroutine proceed(self, seconds, error)
     class(derivatives_t), intent(inout) :: self
@@ -145,7 +126,7 @@ contains
     begun = wall_clock()
     do
       do i = 1, pieces_between_looks
-        self%is_finished = self%steps%finished() .or. self%sampled == size(self%time)
+        self%is_finished = self%steps%finished() .or. self%samples%rows == size(self%time)
         if (self%is_finished) return
         call go_on(self, error)
         if (allocated(error)) return
@@ -170,20 +151,17 @@ contains
         self%tangents%rests = .false.
         self%tangents%delay = 0.0_wp
       end if
-      if (self%time(self%sampled + 1) <= steps%piece%to%time) then
+      if (self%time(self%samples%rows + 1) <= steps%piece%to%time) then
         call self%directions%follow(self%tangents, steps%piece, steps%system, steps%slider, found, self%trail)
       else
         call self%directions%follow(self%tangents, steps%piece, steps%system, steps%slider, found)
       end if
-      if (found) call note_event(self, found)
-      if (.not. found) then
+      if (found) call note_event(self, found, error)
+      if (.not. found) &
         call raise(error, usage_error, 'the motion hangs on a release that just happens, and has no derivative after it')
-        return
-      end if
-      do while (self%sampled < size(self%time))
-        if (self%time(self%sampled + 1) > steps%piece%to%time) exit
-        self%sampled = self%sampled + 1
-        call look(self, self%time(self%sampled), self%value(:, self%sampled), self%change(:, :, self%sampled))
+      do while (self%samples%rows < size(self%time) .and. .not. allocated(error))
+        if (self%time(self%samples%rows + 1) > steps%piece%to%time) exit
+        call self%samples%write_samples(row_at(self, self%time(self%samples%rows + 1)), error)
       end do
     end associate
   end subroutine go_on
@@ -203,9 +181,10 @@ contains
   end subroutine enter_segment
 
   !> The event at the end of the last piece.
-  subroutine note_event(self, found)
+  subroutine note_event(self, found, error)
     class(derivatives_t), intent(inout) :: self
     logical, intent(out) :: found
+    type(error_t), allocatable, intent(inout) :: error
     type(tangent_t) :: there
     real(wp) :: shift(size(self%tangents))
     integer :: k
@@ -222,37 +201,26 @@ contains
         call there%set_off(piece%to, piece%drive, self%steps%slider, self%directions%variation(k), found)
         shift(k) = there%clock
       end do
-      call add_event(self, event_t(piece%to%time, piece%event), shift)
+      if (found) call add_event(self, shift, error)
     end associate
   end subroutine note_event
 
-  subroutine add_event(self, event, shift)
+  subroutine add_event(self, shift, error)
     class(derivatives_t), intent(inout) :: self
-    type(event_t), intent(in) :: event
     real(wp), intent(in) :: shift(:)
-    type(event_t), allocatable :: events(:)
-    real(wp), allocatable :: shifts(:, :)
+    type(error_t), allocatable, intent(inout) :: error
 
-    associate (n => self%events)
-      n = n + 1
-      if (n > size(self%event)) then
-        ! Without temporary arrays, which would be on the stack.
-        allocate (events(2*n), shifts(size(shift), 2*n))
-        events(:n - 1) = self%event
-        shifts(:, :n - 1) = self%shift
-        call move_alloc(events, self%event)
-        call move_alloc(shifts, self%shift)
-      end if
-      self%event(n) = event
-      self%shift(:, n) = shift
+    associate (piece => self%steps%piece)
+      call self%events%write_samples(reshape([piece%to%time, real(piece%event, wp), shift], [2 + size(shift), 1]), error)
     end associate
   end subroutine add_event
 
   !> The columns at a time [s] of the last piece, and their derivatives.
-  subroutine look(self, time, value, change)
+  function row_at(self, time) result(row)
     class(derivatives_t), intent(in) :: self
     real(wp), intent(in) :: time
-    real(wp), intent(out) :: value(:), change(:, :)
+    real(wp) :: row(size(self%selected)*(1 + size(self%key)), 1)
+    real(wp) :: change(size(self%selected), 0:size(self%key))
     type(state_t) :: state
     real(wp) :: rate(n_changes), direction(n_changes), basis(0:max_degree), tau, elapsed
     integer :: i, k
@@ -270,7 +238,7 @@ contains
         end associate
       end if
       rate = rate_in(piece, tau)
-      value = row_by(steps, self%selected, state, piece%contact)
+      change(:, 0) = row_by(steps, self%selected, state, piece%contact)
       do k = 1, size(self%trail)
         associate (variation => self%directions%variation(k), one => self%trail(k))
           if (piece%contact == slips) then
@@ -290,6 +258,7 @@ contains
         end associate
       end do
     end associate
+    row = reshape(change, shape(row))
 
   contains
 
@@ -322,7 +291,7 @@ contains
       moved%u = state%u + by(:max_components)
       moved%y = state%y + by(max_components + 1:)
     end function moved
-  end subroutine look
+  end function row_at
 
   !> Columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.
   function row_by(rig, selected, state, contact) result(row)

@@ -3,62 +3,35 @@
 !> The error of a reduced model, due to the fast oscillation and the elasticity of the stiff axis, is bounded by formulas whose
 !> factors were fitted to some 6000 random scenes and tested on others (bench/model_choice.py, docs/models.md). Those of stick-slip
 !> depend on how creep ends (dst_creep_end): only if the fast oscillation has decayed before slip is the slow motion independent of
-!> it. The effect of inertia on the closed forms follows from the low-frequency motion, which costs below a millisecond and is run
-!> only if it can change the choice. Outside the range of the calibration, the full model is chosen.
+!> it. No motion is run: what inertia and weakening do to creep follows from creep itself. Outside the range of the calibration, the
+!> full model is chosen.
 !> A column that is requested by name counts like a quantity: it must be that of the full model, to the same accuracy.
 module dst_model_choice
-  use dst_kinds, only: wp, int64
-  use dst_creep, only: creep_t, creep_exact, position_third_order
+  use dst_kinds, only: wp
+  use dst_creep, only: creep_t, creep_exact, creep_asymptotic
   use dst_creep_end, only: creep_end_t, creep_end
-  use dst_errors, only: error_t
   use dst_friction, only: falls_exponentially
-  use dst_memory_writer, only: memory_writer_t
   use dst_methods, only: fixed_step_methods
   use dst_model_columns, only: column_obstacle, gives_column, holds_column
   use dst_columns, only: columns
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
-  use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
   use dst_slow_validity, only: slow_validity_t, slow_validity, rigidity_obstacle, slip_error, margin, gradual
-  use dst_stepper, only: work_count_t
   use dst_plain_numbers, only: number_text
   use dst_text, only: has_word
-  use dst_writer, only: outcome_t
   implicit none
   private
 
   public :: settle_model
 
-  !> Number of equal parts of a run at whose ends models are compared.
+  !> Number of equal parts of a run at whose ends creep is looked at.
   integer, parameter :: samples = 64
+  real(wp), parameter :: excluded = huge(1.0_wp)
 
-  !> The low-frequency motion of a scene: X and u_x [m] at equal times, and whether it slips.
-  type :: slow_motion_t
-    logical :: tried = .false.     !! whether it has been run
-    logical :: known = .false.     !! with success
-    logical :: has_slipped = .false.
-    real(wp), allocatable :: time(:), position(:), elongation(:)
-    real(wp) :: cycles = 0.0_wp
-    real(wp) :: fastest = 0.0_wp   !! largest |X'|, m/s
-    real(wp) :: load = 0.0_wp      !! largest |k_x u_x|, N
-    real(wp) :: swing = 0.0_wp     !! mean fall of k_x u_x over the static limit
-    integer(int64) :: iterations = 0   !! Newton iterations, its cost
-  end type slow_motion_t
-
-  !> The advance X/l_x at equal times in two ways.
-  type :: advances_t
-    real(wp) :: tau(0:samples) = 0.0_wp
-    real(wp) :: rigid(0:samples) = 0.0_wp      !! exact creep, rigid k_y
-    real(wp) :: elastic(0:samples) = 0.0_wp    !! exact creep
-    real(wp) :: reached = 0.0_wp               !! the last value of these
-    real(wp) :: elasticity = 0.0_wp            !! largest difference of the two, over the last value
-  end type advances_t
-
-  !> Quantities that are small if a reduced model is accurate. Without unit.
+  !> Quantities that are small if a reduced model is accurate, and creep with constant friction up to t_end. Without unit.
   type :: smallness_t
     logical :: weakens = .false.
-    logical :: will_slip = .false.             !! it has been driven far beyond the end of creep
     real(wp) :: softness = 0.0_wp              !! k_x/k_y
     real(wp) :: delay = 0.0_wp                 !! k_x/(k_y tan(phi)), about V t/l_x up to which the object truly sticks
     real(wp) :: ripple = 0.0_wp                !! V sin(phi) sqrt(m k_y)/F_0, force of the fast oscillation
@@ -69,41 +42,39 @@ module dst_model_choice
     real(wp) :: share = 0.0_wp                 !! tan(phi)^2 over its critical value, if friction weakens at V
     real(wp) :: speed = 0.0_wp                 !! V/v_f
     real(wp) :: length = 0.0_wp                !! V t_end/l_x
-    real(wp) :: sine = 0.0_wp                  !! |sin(phi)|
     type(creep_end_t) :: end
+    real(wp) :: slip_load = huge(1.0_wp)       !! k_x u_x/F_0 where creep ends in slip
+    real(wp) :: swing = 0.0_wp                 !! by how much it falls in a strong slip, against the least friction
     type(slow_validity_t) :: slow              !! whether the slow motion holds through slips
-    type(advances_t) :: creep
+    real(wp) :: load = 0.0_wp                  !! k_x u_x/F_0 at the end; less if friction weakens
+    real(wp) :: reached = 0.0_wp               !! X/l_x at the end
+    logical :: is_overdamped = .false.         !! at each direction of friction
+    ! Largest differences of X, over its last value: between creep with an elastic and with a rigid k_y; what inertia and the fall of
+    ! friction do to it; and that of the asymptotics.
+    real(wp) :: elasticity = 0.0_wp, lag = excluded, expansion = excluded
   end type smallness_t
-
-  !> Largest number of steps for the choice.
-  integer, parameter :: affordable_steps = 100000
-  real(wp), parameter :: excluded = huge(1.0_wp)
-  !> Accuracy of the low-frequency motion that the choice uses: far below any accuracy that is requested. Convention.
-  real(wp), parameter :: slow_rtol = 1.0e-8_wp
 
   ! All constants below are fitted to some 6000 random scenes and tested on 4000 others of free lengths: the largest error is 0.8 of
   ! its estimate (bench/model_choice.py draws others); docs/models.md gives the formulas. A larger margin reduces fewer scenes, and
   ! changes no number of a chosen model. A wider range admits scenes that have not been tested.
   !
-  !> Range of creep: largest ripple, largest contribution of inertia to it.
-  real(wp), parameter :: largest_ripple = 2.0_wp, largest_inertia = 0.3_wp
+  !> Range of creep: largest ripple, largest lag.
+  real(wp), parameter :: largest_ripple = 2.0_wp, largest_lag = 0.3_wp
   !> With weakening friction: largest ripple, largest feeding over sin(theta)^2 before slip, share of the load at the end of creep
   !> up to which the motion is creep, largest share of the critical tan(phi)^2.
   real(wp), parameter :: largest_weak_ripple = 0.5_wp, largest_feeding = 0.3_wp, near_slip = 0.95_wp, largest_share = 0.6_wp
-  !> V t/l_x from which on an object whose creep ends has slipped; scenes between these limits are checked. Convention.
+  !> V t/l_x from which on an object whose creep ends has slipped. Convention.
   real(wp), parameter :: surely_slipped = 2.0_wp
   !> For stick-slip, besides those at slip (dst_slow_validity): weights of delay, inertia, feeding, drift.
   real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp
-  !> For creep: weights of the effect of inertia on a closed form, and on low_frequency with weakening; of the ripple added to 1; of
-  !> a finite k_y: as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
-  real(wp), parameter :: inertia_in_creep = 2.0_wp, inertia_in_slow = 1.0_wp, ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, &
+  !> For strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y added to the feeding, and the fall of the load
+  !> over F_0 in a slip below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, largest V/v_f.
+  real(wp), parameter :: strong_margin = 6.0_wp, softness_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
+  real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, largest_speed = 0.5_wp
+  !> For creep: weights of the lag in a closed form, and in low_frequency with weakening; of the ripple added to 1; of a finite k_y:
+  !> as it raises both, as it remains after slip, and in low_frequency; of k_x/k_y after slip.
+  real(wp), parameter :: lag_in_creep = 1.9_wp, lag_in_slow = 1.0_wp, ripple_weight = 10.0_wp, elastic_gain = 50.0_wp, &
     elastic_remainder = 0.2_wp, elastic_in_slow = 1.5_wp, softness_in_slow = 3.0_wp
-  !> For strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y added to the feeding, and the amplitude
-  !> (peak to peak) over F_0 below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, fewest
-  !> cycles, largest V/v_f.
-  real(wp), parameter :: strong_margin = 5.0_wp, softness_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
-  real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, least_cycles = 2.0_wp, &
-    largest_speed = 0.5_wp
 
 contains
 
@@ -112,42 +83,29 @@ contains
   subroutine settle_model(scene, reason)
     type(scene_t), intent(inout) :: scene
     character(:), allocatable, intent(out) :: reason
-    type(slow_motion_t) :: slow
     type(slider_t) :: slider
     type(smallness_t) :: small
     character(:), allocatable :: passed_over
-    character(20) :: cost
+    logical :: found
 
     reason = ''
     if (scene%model /= 'auto') return
     scene%model = 'full'
     call slider_from_scene(scene, slider)
-    reason = obstacle_to_reduction(scene, slider)
-    if (reason /= '') then
-      reason = 'full: '//reason
-      return
-    end if
-    small = smallness_of(scene, slider)
-    passed_over = ''
-    if (scene%quantities == 'creep') then
-      if (.not. accept('creep_asymptotic')) then
-        if (.not. accept('creep')) call settle_on_integration()
-      else
-        scene%form = 'third_order'
+    passed_over = obstacle_to_reduction(scene, slider)
+    found = .false.
+    if (passed_over == '') then
+      small = smallness_of(scene, slider)
+      if (scene%quantities == 'creep') then
+        found = accept('creep_asymptotic')
+        if (found) scene%form = 'third_order'
+        if (.not. found) found = accept('creep')
       end if
-    else
-      call settle_on_integration()
+      if (.not. found) found = accept('low_frequency')
     end if
-    if (slow%tried) then
-      write (cost, '(i0)') slow%iterations
-      reason = reason//'; the choice took '//trim(cost)//' Newton iterations'
-    end if
+    if (.not. found) reason = 'full: '//passed_over
 
   contains
-
-    subroutine settle_on_integration()
-      if (.not. accept('low_frequency')) reason = 'full: '//passed_over
-    end subroutine settle_on_integration
 
     logical function accept(model)
       character(*), intent(in) :: model
@@ -157,7 +115,7 @@ contains
       accept = .false.
       lack = lack_of_columns(scene, model)
       if (lack == '') then
-        error = estimated_error(scene, slider, small, model, slow)
+        error = estimated_error(scene, slider, small, model)
         accept = error <= scene%accuracy
         if (error < excluded) then
           lack = model//' may have an error of '//number_text(error, 2)//', more than accuracy = '//number_text(scene%accuracy, 2)
@@ -179,30 +137,24 @@ contains
     end function accept
   end subroutine settle_model
 
-  !> Largest error of a model in the requested quantities. Estimates that need no motion come first: if they exceed the accuracy, or
-  !> are complete, the low-frequency motion is not run.
-  real(wp) function estimated_error(scene, slider, small, model, slow) result(error)
+  !> Largest error of a model in the requested quantities and columns. X and u_x of creep are known at all times; in stick-slip an
+  !> error of the period shifts the slips.
+  pure real(wp) function estimated_error(scene, slider, small, model) result(error)
     type(scene_t), intent(in) :: scene
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
     character(*), intent(in) :: model
-    type(slow_motion_t), intent(inout) :: slow
+    real(wp) :: of_position, rigidity
 
-    if (scene%quantities == 'creep') then
-      error = least_error_in_creep(small, model)
-    else
-      error = least_error_in_stick_slip(small)
-    end if
-    if (error > scene%accuracy) return
-    if (.not. slow%tried) call follow_slow_motion(scene, slider, slow)
-    if (.not. slow%known) then
-      error = excluded
-    else if (scene%quantities == 'creep') then
-      error = error_in_creep(slider, small, slow, model)
-    else
-      error = error_in_stick_slip(slider, small, slow)
-    end if
-    error = max(error, error_in_columns(scene, slider, small, slow, model, error))
+    of_position = error_in_creep(slider, small, model)
+    error = of_position
+    if (scene%quantities /= 'creep') error = error_in_stick_slip(slider, small)
+    if (scene%fields(1) == 'default') return
+    error = max(error, of_position)
+    ! X = D - u_x cos(phi) - u_y sin(phi): the error of X, and the u_y that a rigid spring lacks, are in u_x.
+    rigidity = merge(abs(slider%along(2))*small%softness, 0.0_wp, model == 'low_frequency')
+    if (error < excluded .and. any(scene%fields /= 'X')) &
+      error = max(error, (of_position*small%reached + rigidity)/(slider%along(1)*small%load))
   end function estimated_error
 
   !> Why a model cannot replace the full one in the columns requested by name; '' if it can.
@@ -228,44 +180,6 @@ contains
     names = pack(columns%name, columns%name /= 'time' .and. gives_column(model, columns%name) &
       .and. .not. holds_column(model, columns%name))
   end function free_columns
-
-  !> Largest error of the columns requested by name, each over its largest value, if the model has the error `error` in the
-  !> quantities for which it is chosen.
-  pure real(wp) function error_in_columns(scene, slider, small, slow, model, error) result(worst)
-    type(scene_t), intent(in) :: scene
-    type(slider_t), intent(in) :: slider
-    type(smallness_t), intent(in) :: small
-    type(slow_motion_t), intent(in) :: slow
-    character(*), intent(in) :: model
-    real(wp), intent(in) :: error
-    real(wp) :: of_position, of_elongation, shift, rigidity
-    integer :: i
-
-    worst = 0.0_wp
-    if (scene%fields(1) == 'default' .or. error > scene%accuracy) return
-    associate (along => slider%along(1), across => abs(slider%along(2)), speed => abs(scene%drive_velocity(1)), &
-        advance => maxval(abs(slow%position)), stretch => maxval(abs(slow%elongation)))
-      worst = excluded
-      if (.not. (advance > 0.0_wp .and. stretch > 0.0_wp)) return
-      if (scene%quantities == 'creep') then
-        ! X = D - u_x cos(phi) - u_y sin(phi): the error of X, and the u_y that a rigid spring lacks, are in u_x.
-        of_position = error
-        rigidity = merge(across*slider%law%static_limit/slider%stiffness(2), 0.0_wp, model == 'low_frequency')
-        of_elongation = (error*advance + rigidity)/(along*stretch)
-      else
-        ! An error of the period shifts the slips in time. Without slip X is creep.
-        shift = error*scene%t_end
-        of_position = error + slow%fastest*shift/advance
-        if (.not. (small%weakens .and. slow%has_slipped)) &
-          of_position = max(of_position, error_in_creep(slider, small, slow, model))
-        of_elongation = error + (speed*along + slow%fastest/along)*shift/stretch
-      end if
-    end associate
-    worst = 0.0_wp
-    do i = 1, size(scene%fields)
-      worst = max(worst, merge(of_position, of_elongation, scene%fields(i) == 'X'))
-    end do
-  end function error_in_columns
 
   !> Why no reduced model may be considered; '' if one may.
   function obstacle_to_reduction(scene, slider) result(text)
@@ -301,50 +215,6 @@ contains
     end if
   end function obstacle_to_reduction
 
-  !> Integrate the low-frequency motion.
-  subroutine follow_slow_motion(scene, slider, slow)
-    type(scene_t), intent(in) :: scene
-    type(slider_t), intent(in) :: slider
-    type(slow_motion_t), intent(out) :: slow
-    type(scene_t) :: sketch
-    type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
-    type(outcome_t) :: outcome
-    type(error_t), allocatable :: error
-    type(work_count_t) :: work
-
-    slow%tried = .true.
-    sketch = scene
-    sketch%model = 'low_frequency'
-    ! If it is driven backwards it is the mirror image.
-    sketch%drive_velocity = abs(scene%drive_velocity)
-    sketch%method = 'radau9'
-    sketch%rtol = slow_rtol
-    sketch%step_max = 0.0_wp
-    sketch%max_steps = affordable_steps
-    sketch%interval = scene%t_end/real(samples, wp)
-    sketch%wall_limit = 0.0_wp
-    deallocate (sketch%fields)
-    allocate (sketch%fields(2))
-    sketch%fields = [character(len(sketch%fields)) :: 'X', 'u_x']
-    call simulation%start(sketch, error)
-    if (allocated(error)) return
-    call simulation%proceed(huge(1.0_wp), writer, error)
-    work = simulation%motion%work()
-    slow%iterations = work%newton
-    if (allocated(error)) return
-    call simulation%outcome(error, outcome)
-    slow%known = .true.
-    slow%time = writer%samples(1, :writer%rows)
-    slow%position = writer%samples(2, :writer%rows)
-    slow%elongation = writer%samples(3, :writer%rows)
-    slow%cycles = outcome%summary_of('cycles')
-    slow%fastest = abs(outcome%summary_of('max_X_rate'))
-    slow%load = slider%stiffness(1)*maxval(abs(slow%elongation))
-    slow%swing = simulation%summary%cycles%mean_swing()/slider%law%static_limit
-    slow%has_slipped = simulation%summary%has_slipped
-  end subroutine follow_slow_motion
-
   !> The small numbers of a scene to which the estimates apply.
   function smallness_of(scene, slider) result(small)
     type(scene_t), intent(in) :: scene
@@ -357,7 +227,6 @@ contains
     call slider%law%evaluate(3, [0.0_wp, across, speed], friction, slope)
     associate (limit => slider%law%static_limit, mass => slider%mass, stiffness => slider%stiffness)
       small%weakens = minval(slope) < 0.0_wp
-      small%sine = abs(slider%along(2))
       small%softness = stiffness(1)/stiffness(2)
       small%delay = small%softness*abs(slider%along(1)/slider%along(2))
       small%ripple = across/limit*sqrt(mass*stiffness(2))
@@ -372,179 +241,126 @@ contains
         small%speed = speed/scene%v_f
         small%end = creep_end(slider, speed)
         small%slow = slow_validity(slider, speed, excluded)
-        small%will_slip = small%end%exists .and. small%length > surely_slipped
+        if (small%end%exists) small%slip_load = small%end%load/limit
+        small%swing = 2.0_wp*(small%slip_load - slider%law%least_force/limit)
       end if
     end associate
-    if (scene%quantities == 'creep' .or. scene%fields(1) /= 'default') small%creep = creep_in_two_ways(slider, small)
+    call look_at_creep(slider, speed, small)
   end function smallness_of
 
-  !> Exact creep with the elastic and with a rigid stiff spring.
-  pure function creep_in_two_ways(slider, small) result(advances)
+  !> Creep with constant friction up to the end of the run, and what it leaves out. With the rate at which the load rises as friction
+  !> turns by theta, and q = V sin(phi) sqrt(m k_x)/F_0,
+  !>
+  !>     rise = (F sin(theta)^2 + v F' cos(theta)^2)/F_0,
+  !>
+  !> the slow motion lags behind its rate by q^2/(sin(theta)^3 sin(phi)) l_x/V; friction that has fallen by a share raises the rate by
+  !> that share over rise, and X leads; and the motion is overdamped (Eq. 10) if rise sin(theta) > 2 q.
+  pure subroutine look_at_creep(slider, speed, small)
     type(slider_t), intent(in) :: slider
-    type(smallness_t), intent(in) :: small
-    type(advances_t) :: advances
-    type(creep_t) :: creep(0:samples)
-    real(wp) :: phi
+    real(wp), intent(in) :: speed              !! |V|, m/s
+    type(smallness_t), intent(inout) :: small
+    type(creep_t), dimension(0:samples) :: rigid, elastic, expanded
+    real(wp), dimension(0:samples) :: tau, sine, force, slope, rise, part
+    real(wp) :: phi, lag, lead
     integer :: i
 
     phi = atan2(abs(slider%along(2)), slider%along(1))
-    advances%tau = small%length*[(real(i, wp)/real(samples, wp), i=0, samples)]
-    creep = creep_exact(phi, 0.0_wp, advances%tau)
-    advances%rigid = creep%position
-    creep = creep_exact(phi, small%softness, advances%tau)
-    advances%elastic = creep%position
-    advances%reached = creep(samples)%position
-    if (advances%reached > 0.0_wp) advances%elasticity = maxval(abs(advances%elastic - advances%rigid))/advances%reached
-  end function creep_in_two_ways
-
-  !> The effect of the fast oscillation on the advance, relative to it: the displacement in a radian of it, more if its force is
-  !> large, and the missing friction as long as the oscillation is young.
-  pure real(wp) function ripple_in_creep(small)
-    type(smallness_t), intent(in) :: small
-
-    ripple_in_creep = small%inertia*sqrt(small%softness)/small%creep%reached*(1.0_wp + ripple_weight*small%ripple) &
-      + drift_weight*small%drift/small%length
-  end function ripple_in_creep
-
-  !> Smallest error of X(t) over X(t_end), whatever the low-frequency motion is.
-  pure real(wp) function least_error_in_creep(small, model) result(error)
-    type(smallness_t), intent(in) :: small
-    character(*), intent(in) :: model
-
-    error = excluded
-    if (.not. small%creep%reached > 0.0_wp) return
-    if (small%ripple > merge(largest_weak_ripple, largest_ripple, small%weakens) .or. small%will_slip) return
-    if (model == 'creep_asymptotic' .and. small%length >= 1.0_wp) return
-    error = margin*ripple_in_creep(small)
-    if (model == 'low_frequency') then
-      error = error + margin*elastic_in_slow*small%creep%elasticity
-    else
-      error = error*(1.0_wp + elastic_gain*small%creep%elasticity)
-      if (model == 'creep_asymptotic') error = error + expansion_error(small)
+    tau = small%length*[(real(i, wp)/real(samples, wp), i=0, samples)]
+    rigid = creep_exact(phi, 0.0_wp, tau)
+    elastic = creep_exact(phi, small%softness, tau)
+    sine = sin(phi + rigid%psi)
+    call slider%law%evaluate(samples + 1, speed*rigid%speed, force, slope)
+    associate (limit => slider%law%static_limit)
+      force = force/limit
+      rise = force*sine**2 + slope*(speed/limit)*rigid%speed*(1.0_wp - sine**2)
+    end associate
+    small%is_overdamped = all(rise*sine >= 2.0_wp*small%inertia)
+    small%load = sin(rigid(samples)%alpha)
+    small%reached = elastic(samples)%position
+    if (.not. small%reached > 0.0_wp) return
+    small%elasticity = maxval(abs(elastic%position - rigid%position))/small%reached
+    if (all(rise > 0.0_wp)) then
+      lag = small%inertia**2/sin(phi)*maxval(rigid%x_rate/sine**3)
+      part = rigid%x_rate*(1.0_wp - force)/rise
+      lead = 0.5_wp*small%length/real(samples, wp)*sum(part(1:) + part(:samples - 1))
+      small%lag = max(lag, lead, lag - lead)/small%reached
     end if
-  end function least_error_in_creep
+    if (small%length >= 1.0_wp) return
+    expanded = creep_asymptotic('third_order', phi, tau)
+    small%expansion = maxval(abs(expanded%position - elastic%position))/small%reached
+  end subroutine look_at_creep
 
-  !> Largest error of X(t) over X(t_end): from the fast oscillation, a finite k_y, and inertia with weakening, which is the
-  !> difference of the low-frequency motion from exact creep if both have a rigid k_y.
-  pure real(wp) function error_in_creep(slider, small, slow, model) result(error)
+  !> Largest error of X(t) over X(t_end): from the fast oscillation (the displacement in a radian of it, more if its force is large,
+  !> and the missing friction as long as it is young), a finite k_y, inertia and the fall of friction.
+  pure real(wp) function error_in_creep(slider, small, model) result(error)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
-    type(slow_motion_t), intent(in) :: slow
     character(*), intent(in) :: model
-    real(wp) :: inertia, weight, advance
+    real(wp) :: of_oscillation
     logical :: beyond
 
     error = excluded
-    if (.not. slow%known .or. least_error_in_creep(small, model) >= excluded) return
-    if (small%weakens) then
-      if (slow%has_slipped .or. slow%cycles > 0.0_wp .or. is_near_slip(small, slow)) return
-      if (feeding_in_creep(slider, small, slow) > largest_feeding) return
+    if (small%lag > largest_lag .or. small%ripple > merge(largest_weak_ripple, largest_ripple, small%weakens)) return
+    if (small%weakens .and. (is_near_slip(small) .or. feeding_in_creep(slider, small) > largest_feeding)) return
+    if (model == 'creep_asymptotic' .and. .not. small%expansion < excluded) return
+    of_oscillation = small%inertia*sqrt(small%softness)/small%reached*(1.0_wp + ripple_weight*small%ripple) &
+      + drift_weight*small%drift/small%length
+    beyond = small%length >= 1.0_wp
+    if (model == 'low_frequency') then
+      error = of_oscillation + elastic_in_slow*small%elasticity + merge(lag_in_slow*small%lag, 0.0_wp, small%weakens)
+      if (beyond) error = error + softness_in_slow*small%softness
+      error = margin*error/(1.0_wp - small%lag)
+    else
+      error = (lag_in_creep*small%lag + of_oscillation)*(1.0_wp + elastic_gain*small%elasticity)
+      if (beyond) error = error + elastic_remainder*small%elasticity
+      error = margin*error
+      if (model == 'creep_asymptotic') error = error + small%expansion
     end if
-    associate (creep => small%creep, length => slider%law%static_limit/slider%stiffness(1))
-      if (size(slow%position) /= size(creep%rigid)) return
-      inertia = maxval(abs(abs(slow%position)/length - creep%rigid))/creep%reached
-      advance = abs(slow%position(size(slow%position)))/length
-      beyond = small%length >= 1.0_wp
-      if (model == 'low_frequency') then
-        if (.not. advance > 0.0_wp) return
-        weight = merge(inertia_in_slow, 0.0_wp, small%weakens)
-        error = ripple_in_creep(small) + elastic_in_slow*creep%elasticity + weight*inertia
-        if (beyond) error = error + softness_in_slow*small%softness
-        error = margin*error*max(1.0_wp, creep%reached/advance)
-      else
-        if (inertia > largest_inertia) return
-        error = (inertia_in_creep*inertia + ripple_in_creep(small))*(1.0_wp + elastic_gain*creep%elasticity)
-        if (beyond) error = error + elastic_remainder*creep%elasticity
-        error = margin*error
-        if (model == 'creep_asymptotic') error = error + expansion_error(small)
-      end if
-    end associate
   end function error_in_creep
 
-  !> The difference of the asymptotics from exact creep.
-  pure real(wp) function expansion_error(small)
-    type(smallness_t), intent(in) :: small
-
-    associate (creep => small%creep)
-      expansion_error = maxval(abs(position_third_order(asin(small%sine), creep%tau) - creep%elastic))/creep%reached
-    end associate
-  end function expansion_error
-
   !> F'(0)^2/(m k_y sin(theta)^2) where friction has turned furthest: above 1 weakening is stronger than the stiff spring.
-  pure real(wp) function feeding_in_creep(slider, small, slow)
+  pure real(wp) function feeding_in_creep(slider, small)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
-    type(slow_motion_t), intent(in) :: slow
 
-    feeding_in_creep = small%feeding/max(slider%along(2)**2, 1.0_wp - min(1.0_wp, slow%load/slider%law%static_limit)**2)
+    feeding_in_creep = small%feeding/max(slider%along(2)**2, 1.0_wp - small%load**2)
   end function feeding_in_creep
 
-  !> Whether the slow motion ends so near the end of creep that the full one may have slipped.
-  pure logical function is_near_slip(small, slow)
+  !> Whether creep has come so near its end that the object may have slipped.
+  pure logical function is_near_slip(small)
     type(smallness_t), intent(in) :: small
-    type(slow_motion_t), intent(in) :: slow
 
-    is_near_slip = small%end%exists .and. slow%load > near_slip*small%end%load
+    is_near_slip = small%load > near_slip*small%slip_load
   end function is_near_slip
 
-  !> The effect of a finite k_y and of the fast oscillation at the start on the force, without slip.
-  pure real(wp) function error_in_force(small) result(error)
-    type(smallness_t), intent(in) :: small
-
-    error = margin*(delay_weight*small%delay + small%softness + inertia_weight*small%inertia*min(1.0_wp, small%ripple))
-    if (small%weakens .and. small%ripple > largest_weak_ripple) error = excluded
-  end function error_in_force
-
-  !> Smallest relative error of period, peak force and slip length, or of the force if there is no cycle, whether the low-frequency
-  !> motion slips or not.
-  pure real(wp) function least_error_in_stick_slip(small) result(error)
-    type(smallness_t), intent(in) :: small
-
-    error = error_in_force(small)
-    if (.not. small%weakens) return
-    if (error < excluded) error = error + margin*(feeding_weight*small%feeding + drift_weight*small%drift)
-    if (small%will_slip) error = excluded
-    error = min(error, error_in_cycles(small, huge(1.0_wp), huge(1.0_wp)))
-  end function least_error_in_stick_slip
-
-  !> Largest relative error of period, peak force and slip length; of the force, over friction, if there is no cycle.
-  pure real(wp) function error_in_stick_slip(slider, small, slow) result(error)
+  !> Largest relative error of period, peak force and slip length by low_frequency; of the force, over friction, before slip. With
+  !> weakening it includes the remainder of the fast oscillation at slip, exp(-D), and how far the stiff spring is from rigid there:
+  !> F'^2/(m k_y sin(theta)^2) and k_x/(k_y sin(theta)^2). If D is small the fast oscillation triggers slip, and the cycles of the
+  !> full model need not repeat. Oscillations that die out count as cycles until they have shrunk by a share, which two models pass
+  !> at different times.
+  pure real(wp) function error_in_stick_slip(slider, small) result(error)
     type(slider_t), intent(in) :: slider
     type(smallness_t), intent(in) :: small
-    type(slow_motion_t), intent(in) :: slow
     real(wp) :: feeding
-
-    error = error_in_force(small)
-    if (.not. small%weakens) then
-      ! Every oscillation dies out. Its cycles count until they have shrunk by a share, which two models pass at different times.
-      if (slow%cycles > 0.0_wp) error = excluded
-      return
-    end if
-    if (slow%has_slipped .or. slow%cycles > 0.0_wp) then
-      error = excluded
-      if (slow%cycles > 0.0_wp) error = error_in_cycles(small, slow%cycles, slow%swing)
-      return
-    end if
-    if (error >= excluded) return
-    feeding = feeding_in_creep(slider, small, slow)
-    error = error + margin*(feeding_weight*feeding + drift_weight*small%drift)
-    if (is_near_slip(small, slow) .or. feeding > largest_feeding) error = excluded
-  end function error_in_stick_slip
-
-  !> The same for stick-slip by weakening, from its cycles and their mean fall of k_x u_x over F_0. It includes the remainder of the
-  !> fast oscillation at slip, exp(-D), and how far the stiff spring is from rigid there: F'^2/(m k_y sin(theta)^2) and k_x/(k_y
-  !> sin(theta)^2). If D is small the fast oscillation triggers slip, and the cycles of the full model need not repeat. Strong
-  !> stick-slip has a bound that may be lower.
-  pure real(wp) function error_in_cycles(small, cycles, swing) result(error)
-    type(smallness_t), intent(in) :: small
-    real(wp), intent(in) :: cycles, swing
+    logical :: slips
 
     error = excluded
-    if (.not. (small%end%exists .and. small%slow%obstacle == '' .and. small%share <= largest_share)) return
-    if (small%ripple <= largest_weak_ripple) error = error_in_force(small) + margin*slip_error(small%end, small%weakening)
-    if (small%weakening >= gradual .and. small%speed <= largest_speed .and. cycles >= least_cycles .and. &
-      small%feeding <= largest_strong_feeding .and. small%softness <= largest_softness) &
+    feeding = feeding_in_creep(slider, small)
+    slips = is_near_slip(small)
+    if (slips) then
+      if (.not. (small%length > surely_slipped .and. small%slow%obstacle == '' .and. small%share <= largest_share)) return
+      error = slip_error(small%end, small%weakening)
+    else
+      if (.not. (small%is_overdamped .and. feeding <= largest_feeding)) return
+      error = feeding_weight*feeding + drift_weight*small%drift
+    end if
+    ! The effect of a finite k_y and of the fast oscillation at the start on the force.
+    error = margin*(error + delay_weight*small%delay + small%softness + inertia_weight*small%inertia*min(1.0_wp, small%ripple))
+    if (small%weakens .and. small%ripple > largest_weak_ripple) error = excluded
+    ! Strong stick-slip has a bound that may be lower, once there are two cycles.
+    if (slips .and. small%weakening >= gradual .and. small%speed <= largest_speed .and. small%feeding <= largest_strong_feeding &
+      .and. small%softness <= largest_softness .and. small%length >= surely_slipped + small%swing) &
       error = min(error, strong_margin*max(small%feeding, softness_weight*small%softness) &
-        *max(1.0_wp, small_swing/swing)**swing_power)
-  end function error_in_cycles
+        *max(1.0_wp, small_swing/small%swing)**swing_power)
+  end function error_in_stick_slip
 end module dst_model_choice

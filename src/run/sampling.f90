@@ -45,24 +45,20 @@ contains
     call slider_from_scene(scene, slider)
     interval = scene%t_end/in_run
     if (scene%is_closed_form()) then
-      call shorten([slider%law%static_limit/in_loading], [scene%stiffness_x, maxval(abs(scene%drive_velocity))])
+      call shorten(slider%law%static_limit/in_loading, scene%stiffness_x*maxval(abs(scene%drive_velocity)))
     else
-      call shorten([2.0_wp*pi/in_slow_period], [sqrt(scene%stiffness_x)/sqrt(scene%mass)])
-      call shorten([2.0_wp*pi/in_fast_period], [fast_frequency(scene)])
+      call shorten(2.0_wp*pi/in_slow_period, sqrt(scene%stiffness_x)/sqrt(scene%mass))
+      call shorten(2.0_wp*pi/in_fast_period, fast_frequency(scene))
     end if
     interval = rounded(interval, up=.false.)
 
   contains
 
-    !> At most the product of the factors over that of the divisors, if that is a valid time. With logarithms, which do not
-    !> overflow.
-    subroutine shorten(factors, divisors)
-      real(wp), intent(in) :: factors(:), divisors(:)
-      real(wp) :: logarithm
+    !> At most the ratio of two numbers, if that is a valid time.
+    subroutine shorten(above, below)
+      real(wp), intent(in) :: above, below
 
-      if (.not. (all(factors > 0.0_wp) .and. all(divisors > 0.0_wp))) return
-      logarithm = sum(log(factors)) - sum(log(divisors))
-      if (logarithm < log(interval) .and. logarithm > log(tiny(1.0_wp))) interval = exp(logarithm)
+      if (below > 0.0_wp .and. above > tiny(1.0_wp)*below .and. above < interval*below) interval = above/below
     end subroutine shorten
   end function fine_interval
 

@@ -134,39 +134,35 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp), intent(in), optional :: until
     type(error_t), allocatable :: disk_error
-    real(wp) :: begun, passed, last
+    real(wp) :: begun, passed, last, limit
     integer :: looks_left
 
     begun = wall_clock()
     last = huge(1.0_wp)
     if (present(until)) last = until
+    limit = huge(1.0_wp)
+    if (self%scene%wall_limit > 0.0_wp) limit = self%scene%wall_limit - (self%elapsed - self%elapsed_before)
     passed = 0.0_wp
     looks_left = pieces_between_looks
-    do while (.not. (allocated(error) .or. at_end(self) .or. self%has_reached(last)))
+    do while (.not. (allocated(error) .or. self%has_reached(min(last, end_time(self)))))
       if (self%recorded) call advance(self, last, error)
       if (.not. allocated(error)) call record(self, writer, error)
       looks_left = looks_left - 1
       if (looks_left == 0 .or. .not. self%recorded) then
         passed = wall_clock() - begun
-        if (passed >= seconds) exit
-        if (over_time(self, passed)) exit
+        if (passed >= seconds .or. passed > limit) exit
         looks_left = pieces_between_looks
       end if
     end do
     call flush_rows(self, writer, disk_error)
     if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
     passed = wall_clock() - begun
-    if (.not. (allocated(error) .or. at_end(self)) .and. over_time(self, passed)) &
-      call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
     self%elapsed = self%elapsed + passed
-    self%finished = allocated(error) .or. at_end(self)
+    self%finished = allocated(error) .or. self%has_reached(end_time(self))
+    if (self%finished .or. passed <= limit) return
+    call raise(error, stopped_early, 'stopped at the wall-time limit: raise output.wall_limit')
+    self%finished = .true.
   end subroutine proceed
-
-  pure logical function at_end(self)
-    class(simulation_t), intent(in) :: self
-
-    at_end = self%recorded .and. is_over(self)
-  end function at_end
 
   !> Whether the motion has ended: at t_end, or because it has settled.
   pure logical function is_over(self)
@@ -199,14 +195,6 @@ contains
     call self%motion%show(time)
     call row_of(self%motion%slider, self%motion%instant(time), self%selected, row)
   end subroutine state_at
-
-  pure logical function over_time(self, passed)
-    class(simulation_t), intent(in) :: self
-    real(wp), intent(in) :: passed
-
-    over_time = self%scene%wall_limit > 0.0_wp &
-      .and. self%elapsed - self%elapsed_before + passed > self%scene%wall_limit
-  end function over_time
 
   !> One piece, checked and added to the summary. For a closed form it ends at the next sample, or at the time `last` [s].
   subroutine advance(self, last, error)

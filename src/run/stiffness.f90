@@ -50,30 +50,26 @@ contains
     associate (speed => maxval(abs(scene%drive_velocity)), limit => slider%law%kinetic_limit)
       ! If friction at rest is higher than in slip, the object jumps and does not creep.
       if (slider%law%holds_more() .or. .not. min(limit, speed, abs(slider%along(2)), slider%mass) > 0.0_wp) return
-      ! As logarithms, which do not overflow.
-      steps = log(limit) - log(slider%mass) - log(speed) - log(abs(slider%along(2)))
-      duration = min(log(scene%t_end), log(limit) - log(slider%stiffness(1)) - log(speed))
+      duration = min(scene%t_end, limit/slider%stiffness(1)/speed)
+      steps = duration*(limit/slider%mass/speed/abs(slider%along(2)))
     end associate
-    steps = steps + duration + log(merge(3.0_wp*pi/16.0_wp, left*pi/4.0_wp, is_slow)/stable(method%order))
-    others = max(0.0_wp, duration + log(in_period/(2.0_wp*pi)) + &
-      log(merge(slider%stiffness(1), slider%stiffness(2), is_slow))/2.0_wp - log(slider%mass)/2.0_wp)
-    if (steps + log(max(1.0_wp, cases)) < log(many) .or. steps < others + log(far)) return
+    steps = steps*merge(3.0_wp*pi/16.0_wp, left*pi/4.0_wp, is_slow)/stable(method%order)
+    others = max(1.0_wp, duration*in_period/(2.0_wp*pi) &
+      *sqrt(merge(slider%stiffness(1), slider%stiffness(2), is_slow)/slider%mass))
+    if (steps*max(1.0_wp, cases) < many .or. steps < others*far) return
     text = "'"//trim(scene%method)//"' is stable only in short steps while the object creeps: at least "//rounded(steps)//' steps'
     if (cases > 1.0_wp) text = text//' in each of '//number_text(cases)//' cases'
     text = text//', where an implicit method takes some '//rounded(others)//": give integrator.method = 'radau13'"
     if (is_slow .and. cases > 1.0_wp) text = text//" or 'rodas4p'"
-
-  contains
-
-    !> A number of which the logarithm is known, with two digits.
-    function rounded(logarithm) result(number)
-      real(wp), intent(in) :: logarithm
-      character(:), allocatable :: number
-      real(wp) :: value, unit
-
-      value = exp(min(logarithm, log(huge(1.0_wp))/2.0_wp))
-      unit = 10.0_wp**max(0, floor(log10(value)) - 1)
-      number = number_text(unit*anint(value/unit))
-    end function rounded
   end function stiffness_note
+
+  !> A number with two digits.
+  function rounded(value) result(number)
+    real(wp), intent(in) :: value
+    character(:), allocatable :: number
+    real(wp) :: unit
+
+    unit = 10.0_wp**max(0, floor(log10(min(value, sqrt(huge(1.0_wp))))) - 1)
+    number = number_text(unit*anint(value/unit))
+  end function rounded
 end module dst_stiffness
