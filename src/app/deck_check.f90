@@ -19,7 +19,7 @@ module dst_deck_check
   use dst_share, only: share_t
   use dst_simulation, only: simulation_t
   use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities, series_interval
-  use dst_sweep_list, only: read_points
+  use dst_sweep_points, only: read_points
   use dst_text, only: integer_text, printable
   implicit none
   private

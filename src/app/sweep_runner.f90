@@ -226,9 +226,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: first, i
 
-    do first = 1, file%rows, file%window()
+    do first = 1, file%rows, file%window
       do i = 1, size(files)
-        call file%take_rows(files(i)%text, shares(i), first, min(file%rows, first + file%window() - 1), error)
+        call file%take_rows(files(i)%text, shares(i), first, error, .false.)
         if (allocated(error)) return
         if (.not. is_told_to_end()) cycle
         call raise(error, stopped_early, stopped_by()//' while shares were joined: start it again')
