@@ -1,6 +1,7 @@
-"""Candidates for the word that is being typed in a shell, after a command that Python carries out.
+"""Candidates for the word that is being typed in a shell: ``dynstiction complete WORD...``, which the scripts of tools/completion call.
 
-They have the form of those of the executable, which calls this (src/app/completion.f90).
+The words are those after the program's name; the last one is being typed. A candidate ``*.nml`` stands for the files with that
+ending, ``*/`` for folders, and one that ends in ``=`` is only the beginning of a word.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ __all__ = ["completions"]
 FILES = {
     "DECK": ("*.nml",),
     "NML": ("*.nml",),
+    "FILE": ("*.h5",),
     "FILE.h5": ("*.h5",),
     "TRACE": ("*.csv", "*.h5"),
     "FIGURE": ("*.png",),
@@ -28,10 +30,12 @@ FILES = {
 
 
 def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
-    """Candidates for the last of the words after the program's name."""
+    """Candidates for the last of the words after the program's name; `commands`: those that Python carries out."""
     *before, typed = words or [""]
+    own = dict(_commands_of_executable())
     if not before:
-        return [name for name in commands if name.startswith(typed)]
+        return [name for name in (*own, "--help", "--version", *commands) if name.startswith(typed)]
+    commands = {**commands, **own}
     if before[0] not in commands:
         return []
     actions = commands[before[0]]._actions
@@ -39,6 +43,9 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
     last = options.get(before[-1])
     if last is not None and last.nargs != 0:
         return _values(last, typed)
+    option, equals, begun = typed.partition("=")
+    if equals and option in options:
+        return [f"{option}={candidate}" for candidate in _values(options[option], begun)]
     if typed.startswith("-"):
         offered = [
             action.option_strings[0] for action in actions if action.option_strings and action.dest != "help"
@@ -50,6 +57,22 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
         for previous, word in pairwise(before)
     )
     return _values(operands[min(given, len(operands) - 1)], typed) if operands else []
+
+
+def _commands_of_executable() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """The commands of the executable, in the form of those of Python."""
+    for command in catalogue()["commands"]:
+        parser = argparse.ArgumentParser(add_help=False)
+        for name in command["options"]:
+            entries = (entry for entry in catalogue()["options"] if entry["name"] == name)
+            kinds = [entry["argument"] for entry in entries if command["name"] in entry["commands"]]
+            if any(kinds):
+                parser.add_argument(name, metavar="|".join(kinds))
+            else:
+                parser.add_argument(name, action="store_true")
+        if command["operands"]:
+            parser.add_argument("operands", metavar=command["operands"].strip("[]."), nargs="*")
+        yield command["name"], parser
 
 
 def _values(action: argparse.Action, typed: str) -> list[str]:
@@ -78,6 +101,8 @@ def _words(kind: str, typed: str) -> Iterator[str]:
             for k in names["keys"]
             if k["kind"] == "real" and k["group"] in ("system", "friction")
         )
+    elif kind == "MODEL":
+        yield from next(key["choices"] for key in names["keys"] if key["name"] == "model")
     elif kind == "GROUP.KEY=VALUE":
         for key in names["keys"]:
             name = f"{key['group']}.{key['name']}="
@@ -87,4 +112,5 @@ def _words(kind: str, typed: str) -> Iterator[str]:
     elif kind == "QUANTITY=UNIT":
         yield from ("time=", "force=")
     elif "|" in kind:
-        yield from kind.split("|")
+        # What is in capitals stands for something else.
+        yield from filter(str.islower, kind.split("|"))

@@ -11,8 +11,8 @@ module dst_command_line
   implicit none
   private
 
-  public :: argument_t, command_t, program_arguments, is_own_command, parse_arguments, takes_value, setting_list, help_text, &
-    usage_of, errors_topic
+  public :: argument_t, command_t, program_arguments, is_own_command, parse_arguments, setting_list, help_text, usage_of, &
+    errors_topic
 
   !> One word of the command line.
   type :: argument_t

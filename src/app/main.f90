@@ -14,7 +14,6 @@ module dst_main
   use dst_command_line, only: argument_t, command_t, program_arguments, is_own_command, parse_arguments, &
     setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
-  use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: check_target
@@ -65,13 +64,6 @@ contains
     end associate
     call listen_to_requests()
     allocate (arguments, source=program_arguments())
-    if (is_completion(arguments)) then
-      ! While the command itself is typed, the package adds its commands to those of the executable.
-      is_ours = is_own_command(arguments(2:))
-      if (is_ours .or. size(arguments) == 2) call print_text(completions(arguments))
-      if ((size(arguments) == 2 .or. .not. is_ours) .and. status == result_done) call hand_over(arguments, error)
-      return
-    end if
     is_ours = is_own_command(arguments)
     if (is_ours) call parse_arguments(arguments, command, error)
     if (is_ours .and. .not. allocated(error)) then
