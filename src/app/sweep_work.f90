@@ -236,7 +236,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (self%stop > no_signal) text = stopped_by(self%stop)
+    if (self%stop > no_signal) text = stopped_by()
     text = text//' after '//integer_text(self%file%done)//' of '//integer_text(self%file%rows)// &
       ' cases: start it again to continue'
   end function stop_text

@@ -2,12 +2,12 @@
 !> environment.
 module dst_machine
   use, intrinsic :: iso_c_binding, only: c_double, c_size_t, nul => c_null_char
-  use dst_kinds, only: wp, int64
-  use dst_posix, only: c_gethostname, c_utc, c_wait, has_v3, seconds_now
+  use dst_kinds, only: wp
+  use dst_posix, only: c_gethostname, c_utc, c_wait, has_v3
   implicit none
   private
 
-  public :: host_name, job_name, environment, runs_v3, utc_now, utc_at, wait_seconds
+  public :: host_name, job_name, environment, runs_v3, utc_now, wait_seconds
 
 contains
 
@@ -52,17 +52,11 @@ contains
 
   !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
   character(20) function utc_now()
-    utc_now = utc_at(seconds_now())
-  end function utc_now
-
-  !> The same for a moment in seconds since 1970; '*' if the year has more than four digits.
-  character(20) function utc_at(seconds)
-    integer(int64), intent(in) :: seconds
     character(21) :: text
 
-    utc_at = '****-**-**T**:**:**Z'
-    if (c_utc(seconds, text) == 1) utc_at = text(:20)
-  end function utc_at
+    call c_utc(text)
+    utc_now = text(:20)
+  end function utc_now
 
   !> Wait for some time.
   subroutine wait_seconds(seconds)

@@ -7,16 +7,22 @@ module dst_posix
   implicit none
   public
 
-  !> Constants of the system, with the system's names.
-  integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_nonblock, &
-    dst_o_nofollow, dst_lock_ex, dst_lock_sh, dst_lock_nb, dst_eexist, dst_eloop, dst_enoent, &
-    dst_ewouldblock, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
+  !> Identity of a file, whatever its name is.
+  type, bind(c) :: identity_t
+    logical(c_bool) :: exists = .false.
+    logical(c_bool) :: is_regular = .false.   !! neither a folder, a link, a device nor a pipe
+    integer(c_int64_t) :: bytes = 0, inode = 0, device = 0
+  end type identity_t
+
+  !> Whether two names, or two moments, refer to one file.
+  interface operator(==)
+    pure logical(c_bool) function is_same_file(a, b) bind(c, name='dst_is_same')
+      import :: c_bool, identity_t
+      type(identity_t), intent(in) :: a, b
+    end function is_same_file
+  end interface operator(==)
 
   interface
-    integer(c_int) function c_errno() bind(c, name='dst_errno')
-      import :: c_int
-    end function c_errno
-
     type(c_ptr) function c_reason() bind(c, name='dst_reason')
       import :: c_ptr
     end function c_reason
@@ -26,23 +32,40 @@ module dst_posix
       type(c_ptr), value :: address
     end subroutine c_free
 
-    subroutine c_listen(signal) bind(c, name='dst_listen')
-      import :: c_int
-      integer(c_int), value :: signal
-    end subroutine c_listen
+    subroutine listen_to_requests() bind(c, name='dst_listen_to_requests')
+    end subroutine listen_to_requests
+
+    subroutine listen_to_signals() bind(c, name='dst_listen_to_signals')
+    end subroutine listen_to_signals
+
+    logical(c_bool) function is_told_to_end() bind(c, name='dst_is_told_to_end')
+      import :: c_bool
+    end function is_told_to_end
+
+    type(c_ptr) function c_signal_name(number) bind(c, name='dst_signal_name')
+      import :: c_int, c_ptr
+      integer(c_int), value :: number
+    end function c_signal_name
 
     integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
       import :: c_int
     end function stop_signal
 
-    subroutine ignore_size_limit_signal() bind(c, name='dst_ignore_size_limit_signal')
-    end subroutine ignore_size_limit_signal
+    integer(c_int) function c_open_regular(path, writes) bind(c, name='dst_open_regular')
+      import :: c_bool, c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      logical(c_bool), value :: writes
+    end function c_open_regular
 
-    integer(c_int) function c_open(path, flags) bind(c, name='dst_open')
+    integer(c_int) function c_open_locked(path) bind(c, name='dst_open_locked')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: flags
-    end function c_open
+    end function c_open_locked
+
+    logical(c_bool) function c_is_locked(path) bind(c, name='dst_is_locked')
+      import :: c_bool, c_char
+      character(c_char), intent(in) :: path(*)
+    end function c_is_locked
 
     integer(c_int) function c_fsync(descriptor) bind(c, name='dst_fsync')
       import :: c_int
@@ -53,11 +76,6 @@ module dst_posix
       import :: c_int
       integer(c_int), value :: descriptor
     end function c_close
-
-    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
-      import :: c_int
-      integer(c_int), value :: descriptor, operation
-    end function c_flock
 
     integer(c_int) function c_rename(from, to) bind(c, name='rename')
       import :: c_int, c_char
@@ -70,15 +88,21 @@ module dst_posix
       integer(c_int), value :: descriptor
     end subroutine c_keep_mode
 
-    integer(c_int) function c_link(from, to) bind(c, name='link')
+    integer(c_int) function c_place(from, to) bind(c, name='dst_place')
       import :: c_int, c_char
       character(c_char), intent(in) :: from(*), to(*)
-    end function c_link
+    end function c_place
 
-    integer(c_int) function c_unlink(path) bind(c, name='unlink')
+    subroutine c_remove_own(path, descriptor) bind(c, name='dst_remove_own')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
-    end function c_unlink
+      integer(c_int), value :: descriptor
+    end subroutine c_remove_own
+
+    subroutine c_sync_folder(path) bind(c, name='dst_sync_folder')
+      import :: c_char
+      character(c_char), intent(in) :: path(*)
+    end subroutine c_sync_folder
 
     subroutine c_forget_matches(found) bind(c, name='dst_forget_matches')
       import :: c_ptr
@@ -111,22 +135,17 @@ module dst_posix
       real(c_double), value :: seconds
     end subroutine c_wait
 
-    integer(c_int64_t) function seconds_now() bind(c, name='dst_now')
-      import :: c_int64_t
-    end function seconds_now
-
-    integer(c_int) function c_utc(seconds, text) bind(c, name='dst_utc')
-      import :: c_int, c_int64_t, c_char
-      integer(c_int64_t), value :: seconds
+    subroutine c_utc(text) bind(c, name='dst_utc')
+      import :: c_char
       character(c_char), intent(out) :: text(21)
-    end function c_utc
+    end subroutine c_utc
 
-    integer(c_int) function c_look_up(descriptor, path, facts) bind(c, name='dst_look_up')
-      import :: c_int, c_int64_t, c_char
+    subroutine c_look_up(descriptor, path, found) bind(c, name='dst_look_up')
+      import :: c_int, c_char, identity_t
       integer(c_int), value :: descriptor
       character(c_char), intent(in) :: path(*)
-      integer(c_int64_t), intent(out) :: facts(5)
-    end function c_look_up
+      type(identity_t), intent(out) :: found
+    end subroutine c_look_up
 
     integer(c_int) function c_write(descriptor, bytes, count, place) bind(c, name='dst_write')
       import :: c_int, c_int64_t, c_char
@@ -148,10 +167,10 @@ module dst_posix
       integer(c_int64_t), value :: length
     end subroutine set_file_size
 
-    real(c_double) function c_free_space(folder) bind(c, name='dst_free_space')
+    real(c_double) function free_space(folder) bind(c, name='dst_free_space')
       import :: c_double, c_char
       character(c_char), intent(in) :: folder(*)
-    end function c_free_space
+    end function free_space
 
     type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
       import :: c_ptr, c_char
@@ -170,12 +189,6 @@ module dst_posix
       character(c_char), intent(out) :: name(*)
       integer(c_size_t), value :: length
     end function c_gethostname
-
-    integer(c_int) function c_put_output(text, count) bind(c, name='dst_put_output')
-      import :: c_int, c_int64_t, c_char
-      character(c_char), intent(in) :: text(*)
-      integer(c_int64_t), value :: count
-    end function c_put_output
 
     subroutine c_put_error(text, count) bind(c, name='dst_put_error')
       import :: c_int64_t, c_char
