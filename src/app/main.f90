@@ -6,9 +6,6 @@ module dst_main
   use dst_paths, only: place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
-  use dst_hdf5_origin, only: is_deck
-  use dst_model_choice, only: settle_model
-  use dst_sampling, only: settle_interval
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
   use dst_command_line, only: argument_t, command_t, program_arguments, is_own_command, parse_arguments, &
@@ -22,8 +19,8 @@ module dst_main
   use dst_schema, only: sweep_group
   use dst_share, only: launched_together
   use dst_sweep_points, only: path_of_points
-  use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep
-  use dst_show, only: show_result, deck_in_brief
+  use dst_sweep_runner, only: check_sweep_target, run_sweep
+  use dst_show, only: show_result
   use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
   use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
@@ -129,13 +126,10 @@ contains
   subroutine print_each()
     type(error_t), allocatable :: error
     character(:), allocatable :: text
-    logical :: is_result
     integer :: i
 
     do i = 1, size(command%operands)
-      is_result = command%name == 'show'
-      if (is_result) is_result = .not. is_deck(command%operands(i)%text)
-      if (is_result) then
+      if (command%name == 'show') then
         call show_result(command%operands(i)%text, text, error)
       else
         call describe_deck(command%operands(i)%text, text, error)
@@ -148,7 +142,7 @@ contains
     end do
   end subroutine print_each
 
-  !> A deck as it is used or in brief, the linear theory of its scene, or its limit cycles.
+  !> A deck as it is used, the linear theory of its scene, or its limit cycles.
   subroutine describe_deck(file_name, text, error)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
@@ -164,11 +158,6 @@ contains
     if (command%name == 'check') then
       call put_notes(notes)
       text = resolved(deck, interval)
-    else if (command%name == 'show') then
-      call scene_from_deck(deck, scene)
-      call settle_model(scene, notes)
-      call settle_interval(scene)
-      text = deck_in_brief(deck%name, scene)
     else
       call scene_from_deck(deck, scene)
       if (command%name == 'cycles') then
@@ -266,7 +255,7 @@ contains
       if (.not. allocated(error)) &
         call check_output(outputs, i, inputs_of(decks), command%has('--overwrite'), decks(i)%is_sweep(), error)
       if (decks(i)%is_sweep() .and. .not. allocated(error)) &
-        call check_sweep_target(decks(i), outputs(i)%text, sweep_options(), error)
+        call check_sweep_target(decks(i), outputs(i)%text, command, error)
       call complain(error)
     end do
   end subroutine prepare
@@ -293,10 +282,6 @@ contains
     end if
   end subroutine check_use
 
-  type(sweep_options_t) function sweep_options() result(options)
-    options = sweep_options_t(command%has('--overwrite'), command%has('--quiet'), command%has('--retry'), command%share)
-  end function sweep_options
-
   !> One run, sweep or merge, or the rest of a run.
   subroutine carry_out(operand, deck, output, error)
     character(*), intent(in) :: operand
@@ -309,7 +294,7 @@ contains
     if (command%name == 'resume') then
       call resume_run(operand, command%has('--quiet'), report, error)
     else if (deck%is_sweep()) then
-      call run_sweep(deck, output%text, sweep_options(), command%name == 'merge', report, error)
+      call run_sweep(deck, output%text, command, report, error)
     else
       call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if

@@ -13,14 +13,13 @@ module dst_run
   use dst_ending, only: read_state
   use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, attribute_t, create_hdf5
   use dst_model_choice, only: settle_model
   use dst_output_size, only: run_samples
   use dst_parameters, only: parameters_of
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: result_file_t, interim_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
   use dst_stopwatch, only: wall_clock
@@ -159,7 +158,6 @@ contains
       if (allocated(error)) return
       run%metadata%created = origin%created
       run%metadata%deck_text = origin%deck_text
-      run%metadata%deck_sha256 = sha256(origin%deck_text)
       run%metadata%deck_resolved = origin%deck_resolved
       call archive_of(state, archive)
       format = 0
@@ -344,20 +342,14 @@ contains
     character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
 
-    metadata%program = program_name
-    metadata%version = version
-    metadata%git_revision = git_revision
-    metadata%compiler = compiler
-    metadata%build_flags = build_flags
-    metadata%host = host_name()
-    metadata%job = job_name()
+    metadata%attributes = [attribute_t('program', program_name), attribute_t('version', version), &
+      attribute_t('git_revision', git_revision), attribute_t('compiler', compiler), attribute_t('build_flags', build_flags), &
+      attribute_t('host', host_name()), attribute_t('job', job_name()), attribute_t('model', scene%model), &
+      attribute_t('method', scene%method_name())]
     metadata%created = utc_now()
-    metadata%model = scene%model
     metadata%model_choice = model_choice
-    metadata%method = scene%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
-    metadata%deck_sha256 = sha256(deck%text)
     ! A sweep without series leaves this to its cases.
     if (scene%interval < 0.0_wp) then
       call parameters_of(deck, metadata%parameters)

@@ -145,11 +145,12 @@ void dst_h5_put(hid_t object, const char *words, _Bool is_attribute, int kind, c
   release(type, h5);
 }
 
-/* Read the text or the number of an attribute or a dataset of the kind. Values of another class of types, and several, for which
-   there is no room, count as a failure; texts must be given by their address. HDF5 allocates them, a few for each file: they are
-   freed at the end of the process. */
-const char *dst_h5_get(hid_t object, const char *name, _Bool is_attribute, int kind, double *number, sequence *h5) {
+/* Read the text or the number of the kind that an attribute or else a dataset has. Values of another class of types, and several,
+   for which there is no room, count as a failure; texts must be given by their address. HDF5 allocates them, a few for each file:
+   they are freed at the end of the process. */
+const char *dst_h5_get(hid_t object, const char *name, int kind, double *number, sequence *h5) {
   const char *text = NULL;
+  _Bool is_attribute = TRY(H5Aexists(object, name)) > 0;
   H5T_class_t class = kind == as_text ? H5T_STRING : kind == as_double ? H5T_FLOAT : H5T_INTEGER;
   hid_t holder = is_attribute ? TRY(H5Aopen(object, name, H5P_DEFAULT)) : TRY(H5Dopen2(object, name, H5P_DEFAULT));
   hid_t type = is_attribute ? TRY(H5Aget_type(holder)) : TRY(H5Dget_type(holder));

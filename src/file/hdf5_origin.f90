@@ -3,8 +3,8 @@ module dst_hdf5_origin
   use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_ending, only: check_ending, has_ending
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_existing, close_file, damage_reason, get_attribute, get_text, &
-    get_number, exists, open_object, open_dataset, read_rows, dataset_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, damage_reason, get_value, exists, &
+    open_object, open_dataset, read_rows, dataset_t
   use dst_kinds, only: wp, real64
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
@@ -42,8 +42,8 @@ contains
       return
     end if
     if (has_ending(file_name)) return
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'program', program, h5)
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'program', program, h5)
     if (h5%status < 0 .or. program /= this_program) reason = 'the file exists and is no result of this program'//remedy
     call close_file(file, h5)
   end subroutine check_is_result
@@ -91,15 +91,15 @@ contains
     type(hdf5_t) :: h5
     integer :: complete
 
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'program', program, h5)
-    call get_attribute(file, 'model', model, h5)
-    call get_attribute(file, 'method', method, h5)
-    call get_attribute(file, 'created', created, h5)
-    call get_attribute(file, 'version', version, h5)
-    call get_attribute(file, 'git_revision', revision, h5)
-    call get_attribute(file, 'complete', complete, h5)
-    call get_attribute(file, 'result_text', ending, h5)
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'program', program, h5)
+    call get_value(file, 'model', model, h5)
+    call get_value(file, 'method', method, h5)
+    call get_value(file, 'created', created, h5)
+    call get_value(file, 'version', version, h5)
+    call get_value(file, 'git_revision', revision, h5)
+    call get_value(file, 'complete', complete, h5)
+    call get_value(file, 'result_text', ending, h5)
     text = ''
     if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
@@ -141,7 +141,7 @@ contains
       associate (quantity => summary_quantities(i))
         if (h5%status < 0) exit
         if (.not. exists(file, 'summary/'//trim(quantity%name))) cycle
-        call get_number(file, 'summary/'//trim(quantity%name), value, h5)
+        call get_value(file, 'summary/'//trim(quantity%name), value, h5)
         text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
       end associate
     end do
@@ -162,7 +162,7 @@ contains
     ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
-    call get_attribute(open_object(file, 'sweep'//nul, 0_hid_t), 'parameters', parameters, h5)
+    call get_value(open_object(file, 'sweep'//nul, 0_hid_t), 'parameters', parameters, h5)
     do i = 1, word_count(parameters)
       text = text//range_of('sweep/'//word(parameters, i), word(parameters, i), '', 'varied')
     end do
@@ -226,14 +226,14 @@ contains
     type(hdf5_t) :: h5
     integer(hid_t) :: file
 
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'complete', origin%complete, h5)
-    call get_attribute(file, 'result_code', origin%result_code, h5)
-    call get_attribute(file, 'result_text', origin%result_text, h5)
-    call get_attribute(file, 'created', origin%created, h5)
-    call get_attribute(file, 'version', origin%version, h5)
-    call get_text(file, 'deck/text', origin%deck_text, h5)
-    call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'complete', origin%complete, h5)
+    call get_value(file, 'result_code', origin%result_code, h5)
+    call get_value(file, 'result_text', origin%result_text, h5)
+    call get_value(file, 'created', origin%created, h5)
+    call get_value(file, 'version', origin%version, h5)
+    call get_value(file, 'deck/text', origin%deck_text, h5)
+    call get_value(file, 'deck/resolved', origin%deck_resolved, h5)
     if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason())
     call close_file(file, h5)
   end subroutine read_origin

@@ -12,9 +12,9 @@ module dst_hdf5_tools
   implicit none
   private
 
-  public :: hid_t, hsize_t, hdf5_t, create_file, open_existing, close_file, failure_reason, damage_reason
+  public :: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason
   public :: as_double, as_int8, as_int32, as_int64
-  public :: put_attribute, get_attribute, put_value, get_text, get_number, create_group, open_object, exists
+  public :: put_attribute, put_value, get_value, create_group, open_object, exists
   public :: dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, text_of_row, attach_scale
 
   !> Kinds of identifiers, and of numbers of rows.
@@ -42,10 +42,10 @@ module dst_hdf5_tools
     module procedure put_text_attribute, put_integer_attribute
   end interface put_attribute
 
-  !> Read an attribute.
-  interface get_attribute
-    module procedure get_text_attribute, get_integer_attribute
-  end interface get_attribute
+  !> Read an attribute, or the value of a scalar dataset: a text, an integer, a real number.
+  interface get_value
+    module procedure get_text, get_integer, get_number
+  end interface get_value
 
   !> Create a scalar dataset.
   interface put_value
@@ -102,11 +102,10 @@ module dst_hdf5_tools
       type(hdf5_t), intent(inout) :: h5
     end subroutine c_put
 
-    type(c_ptr) function c_get(object, name, is_attribute, kind, number, h5) bind(c, name='dst_h5_get')
-      import :: c_bool, c_char, c_double, c_int, c_ptr, hdf5_t, hid_t
+    type(c_ptr) function c_get(object, name, kind, number, h5) bind(c, name='dst_h5_get')
+      import :: c_char, c_double, c_int, c_ptr, hdf5_t, hid_t
       integer(hid_t), value :: object
       character(c_char), intent(in) :: name(*)
-      logical(c_bool), value :: is_attribute
       integer(c_int), value :: kind
       real(c_double), intent(inout) :: number
       type(hdf5_t), intent(inout) :: h5
@@ -175,23 +174,15 @@ module dst_hdf5_tools
 
 contains
 
-  !> Create a file, in place of one that has the name.
-  subroutine create_file(file_name, file, h5)
+  !> Open a file for reading; or create one, in place of one that has the name.
+  subroutine open_file(file_name, creates, file, h5)
     character(*), intent(in) :: file_name
+    logical, intent(in) :: creates
     integer(hid_t), intent(out) :: file
     type(hdf5_t), intent(inout) :: h5
 
-    file = c_open(file_name//nul, .true._c_bool, h5)
-  end subroutine create_file
-
-  !> Open a file for reading.
-  subroutine open_existing(file_name, file, h5)
-    character(*), intent(in) :: file_name
-    integer(hid_t), intent(out) :: file
-    type(hdf5_t), intent(inout) :: h5
-
-    file = c_open(file_name//nul, .false._c_bool, h5)
-  end subroutine open_existing
+    file = c_open(file_name//nul, logical(creates, c_bool), h5)
+  end subroutine open_file
 
   !> Why the last HDF5 call failed: the operating system's message if there is one.
   function failure_reason() result(reason)
@@ -261,17 +252,17 @@ contains
     words = trim(quantity%name)//nul//trim(quantity%units)//nul//trim(quantity%long_name)//nul
   end function words_of
 
-  subroutine get_text_attribute(object, name, text, h5)
+  subroutine get_text(object, name, text, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: text
     type(hdf5_t), intent(inout) :: h5
     real(c_double) :: none
 
-    text = fortran_text(c_get(object, name//nul, .true._c_bool, as_text, none, h5))
-  end subroutine get_text_attribute
+    text = fortran_text(c_get(object, name//nul, as_text, none, h5))
+  end subroutine get_text
 
-  subroutine get_integer_attribute(object, name, number, h5)
+  subroutine get_integer(object, name, number, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     integer, intent(out) :: number
@@ -280,22 +271,10 @@ contains
     type(c_ptr) :: none
 
     value = 0.0_c_double
-    none = c_get(object, name//nul, .true._c_bool, as_int32, value, h5)
+    none = c_get(object, name//nul, as_int32, value, h5)
     number = nint(value)
-  end subroutine get_integer_attribute
+  end subroutine get_integer
 
-  !> Read a scalar dataset of text.
-  subroutine get_text(object, name, text, h5)
-    integer(hid_t), intent(in) :: object
-    character(*), intent(in) :: name
-    character(:), allocatable, intent(out) :: text
-    type(hdf5_t), intent(inout) :: h5
-    real(c_double) :: none
-
-    text = fortran_text(c_get(object, name//nul, .false._c_bool, as_text, none, h5))
-  end subroutine get_text
-
-  !> Read a scalar dataset that holds a real number.
   subroutine get_number(object, name, number, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -305,7 +284,7 @@ contains
     type(c_ptr) :: none
 
     value = 0.0_c_double
-    none = c_get(object, name//nul, .false._c_bool, as_double, value, h5)
+    none = c_get(object, name//nul, as_double, value, h5)
     number = real(value, wp)
   end subroutine get_number
 

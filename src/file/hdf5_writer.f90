@@ -11,25 +11,28 @@ module dst_hdf5_writer
   use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
   use dst_hdf5_table, only: table_t, column_t
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, create_file, open_existing, close_file, failure_reason, damage_reason, &
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason, &
     as_double, as_int8, as_int64, dataset_t, put_attribute, put_value, create_group
   use dst_parameters, only: parameter_t
+  use dst_sha256, only: sha256
   implicit none
   private
 
-  public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t, create_hdf5
+  public :: write_metadata, put_ending, hdf5_writer_t, run_metadata_t, attribute_t, create_hdf5
+
+  !> A name and its text.
+  type :: attribute_t
+    character(16) :: name
+    character(:), allocatable :: text
+  end type attribute_t
 
   !> The description of a run that its file contains before the run begins.
   type :: run_metadata_t
-    character(:), allocatable :: program, version, git_revision, compiler
+    type(attribute_t), allocatable :: attributes(:)   !! of the program, the machine and the model
     character(:), allocatable :: created         !! when the run began: ISO 8601, UTC
     character(:), allocatable :: deck_text       !! the deck as read
     character(:), allocatable :: deck_resolved   !! every key as used: --set makes a different deck
-    character(:), allocatable :: deck_sha256     !! of the deck as read
-    character(:), allocatable :: model, method
     character(:), allocatable :: model_choice    !! why 'auto' is this model; '' if the deck names the model
-    character(:), allocatable :: build_flags     !! of the compiler
-    character(:), allocatable :: host, job       !! machine that wrote it, and the job of its scheduler; '' if there is none
     integer :: threads = 1
     type(parameter_t), allocatable :: parameters(:)
   end type run_metadata_t
@@ -74,7 +77,7 @@ contains
     type(hdf5_t) :: h5
 
     self%shown_name = shown_name
-    call create_file(file_name, self%file, h5)
+    call open_file(file_name, .true., self%file, h5)
     call write_metadata(self%file, metadata, h5)
     self%tables(series, :)%chunk_rows = usual_chunk
     if (present(expected_rows)) self%tables(series, :)%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
@@ -121,7 +124,7 @@ contains
     integer(hsize_t) :: first, i
     integer :: table, part
 
-    call open_existing(file_name, file, former)
+    call open_file(file_name, .false., file, former)
     do table = 1, size(self%tables, 1)
       if (size(self%tables(table, 1)%columns) == 0) cycle
       self%rows(table) = self%tables(table, 1)%rows_in(file, former)
@@ -244,21 +247,13 @@ contains
     integer(hid_t) :: group
     integer :: i
 
-    call put_attribute(file, 'program', metadata%program, h5)
-    call put_attribute(file, 'version', metadata%version, h5)
-    call put_attribute(file, 'git_revision', metadata%git_revision, h5)
-    call put_attribute(file, 'compiler', metadata%compiler, h5)
+    do i = 1, size(metadata%attributes)
+      call put_attribute(file, trim(metadata%attributes(i)%name), metadata%attributes(i)%text, h5)
+    end do
     call put_attribute(file, 'created', metadata%created, h5)
-    call put_attribute(file, 'build_flags', metadata%build_flags, h5)
-    call put_attribute(file, 'host', metadata%host, h5)
-    call put_attribute(file, 'job', metadata%job, h5)
     call put_attribute(file, 'threads', metadata%threads, h5)
-    call put_attribute(file, 'deck_sha256', metadata%deck_sha256, h5)
-    call put_attribute(file, 'model', metadata%model, h5)
-    call put_attribute(file, 'method', metadata%method, h5)
-    if (allocated(metadata%model_choice)) then
-      if (metadata%model_choice /= '') call put_attribute(file, 'model_choice', metadata%model_choice, h5)
-    end if
+    call put_attribute(file, 'deck_sha256', sha256(metadata%deck_text), h5)
+    if (metadata%model_choice /= '') call put_attribute(file, 'model_choice', metadata%model_choice, h5)
     call put_ending(file, -1, 'running', h5)
     call put_attribute(file, 'complete', 0, h5)
 

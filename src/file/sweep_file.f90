@@ -10,8 +10,8 @@ module dst_sweep_file
   use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
   use dst_hdf5_table, only: table_t, column_t
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, create_file, open_existing, close_file, failure_reason, as_double, as_int32, &
-    put_attribute, get_attribute, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, &
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, as_double, as_int32, &
+    put_attribute, get_value, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, &
     text_of_row, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
@@ -81,17 +81,17 @@ contains
     head%share = ''
     call check_ending(file_name, reason)
     if (allocated(reason)) return
-    call open_existing(file_name, file, h5)
+    call open_file(file_name, .false., file, h5)
     if (h5%status < 0) then
       reason = failure_reason()
       return
     end if
-    call get_attribute(file, 'sweep_identity', identity, h5)
-    call get_attribute(file, 'sweep_build', build, h5)
-    call get_attribute(file, 'share', head%share, h5)
-    call get_attribute(file, 'complete', complete, h5)
-    call get_attribute(file, 'cases_done', head%done, h5)
-    call get_attribute(file, 'cases_failed', head%failed, h5)
+    call get_value(file, 'sweep_identity', identity, h5)
+    call get_value(file, 'sweep_build', build, h5)
+    call get_value(file, 'share', head%share, h5)
+    call get_value(file, 'complete', complete, h5)
+    call get_value(file, 'cases_done', head%done, h5)
+    call get_value(file, 'cases_failed', head%failed, h5)
     call open_dataset(file, 'sweep/result_code', codes, h5)
     if (h5%status >= 0) then
       head%cases = int(codes%rows)
@@ -224,7 +224,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_t) :: h5
 
-    call create_file(self%file%path(), self%id, h5)
+    call open_file(self%file%path(), .true., self%id, h5)
     call write_metadata(self%id, self%metadata, h5)
     call create_columns(self, h5)
     if (h5%status < 0) call give_up(self, failure_reason(), error)
@@ -419,7 +419,7 @@ contains
     end associate
     if (size(rows) == 0) return
     codes = self%code(rows)
-    call open_existing(file_name, file, from)
+    call open_file(file_name, .false., file, from)
     if (is_known) then
       is_wanted = codes /= not_run
     else
