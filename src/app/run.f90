@@ -342,10 +342,16 @@ contains
     character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
 
-    metadata%attributes = [attribute_t('program', program_name), attribute_t('version', version), &
-      attribute_t('git_revision', git_revision), attribute_t('compiler', compiler), attribute_t('build_flags', build_flags), &
-      attribute_t('host', host_name()), attribute_t('job', job_name()), attribute_t('model', scene%model), &
-      attribute_t('method', scene%method_name())]
+    allocate (metadata%attributes(0))
+    call add('program', program_name)
+    call add('version', version)
+    call add('git_revision', git_revision)
+    call add('compiler', compiler)
+    call add('build_flags', build_flags)
+    call add('host', host_name())
+    call add('job', job_name())
+    call add('model', scene%model)
+    call add('method', scene%method_name())
     metadata%created = utc_now()
     metadata%model_choice = model_choice
     metadata%deck_text = deck%text
@@ -356,5 +362,13 @@ contains
     else
       call parameters_of(deck, metadata%parameters, scene%interval)
     end if
+
+  contains
+
+    subroutine add(name, text)
+      character(*), intent(in) :: name, text
+
+      metadata%attributes = [metadata%attributes, attribute_t(name, text)]
+    end subroutine add
   end subroutine describe_run
 end module dst_run
