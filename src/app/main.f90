@@ -12,6 +12,7 @@ module dst_main
     setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
   use dst_handover, only: hand_over
+  use dst_plain_numbers, only: number_text
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
@@ -178,7 +179,9 @@ contains
   logical function is_stopped(passages)
     integer(int64), intent(in) :: passages
 
-    call progress%show_search(passages, wall_clock() - begun)
+    associate (elapsed => wall_clock() - begun)
+      if (progress%is_due(elapsed)) call progress%show('cycles of '//number_text(real(passages, wp))//' passages', elapsed)
+    end associate
     is_stopped = is_told_to_end()
   end function is_stopped
 

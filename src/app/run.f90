@@ -17,7 +17,7 @@ module dst_run
   use dst_model_choice, only: settle_model
   use dst_output_size, only: run_samples
   use dst_parameters, only: parameters_of
-  use dst_progress, only: progress_t, new_progress
+  use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
   use dst_scene, only: scene_t, scene_from_deck
   use dst_signals, only: stop_signal, stopped_by, no_signal
@@ -300,7 +300,7 @@ contains
         if (simulation%finished .or. allocated(error)) exit
         if (stop_signal() /= no_signal) call raise(error, stopped_early, '')
         if (allocated(error)) exit
-        call run%progress%show('t', simulation%motion%piece%to%time, scene%t_end, simulation%elapsed)
+        call show_progress(run)
         if (.not. interim%is_due(wall_clock())) cycle
         call make_interim_file(run, error)
         if (allocated(error)) exit
@@ -309,6 +309,19 @@ contains
     end associate
     call run%progress%close()
   end subroutine integrate
+
+  !> Show how far the run is, if it is time to.
+  subroutine show_progress(run)
+    type(run_t), intent(inout) :: run
+    character(5) :: percent
+
+    associate (time => run%simulation%motion%piece%to%time, t_end => run%simulation%scene%t_end, elapsed => run%simulation%elapsed)
+      if (.not. run%progress%is_due(elapsed)) return
+      write (percent, '(f5.1)') 100.0_wp*(time/t_end)
+      call run%progress%show(percent//' %, t = '//number_text(time)//' of '//number_text(t_end)//' s'// &
+        time_left(elapsed, time/t_end), elapsed)
+    end associate
+  end subroutine show_progress
 
   !> The file gets its name as it is now, and the run goes on in a new one.
   subroutine make_interim_file(run, error)

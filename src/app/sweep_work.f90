@@ -6,7 +6,8 @@ module dst_sweep_work
   use dst_errors, only: error_t, raise, stopped_early
   use dst_kinds, only: wp
   use dst_machine, only: wait_seconds
-  use dst_progress, only: progress_t, new_progress
+  use dst_plain_numbers, only: number_text
+  use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: interim_t
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_stopwatch, only: wall_clock
@@ -197,6 +198,7 @@ contains
     type(sweep_work_t), intent(inout) :: self
     integer :: finished, failed, stop
     real(wp) :: passed
+    character(:), allocatable :: pace
 
     passed = wall_clock() - self%begun
     if (passed - self%looked < look) return
@@ -213,7 +215,12 @@ contains
     else if (self%interim%is_due(self%begun + passed) .and. finished < self%to_do) then
       call make_whole(self)
     end if
-    call self%progress%show_cases(self%file%rows - self%to_do, finished, self%to_do, failed, passed)
+    if (.not. self%progress%is_due(passed)) return
+    pace = ''
+    if (finished > 0) pace = ', '//number_text(real(finished, wp)/passed)//' cases/s'// &
+      time_left(passed, real(finished, wp)/real(self%to_do, wp))
+    call self%progress%show(integer_text(self%file%rows - self%to_do + finished)//' of '//integer_text(self%file%rows)// &
+      ' cases, '//integer_text(failed)//' failed'//pace, passed)
   end subroutine look_around
 
   !> Make the file whole, and go on in a new one. Other threads wait if they have finished a case.

@@ -16,7 +16,7 @@ module dst_hdf5_table
     character(24) :: group = ''                        !! in which it is, like sweep/summary
     integer :: stored_as = as_double
     real(real64) :: fill = 0.0_real64                  !! value of rows that are not written
-    type(dataset_t), private :: dataset = dataset_t()
+    type(dataset_t) :: dataset = dataset_t()
   end type column_t
 
   !> The columns, and their rows that wait to be written.

@@ -264,7 +264,7 @@ contains
     group = create_group(self%id, 'sweep'//nul, h5)
     call put_attribute(group, 'grid', grid_text(self), h5)
     call put_attribute(group, 'parameters', self%sweep%parameters(), h5)
-    call create_coordinates(self, group, scales(1), h5)
+    call create_coordinates(self, scales(1), h5)
     if (inner_group(self) /= '') call create_inner_scale(self, scales(2), h5)
     do k = 1, size(self%tables)
       call self%tables(k)%create(self%id, self%window, h5, scales(:k))
@@ -282,33 +282,25 @@ contains
   end function inner_group
 
   !> The number of each case, which is the scale of all columns, and its parameters.
-  subroutine create_coordinates(self, group, case, h5)
+  subroutine create_coordinates(self, case, h5)
     class(sweep_file_t), intent(in) :: self
-    integer(hid_t), intent(in) :: group
     type(dataset_t), intent(out) :: case
     type(hdf5_t), intent(inout) :: h5
-    type(dataset_t) :: parameters(size(self%sweep%axes))
-    real(real64) :: values(min(self%rows, most_rows), size(self%sweep%axes))
-    integer :: first, i, rows
+    type(table_t) :: table
+    real(real64) :: values(1, 1 + size(self%sweep%axes))
+    integer :: i
 
-    call create_dataset(group, quantity_t('case', '1', 'number of the case'), size(values, 1), case, h5, as_int32, &
-      is_scale=.true.)
-    do i = 1, size(parameters)
-      call create_dataset(group, parameter_of(self%sweep%axes(i)), size(values, 1), parameters(i), h5, as_double)
-      call attach_scale(parameters(i), case, 0, h5)
+    allocate (table%columns, source=[column_t(quantity_t('case', '1', 'number of the case'), 'sweep', as_int32), &
+      (column_t(parameter_of(self%sweep%axes(i)), 'sweep'), i=1, size(self%sweep%axes))])
+    table%chunk_rows = min(self%rows, most_rows)
+    call table%create(self%id, table%chunk_rows, h5)
+    do i = 1, self%rows
+      values(1, 1) = real(self%share%case_of(i), real64)
+      values(1, 2:) = real(self%sweep%coordinates(self%share%case_of(i)), real64)
+      call table%put_row(int(i, hsize_t), values, h5)
     end do
-    do first = 0, self%rows - 1, size(values, 1)
-      rows = min(size(values, 1), self%rows - first)
-      associate (cases => self%share%case_of([(first + i, i=1, rows)]))
-        do i = 1, rows
-          values(i, :) = real(self%sweep%coordinates(cases(i)), real64)
-        end do
-        call write_rows(case, case%rows, int(rows, hsize_t), real(cases, real64), h5)
-      end associate
-      do i = 1, size(parameters)
-        call write_rows(parameters(i), parameters(i)%rows, int(rows, hsize_t), values(:, i), h5)
-      end do
-    end do
+    call table%write_waiting(h5)
+    case = table%columns(1)%dataset
   end subroutine create_coordinates
 
   type(quantity_t) function parameter_of(axis) result(parameter)
