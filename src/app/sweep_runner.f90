@@ -109,7 +109,9 @@ contains
         work%retry = command%has('--retry')
         call work%run(sweep, command%has('--quiet'), stopped)
       end if
-      call finish(work%file, stopped, error)
+      if (work%file%is_changed .and. .not. has_code(stopped, file_error)) call work%file%make_whole(error)
+      call work%file%discard()
+      if (.not. allocated(error)) call move_alloc(stopped, error)
       if (allocated(error)) return
       found%done = work%file%done
       found%failed = work%file%failed
@@ -136,17 +138,6 @@ contains
     call file%open(result_file, sweep, command%share, head_of(sweep, command%share), metadata, plan == to_go_on, &
       command%has('--overwrite'), error)
   end subroutine open_file
-
-  !> Make the file whole if it has anything new, and let it go. `stopped`: why not all cases were run.
-  subroutine finish(file, stopped, error)
-    type(sweep_file_t), intent(inout) :: file
-    type(error_t), allocatable, intent(inout) :: stopped
-    type(error_t), allocatable, intent(out) :: error
-
-    if (file%is_changed .and. .not. has_code(stopped, file_error)) call file%make_whole(error)
-    call file%discard()
-    if (.not. allocated(error)) call move_alloc(stopped, error)
-  end subroutine finish
 
   !> The error of a sweep that is not complete, or in which cases failed.
   subroutine conclude(result_file, share, cases, failed, done, error)

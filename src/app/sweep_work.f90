@@ -168,19 +168,9 @@ contains
     if (.not. allocated(self%error)) then
       call self%file%put(case, self%error)
       self%finished = self%finished + 1
-      call note_error(self)
     end if
     !$omp end critical (keeping)
   end subroutine keep
-
-  !> An error of the file stops all threads.
-  subroutine note_error(self)
-    type(sweep_work_t), intent(inout) :: self
-
-    if (.not. allocated(self%error)) return
-    !$omp atomic write
-    self%stop = by_error
-  end subroutine note_error
 
   !> The first thread handles what is due.
   logical function asked_to_stop(self)
@@ -197,6 +187,7 @@ contains
   subroutine look_around(self)
     type(sweep_work_t), intent(inout) :: self
     integer :: finished, failed, stop
+    logical :: is_lost
     real(wp) :: passed
     character(:), allocatable :: pace
 
@@ -206,9 +197,11 @@ contains
     !$omp critical (keeping)
     finished = self%finished
     failed = self%file%failed
+    is_lost = allocated(self%error)
     !$omp end critical (keeping)
     stop = stop_signal()
     if (stop == 0 .and. self%limit > 0.0_wp .and. passed > self%limit) stop = at_limit
+    if (is_lost) stop = by_error
     if (stop /= 0) then
       !$omp atomic write
       self%stop = stop
@@ -232,7 +225,6 @@ contains
       call self%file%make_whole(self%error)
       if (.not. allocated(self%error)) call self%file%go_on(self%error)
       self%interim%made = wall_clock()
-      call note_error(self)
     end if
     !$omp end critical (keeping)
   end subroutine make_whole

@@ -14,6 +14,58 @@ module dst_posix
     integer(c_int64_t) :: bytes = 0, inode = 0, device = 0
   end type identity_t
 
+  !> Forms of calls that several have.
+  abstract interface
+    subroutine plain_call() bind(c)
+    end subroutine plain_call
+
+    integer(c_int) function number_call() bind(c)
+      import :: c_int
+    end function number_call
+
+    logical(c_bool) function question() bind(c)
+      import :: c_bool
+    end function question
+
+    subroutine address_call(address) bind(c)
+      import :: c_ptr
+      type(c_ptr), value :: address
+    end subroutine address_call
+
+    integer(c_int) function descriptor_call(descriptor) bind(c)
+      import :: c_int
+      integer(c_int), value :: descriptor
+    end function descriptor_call
+
+    integer(c_int) function naming_call(from, to) bind(c)
+      import :: c_int, c_char
+      character(c_char), intent(in) :: from(*), to(*)
+    end function naming_call
+
+    subroutine file_call(path, descriptor) bind(c)
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: descriptor
+    end subroutine file_call
+  end interface
+
+  procedure(plain_call), bind(c, name='dst_listen_to_requests') :: listen_to_requests
+  procedure(plain_call), bind(c, name='dst_listen_to_signals') :: listen_to_signals
+  procedure(plain_call), bind(c, name='dst_occupy_descriptors') :: occupy_descriptors
+  procedure(number_call), bind(c, name='dst_stop_signal') :: stop_signal
+  procedure(number_call), bind(c, name='dst_is_terminal') :: c_is_terminal
+  procedure(question), bind(c, name='dst_is_told_to_end') :: is_told_to_end
+  procedure(question), bind(c, name='dst_has_v3') :: has_v3
+  procedure(address_call), bind(c, name='free') :: c_free
+  procedure(address_call), bind(c, name='dst_forget_matches') :: c_forget_matches
+  procedure(address_call), bind(c, name='dst_join_thread') :: c_join_thread
+  procedure(descriptor_call), bind(c, name='dst_fsync') :: c_fsync
+  procedure(descriptor_call), bind(c, name='dst_close') :: c_close
+  procedure(naming_call), bind(c, name='rename') :: c_rename
+  procedure(naming_call), bind(c, name='dst_place') :: c_place
+  procedure(file_call), bind(c, name='dst_keep_mode') :: c_keep_mode
+  procedure(file_call), bind(c, name='dst_remove_own') :: c_remove_own
+
   !> Whether two names, or two moments, refer to one file.
   interface operator(==)
     pure logical(c_bool) function is_same_file(a, b) bind(c, name='dst_is_same')
@@ -27,29 +79,10 @@ module dst_posix
       import :: c_ptr
     end function c_reason
 
-    subroutine c_free(address) bind(c, name='free')
-      import :: c_ptr
-      type(c_ptr), value :: address
-    end subroutine c_free
-
-    subroutine listen_to_requests() bind(c, name='dst_listen_to_requests')
-    end subroutine listen_to_requests
-
-    subroutine listen_to_signals() bind(c, name='dst_listen_to_signals')
-    end subroutine listen_to_signals
-
-    logical(c_bool) function is_told_to_end() bind(c, name='dst_is_told_to_end')
-      import :: c_bool
-    end function is_told_to_end
-
     type(c_ptr) function c_signal_name(number) bind(c, name='dst_signal_name')
       import :: c_int, c_ptr
       integer(c_int), value :: number
     end function c_signal_name
-
-    integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
-      import :: c_int
-    end function stop_signal
 
     integer(c_int) function c_open_regular(path, writes) bind(c, name='dst_open_regular')
       import :: c_bool, c_int, c_char
@@ -67,68 +100,15 @@ module dst_posix
       character(c_char), intent(in) :: path(*)
     end function c_is_locked
 
-    integer(c_int) function c_fsync(descriptor) bind(c, name='dst_fsync')
-      import :: c_int
-      integer(c_int), value :: descriptor
-    end function c_fsync
-
-    integer(c_int) function c_close(descriptor) bind(c, name='dst_close')
-      import :: c_int
-      integer(c_int), value :: descriptor
-    end function c_close
-
-    integer(c_int) function c_rename(from, to) bind(c, name='rename')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: from(*), to(*)
-    end function c_rename
-
-    subroutine c_keep_mode(path, descriptor) bind(c, name='dst_keep_mode')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: descriptor
-    end subroutine c_keep_mode
-
-    integer(c_int) function c_place(from, to) bind(c, name='dst_place')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: from(*), to(*)
-    end function c_place
-
-    subroutine c_remove_own(path, descriptor) bind(c, name='dst_remove_own')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: descriptor
-    end subroutine c_remove_own
-
     subroutine c_sync_folder(path) bind(c, name='dst_sync_folder')
       import :: c_char
       character(c_char), intent(in) :: path(*)
     end subroutine c_sync_folder
 
-    subroutine c_forget_matches(found) bind(c, name='dst_forget_matches')
-      import :: c_ptr
-      type(c_ptr), value :: found
-    end subroutine c_forget_matches
-
-    subroutine occupy_descriptors() bind(c, name='dst_occupy_descriptors')
-    end subroutine occupy_descriptors
-
-    integer(c_int) function c_is_terminal() bind(c, name='dst_is_terminal')
-      import :: c_int
-    end function c_is_terminal
-
-    logical(c_bool) function has_v3() bind(c, name='dst_has_v3')
-      import :: c_bool
-    end function has_v3
-
     subroutine c_exit(status) bind(c, name='exit')
       import :: c_int
       integer(c_int), value :: status
     end subroutine c_exit
-
-    subroutine c_join_thread(thread) bind(c, name='dst_join_thread')
-      import :: c_ptr
-      type(c_ptr), value :: thread
-    end subroutine c_join_thread
 
     subroutine c_wait(seconds) bind(c, name='dst_wait')
       import :: c_double
