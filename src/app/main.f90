@@ -3,7 +3,7 @@ module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_paths, only: place_of, stem_of
+  use dst_disk, only: place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
   use dst_deck, only: deck_t, read_deck, resolved, template

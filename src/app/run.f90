@@ -117,7 +117,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call create_contents(run, error)
-    if (.not. allocated(error)) call run%writer%copy_rows(run%file%former_path(), error)
+    if (.not. allocated(error)) call run%writer%copy_rows(run%file%place, error)
     if (.not. allocated(error)) call run%file%check_former(error)
   end subroutine go_on
 
@@ -134,9 +134,9 @@ contains
     character(1) :: no_settings(0)
     integer, target :: format
 
-    call read_state(run%file%former_path(), state, reason)
+    call read_state(run%file%place, state, reason)
     if (.not. allocated(reason)) then
-      call read_origin(run%file%former_path(), run%file%name, origin, error)
+      call read_origin(run%file%place, run%file%name, origin, error)
       if (allocated(error)) return
       if (origin%complete /= 0) then
         reason = 'the run is complete'

@@ -4,8 +4,8 @@
 !> the file whole when that is due, between two slices of its case.
 module dst_sweep_work
   use dst_errors, only: error_t, raise, stopped_early
-  use dst_kinds, only: wp
-  use dst_machine, only: wait_seconds
+  use dst_kinds, only: wp, real64
+  use dst_posix, only: wait_seconds
   use dst_plain_numbers, only: number_text
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: interim_t
@@ -155,7 +155,7 @@ contains
       at_work = self%at_work
       if (at_work == 0) exit
       call look_around(self)
-      call wait_seconds(look)
+      call wait_seconds(real(look, real64))
     end do
   end subroutine wait_for_others
 

@@ -4,16 +4,15 @@
 !> has it open and locked (flock), and the file that it becomes stays locked until the work ends or has a new NAME.part. One that no
 !> process has locked was left by a process that was killed, and is used again. docs/checkpoints.md has the states.
 module dst_result_file
-  use, intrinsic :: iso_c_binding, only: c_int, nul => c_null_char
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, nul => c_null_char
   use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, file_exists, folder_of, is_folder, is_written, &
     place_of, system_reason
   use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result, is_deck, is_hdf5
   use dst_kinds, only: wp, int64
-  use dst_machine, only: wait_seconds
   use dst_posix, only: c_fsync, c_is_locked, c_keep_mode, c_open_locked, c_place, c_remove_own, c_rename, c_sync_folder, &
-    set_file_size
+    set_file_size, wait_seconds
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -23,14 +22,13 @@ module dst_result_file
   !> A result file that this process writes.
   type :: result_file_t
     character(:), allocatable :: name                !! as given by the user
-    character(:), allocatable, private :: place      !! the file that links lead to
+    character(:), allocatable :: place               !! the file that links lead to
     type(identity_t), private :: former              !! the file that will be replaced
     integer(c_int), private :: descriptor = -1       !! of NAME.part, or of what it became: the lock
   contains
     procedure :: claim
     procedure :: claim_again
     procedure :: path
-    procedure :: former_path
     procedure :: check_former
     procedure :: put_in_place
     procedure :: begin_next
@@ -198,15 +196,6 @@ contains
     path = self%place//'.part'
   end function path
 
-  !> The path of the file that has the name, from which rows are copied; '' if there is none.
-  function former_path(self) result(path)
-    class(result_file_t), intent(in) :: self
-    character(:), allocatable :: path
-
-    path = ''
-    if (self%former%exists) path = self%place
-  end function former_path
-
   !> After its rows were copied, the file that has the name must still be the one that was found or made there; if there is none any
   !> more, the end says so.
   subroutine check_former(self, error)
@@ -293,7 +282,7 @@ contains
       call open_part(self%place, next, reason)
       if (.not. allocated(reason)) exit
       if (reason /= is_written) exit
-      call wait_seconds(0.005_wp)
+      call wait_seconds(0.005_c_double)
     end do
     call close_descriptor(self%descriptor)
     self%descriptor = next

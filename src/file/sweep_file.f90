@@ -172,7 +172,7 @@ contains
     type(sweep_head_t) :: head
     character(:), allocatable :: reason
 
-    call read_head(self%file%former_path(), head, reason)
+    call read_head(self%file%place, head, reason)
     if (.not. allocated(reason)) then
       if (head%identity == self%head%identity .and. head%build == self%head%build) return
       reason = 'it was replaced meanwhile'
@@ -238,7 +238,7 @@ contains
     integer :: first
 
     do first = 1, self%rows, self%window
-      if (.not. allocated(error)) call self%take_rows(self%file%former_path(), self%share, first, error, is_known)
+      if (.not. allocated(error)) call self%take_rows(self%file%place, self%share, first, error, is_known)
     end do
     self%is_changed = .false.
   end subroutine take_former

@@ -6,7 +6,7 @@ module dst_share
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64
   use dst_machine, only: environment
-  use dst_paths, only: path_t, matching_files, stem_of
+  use dst_disk, only: path_t, matching_files, stem_of
   use dst_text, only: excerpt, integer_text, read_integer
   implicit none
   private

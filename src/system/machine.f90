@@ -1,13 +1,12 @@
 !> The machine on which this process runs: its name, processor and clock; the scheduler's job to which the process belongs, and its
 !> environment.
 module dst_machine
-  use, intrinsic :: iso_c_binding, only: c_double, c_size_t, nul => c_null_char
-  use dst_kinds, only: wp
-  use dst_posix, only: c_gethostname, c_utc, c_wait, has_v3
+  use, intrinsic :: iso_c_binding, only: c_size_t, nul => c_null_char
+  use dst_posix, only: c_gethostname, c_utc, has_v3
   implicit none
   private
 
-  public :: host_name, job_name, environment, runs_v3, utc_now, wait_seconds
+  public :: host_name, job_name, environment, runs_v3, utc_now
 
 contains
 
@@ -58,10 +57,4 @@ contains
     utc_now = text(:20)
   end function utc_now
 
-  !> Wait for some time.
-  subroutine wait_seconds(seconds)
-    real(wp), intent(in) :: seconds
-
-    call c_wait(real(seconds, c_double))
-  end subroutine wait_seconds
 end module dst_machine

@@ -110,10 +110,10 @@ module dst_posix
       integer(c_int), value :: status
     end subroutine c_exit
 
-    subroutine c_wait(seconds) bind(c, name='dst_wait')
+    subroutine wait_seconds(seconds) bind(c, name='dst_wait')
       import :: c_double
       real(c_double), value :: seconds
-    end subroutine c_wait
+    end subroutine wait_seconds
 
     subroutine c_utc(text) bind(c, name='dst_utc')
       import :: c_char
