@@ -3,12 +3,12 @@ module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_disk, only: place_of, stem_of
+  use dst_disk, only: path_t, place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
-  use dst_command_line, only: argument_t, command_t, program_arguments, is_own_command, parse_arguments, &
+  use dst_command_line, only: command_t, program_arguments, is_own_command, parse_arguments, &
     setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
   use dst_handover, only: hand_over
@@ -54,7 +54,7 @@ contains
   subroutine follow_arguments(self, number)
     class(program_t), intent(inout), target :: self
     integer, intent(in) :: number
-    type(argument_t), allocatable :: arguments(:)
+    type(path_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
     logical :: is_ours
 
@@ -218,7 +218,7 @@ contains
   !> file may be written.
   subroutine run_each()
     type(deck_t), allocatable :: decks(:)
-    type(argument_t), allocatable :: outputs(:)
+    type(path_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
     integer :: i
 
@@ -239,7 +239,7 @@ contains
   !> Read and check the decks, and the files that they will write.
   subroutine prepare(decks, outputs)
     type(deck_t), intent(inout) :: decks(:)
-    type(argument_t), intent(inout) :: outputs(:)
+    type(path_t), intent(inout) :: outputs(:)
     type(error_t), allocatable :: error
     character(:), allocatable :: notes
     real(wp), allocatable :: interval
@@ -289,7 +289,7 @@ contains
   subroutine carry_out(operand, deck, output, error)
     character(*), intent(in) :: operand
     type(deck_t), intent(in) :: deck             !! of a new run
-    type(argument_t), intent(in) :: output       !! its file
+    type(path_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: report, hangs_on
     type(scene_t) :: scene
@@ -315,36 +315,29 @@ contains
 
     file_name = command%output
     ! The deck's own file is that of its run.
-    if (file_name == '' .and. command%variations > 0) file_name = name_after(deck, '_sweep.h5')
-    if (file_name == '') file_name = deck%text_of('output', 'file')
-    if (file_name == '') file_name = name_after(deck, '.h5')
+    associate (own => deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name)))
+      if (file_name == '' .and. command%variations > 0) file_name = own//'_sweep.h5'
+      if (file_name == '') file_name = deck%text_of('output', 'file')
+      if (file_name == '') file_name = own//'.h5'
+    end associate
   end function output_of
-
-  !> The deck's name with another extension, in the current directory.
-  function name_after(deck, ending) result(file_name)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: ending
-    character(:), allocatable :: file_name
-
-    file_name = deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name))//ending
-  end function name_after
 
   !> The files that the command reads: its decks and their lists of points.
   function inputs_of(decks) result(inputs)
     type(deck_t), intent(in) :: decks(:)
-    type(argument_t), allocatable :: inputs(:)
+    type(path_t), allocatable :: inputs(:)
     integer :: i
 
     inputs = command%operands
     do i = 1, size(decks)
       if (.not. decks(i)%is_sweep()) cycle
-      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, argument_t(path_of_points(decks(i)))]
+      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, path_t(path_of_points(decks(i)))]
     end do
   end function inputs_of
 
   !> Whether output `i` may be created, and is neither the output of another deck nor a file that is read.
   subroutine check_output(outputs, i, inputs, may_replace, is_sweep, error)
-    type(argument_t), intent(in) :: outputs(:), inputs(:)
+    type(path_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
     logical, intent(in) :: may_replace, is_sweep   !! a sweep goes on in a file of its own
     type(error_t), allocatable, intent(out) :: error

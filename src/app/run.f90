@@ -354,8 +354,10 @@ contains
     type(scene_t), intent(in) :: scene            !! the scene, with its model chosen
     character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
+    integer :: n
 
-    allocate (metadata%attributes(0))
+    allocate (metadata%attributes(9))
+    n = 0
     call add('program', program_name)
     call add('version', version)
     call add('git_revision', git_revision)
@@ -381,7 +383,10 @@ contains
     subroutine add(name, text)
       character(*), intent(in) :: name, text
 
-      metadata%attributes = [metadata%attributes, attribute_t(name, text)]
+      ! No array constructor: with gfortran 12 it leaks the memory of the copies.
+      n = n + 1
+      metadata%attributes(n)%name = name
+      metadata%attributes(n)%text = text
     end subroutine add
   end subroutine describe_run
 end module dst_run

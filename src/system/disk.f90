@@ -12,7 +12,7 @@ module dst_disk
   public :: identity_t, identity_of, operator(==)
   public :: close_descriptor, system_reason, with_remedy, is_written
 
-  !> The name of a file.
+  !> The name of a file, or another word of the command line.
   type :: path_t
     character(:), allocatable :: text
   end type path_t
