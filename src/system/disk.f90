@@ -22,6 +22,7 @@ module dst_disk
     module procedure identity_of_descriptor, identity_of_name
   end interface identity_of
 
+  !> The reason that a file is locked.
   character(*), parameter :: is_written = 'another process is writing this file: wait until it ends, or use another name'
 
 contains
