@@ -41,7 +41,7 @@ module dst_python_api
   use dst_stiffness, only: stiffness_note
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
-  use dst_sweep_points, only: points_of_csv
+  use dst_sweep_points, only: read_points
   use dst_text, only: text_builder_t, integer_text, printable, short_text
   use dst_writer, only: quantity_t, outcome_t
   implicit none
@@ -206,7 +206,7 @@ contains
       end do
       call new_sweep(self%deck, self%sweep, self%error, given, numbers(1) > 0.0_wp)
     else if (self%deck%text_of('sweep', 'points') /= '') then
-      call points_of_csv(self%deck, given, self%error)
+      call read_points(self%deck, given, self%error)
       if (.not. allocated(self%error)) call new_sweep(self%deck, self%sweep, self%error, given, .true.)
     else if (self%deck%is_sweep()) then
       call new_sweep(self%deck, self%sweep, self%error)

@@ -176,6 +176,7 @@ ARGUMENTS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "DECK": (str, ("*.nml",)),
     "TRACE": (str, ("*.csv", "*.h5")),
     "FILE.h5": (Path, ("*.h5",)),
+    "FILE": (str, ("*.h5",)),
     "NML": (Path, ("*.nml",)),
     "FIGURE": (Path, ("*.png",)),
     "HTML": (Path, ("*.html",)),

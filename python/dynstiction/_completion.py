@@ -1,12 +1,13 @@
-"""Candidates for the word that is being typed in a shell, after a command that Python carries out.
+"""Candidates for the word that is being typed in a shell: ``dynstiction complete WORD...``, which the scripts of tools/completion call.
 
-They have the form of those of the executable, which calls this (src/app/completion.f90).
+The words are those after the program's name; the last one is being typed. A candidate ``*.nml`` stands for the files with that
+ending, ``*/`` for folders, and one that ends in ``=`` is only the beginning of a word.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 from ._commands import ARGUMENTS, argument_of
@@ -14,10 +15,12 @@ from ._native import catalogue
 
 
 def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
-    """Candidates for the last of the words after the program's name."""
+    """Candidates for the last of the words after the program's name; `commands`: those that Python carries out."""
     *before, typed = words or [""]
+    own = dict(_commands_of_executable())
     if not before:
-        return [name for name in commands if name.startswith(typed)]
+        return [name for name in (*own, "--help", "--version", *commands) if name.startswith(typed)]
+    commands = {**commands, **own}
     if before[0] not in commands:
         return []
     actions = commands[before[0]]._actions
@@ -25,6 +28,9 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
     last = options.get(before[-1])
     if last is not None and last.nargs != 0:
         return _values(last, typed)
+    option, equals, begun = typed.partition("=")
+    if equals and option in options:
+        return [f"{option}={candidate}" for candidate in _values(options[option], begun)]
     if typed.startswith("-"):
         offered = [
             action.option_strings[0] for action in actions if action.option_strings and action.dest != "help"
@@ -36,6 +42,22 @@ def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence
         for previous, word in pairwise(before)
     )
     return _values(operands[min(given, len(operands) - 1)], typed) if operands else []
+
+
+def _commands_of_executable() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """The commands of the executable, in the form of those of Python."""
+    for command in catalogue()["commands"]:
+        parser = argparse.ArgumentParser(add_help=False)
+        for name in command["options"]:
+            entries = (entry for entry in catalogue()["options"] if entry["name"] == name)
+            kinds = [entry["argument"] for entry in entries if command["name"] in entry["commands"]]
+            if any(kinds):
+                parser.add_argument(name, metavar="|".join(kinds))
+            else:
+                parser.add_argument(name, action="store_true")
+        if command["operands"]:
+            parser.add_argument("operands", metavar=command["operands"].strip("[]."), nargs="*")
+        yield command["name"], parser
 
 
 def _values(action: argparse.Action, typed: str) -> list[str]:
@@ -62,10 +84,11 @@ def _words(kind: str, typed: str) -> Iterable[str]:
         "NAMES": summary,
         "COLUMNS": [entry["name"] for entry in names["columns"]],
         "KEYS": fitted,
+        "MODEL": keys["scene.model"]["choices"],
         "QUANTITY=UNIT": ["time=", "force="],
         "GROUP.KEY=VALUE": [f"{name}={each}" for each in keys[name]["choices"]]
         if equals and name in keys
         else [f"{key}=" for key in keys],
         "KEY=": [f"{n}=" for n, key in keys.items() if key["kind"] in ("real", "reals")],
     }
-    return words.get("KEY=" if kind.startswith("KEY=") else kind, kind.split("|") if "|" in kind else [])
+    return words.get("KEY=" if kind.startswith("KEY=") else kind, filter(str.islower, kind.split("|")) if "|" in kind else [])

@@ -2,6 +2,7 @@
 module dst_command_line
   use dst_command_table, only: command_entry_t, the_program, commands, options, exit_statuses, find_command, &
     find_option, command_names, options_of, is_option_of, operand_of
+  use dst_disk, only: path_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
   use dst_schema, only: schema, find_key, find_name, names_file
@@ -11,13 +12,8 @@ module dst_command_line
   implicit none
   private
 
-  public :: argument_t, command_t, program_arguments, is_own_command, parse_arguments, takes_value, setting_list, help_text, &
-    usage_of, errors_topic
-
-  !> One word of the command line.
-  type :: argument_t
-    character(:), allocatable :: text
-  end type argument_t
+  public :: command_t, program_arguments, is_own_command, parse_arguments, setting_list, help_text, usage_of, &
+    errors_topic
 
   !> The keys of &sweep of which an option --vary gives one element each.
   character(9), parameter :: swept_keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
@@ -26,14 +22,14 @@ module dst_command_line
   type :: command_t
     character(:), allocatable :: name              !! a name of the table, version or help
     character(:), allocatable :: output            !! of -o; '' = not given
-    type(argument_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
-    type(argument_t), allocatable :: settings(:)   !! of --set
+    type(path_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
+    type(path_t), allocatable :: settings(:)   !! of --set
     character(:), allocatable :: sensitivity       !! of --sensitivity, with blanks between the keys; '' = not given
     type(share_t) :: share                         !! of --share
     character(:), allocatable :: given             !! names of all options given, blank-separated
     !> For --vary: their number, and the lists of &sweep that they make, as settings; 'sweep' is then 'run'.
     integer :: variations = 0
-    type(argument_t) :: swept(size(swept_keys))
+    type(path_t) :: swept(size(swept_keys))
   contains
     procedure :: has
   end type command_t
@@ -49,7 +45,7 @@ contains
 
   !> The arguments of this program.
   function program_arguments() result(arguments)
-    type(argument_t), allocatable :: arguments(:)
+    type(path_t), allocatable :: arguments(:)
     integer :: i, length
 
     allocate (arguments(command_argument_count()))
@@ -62,7 +58,7 @@ contains
 
   !> Whether the arguments, or the topic of help, are for the executable: any other word that comes first is a command of Python.
   pure logical function is_own_command(arguments)
-    type(argument_t), intent(in) :: arguments(:)
+    type(path_t), intent(in) :: arguments(:)
     integer :: i
 
     is_own_command = .true.
@@ -77,7 +73,7 @@ contains
 
   !> Parse the arguments; a fault of usage goes to `error`.
   subroutine parse_arguments(arguments, command, error)
-    type(argument_t), intent(in) :: arguments(:)
+    type(path_t), intent(in) :: arguments(:)
     type(command_t), intent(out) :: command
     type(error_t), allocatable, intent(out) :: error
     logical :: only_operands
@@ -113,9 +109,9 @@ contains
 
   !> Append a word. An array constructor would do it, but with gfortran 12 it leaks the memory of the copies.
   pure subroutine append(words, text)
-    type(argument_t), allocatable, intent(inout) :: words(:)
+    type(path_t), allocatable, intent(inout) :: words(:)
     character(*), intent(in) :: text
-    type(argument_t), allocatable :: longer(:)
+    type(path_t), allocatable :: longer(:)
     integer :: i, n
 
     n = size(words) + 1
@@ -137,7 +133,7 @@ contains
 
   !> Parse the option at `i` and its value; `i` then is the place of the value.
   subroutine take_option(arguments, i, command, error)
-    type(argument_t), intent(in) :: arguments(:)
+    type(path_t), intent(in) :: arguments(:)
     integer, intent(inout) :: i
     type(command_t), intent(inout) :: command
     type(error_t), allocatable, intent(out) :: error
@@ -208,7 +204,7 @@ contains
     character(*), parameter :: form = ': write --vary GROUP.KEY=FIRST:LAST:COUNT, like '// &
       '--vary system.misalignment_deg=0.5:20:40, with :log at its end for equal ratios'
     character(:), allocatable :: name, words, spacing, problem
-    type(argument_t) :: elements(size(swept_keys))
+    type(path_t) :: elements(size(swept_keys))
     real(wp) :: number
     integer :: equals, i, k
 
@@ -239,7 +235,7 @@ contains
     ! Names of keys are unique: the group may be left out.
     k = find_name(lower_case(name))
     if (k > 0) name = trim(schema(k)%group)//'.'//name
-    elements = [argument_t("'"//name//"'"), (argument_t(word(words, i)), i=1, 3), argument_t("'"//spacing//"'")]
+    elements = [path_t("'"//name//"'"), (path_t(word(words, i)), i=1, 3), path_t("'"//spacing//"'")]
     do i = 1, size(elements)
       if (command%variations == 0) then
         command%swept(i)%text = 'sweep.'//trim(swept_keys(i))//'='//elements(i)%text

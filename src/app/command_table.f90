@@ -93,7 +93,7 @@ module dst_command_table
       'dynstiction cycles inputs/fig3.nml --set drive.velocity=0.075 --set system.misalignment_deg=3.5'), &
     command_entry_t('show', 'FILE...', 'contents of a result, progress of a sweep', &
       'Print the contents of each file: for a run its model, method and summary, for a sweep its parameters and the ranges of '// &
-      'its results, for a deck the run that it describes. For a sweep that is divided into shares, print how many cases of '// &
+      'its results. For a sweep that is divided into shares, print how many cases of '// &
       'each are done, and which have no file yet; FILE itself need not exist. Nothing is changed, and no process is disturbed.', &
       'dynstiction show map_lambda.h5')]
 

@@ -3,23 +3,25 @@
 !> `check`, and `run` before the first of its decks, call the same procedure, so that they refuse the same decks with the same
 !> words.
 module dst_deck_check
+  use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_cycles, only: measures
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: grid_cases, varied_key
-  use dst_disk, only: folder_of, file_exists, free_space, true_path
+  use dst_disk, only: folder_of, file_exists, true_path
   use dst_errors, only: error_t, raise, deck_error, file_error
   use dst_faults, only: faults_t
   use dst_kinds, only: wp
   use dst_model_choice, only: settle_model
   use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
   use dst_plain_numbers, only: number_text, bytes_text
+  use dst_posix, only: free_space
   use dst_scene, only: scene_t, scene_from_deck
   use dst_scene_notes, only: scene_notes
   use dst_schema, only: sweep_group
   use dst_share, only: share_t
   use dst_simulation, only: simulation_t
   use dst_sweep, only: sweep_t, axis_t, new_sweep, value_count, table_quantities, series_interval
-  use dst_sweep_list, only: read_points
+  use dst_sweep_points, only: read_points
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -181,8 +183,8 @@ contains
     if (.not. demand%bytes > 0.0_wp) return
     folder = folder_of(output)
     if (file_exists(output)) folder = folder_of(true_path(output))
-    room = free_space(folder)
-    if (demand%bytes <= room) return
+    room = real(free_space(folder//nul), wp)
+    if (demand%bytes <= room .or. room < 0.0_wp) return
     call raise(error, file_error, output//': cannot create: '//demand%what//' need '//bytes_text(demand%bytes)// &
       ', and the disk of '//folder//' has '//bytes_text(room)//': '//demand%remedy)
   end subroutine check_room

@@ -4,8 +4,7 @@
 !> environment), else the python3 of PATH.
 module dst_handover
   use, intrinsic :: iso_c_binding, only: c_int, nul => c_null_char
-  use dst_command_line, only: argument_t
-  use dst_disk, only: file_exists, folder_of, true_path
+  use dst_disk, only: path_t, file_exists, folder_of, true_path
   use dst_errors, only: error_t, raise, file_error
   use dst_machine, only: environment
   use dst_posix, only: c_become
@@ -47,7 +46,7 @@ contains
 
   !> Replace this program by Python with the same arguments; returns only if there is no interpreter.
   subroutine hand_over(own_arguments, error)
-    type(argument_t), intent(in) :: own_arguments(:)
+    type(path_t), intent(in) :: own_arguments(:)
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: interpreter, words
     integer :: i

@@ -3,19 +3,16 @@ module dst_main
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
-  use dst_paths, only: place_of, stem_of
+  use dst_disk, only: path_t, place_of, stem_of
   use dst_error_page, only: error_page
   use dst_cycles_report, only: cycles_report, sensitivity_report
-  use dst_hdf5_origin, only: is_deck
-  use dst_model_choice, only: settle_model
-  use dst_sampling, only: settle_interval
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
-  use dst_command_line, only: argument_t, command_t, program_arguments, is_own_command, parse_arguments, &
+  use dst_command_line, only: command_t, program_arguments, is_own_command, parse_arguments, &
     setting_list, help_text, errors_topic
   use dst_catalogue, only: catalogue
-  use dst_completion, only: is_completion, completions
   use dst_handover, only: hand_over
+  use dst_plain_numbers, only: number_text
   use dst_progress, only: progress_t, new_progress
   use dst_result_file, only: check_target
   use dst_run, only: run_deck, resume_run
@@ -23,8 +20,8 @@ module dst_main
   use dst_schema, only: sweep_group
   use dst_share, only: launched_together
   use dst_sweep_points, only: path_of_points
-  use dst_sweep_runner, only: sweep_options_t, check_sweep_target, run_sweep
-  use dst_show, only: show_result, deck_in_brief
+  use dst_sweep_runner, only: check_sweep_target, run_sweep
+  use dst_show, only: show_result
   use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
   use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
@@ -57,7 +54,7 @@ contains
   subroutine follow_arguments(self, number)
     class(program_t), intent(inout), target :: self
     integer, intent(in) :: number
-    type(argument_t), allocatable :: arguments(:)
+    type(path_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
     logical :: is_ours
 
@@ -65,13 +62,6 @@ contains
     end associate
     call listen_to_requests()
     allocate (arguments, source=program_arguments())
-    if (is_completion(arguments)) then
-      ! While the command itself is typed, the package adds its commands to those of the executable.
-      is_ours = is_own_command(arguments(2:))
-      if (is_ours .or. size(arguments) == 2) call print_text(completions(arguments))
-      if ((size(arguments) == 2 .or. .not. is_ours) .and. status == result_done) call hand_over(arguments, error)
-      return
-    end if
     is_ours = is_own_command(arguments)
     if (is_ours) call parse_arguments(arguments, command, error)
     if (is_ours .and. .not. allocated(error)) then
@@ -137,13 +127,10 @@ contains
   subroutine print_each()
     type(error_t), allocatable :: error
     character(:), allocatable :: text
-    logical :: is_result
     integer :: i
 
     do i = 1, size(command%operands)
-      is_result = command%name == 'show'
-      if (is_result) is_result = .not. is_deck(command%operands(i)%text)
-      if (is_result) then
+      if (command%name == 'show') then
         call show_result(command%operands(i)%text, text, error)
       else
         call describe_deck(command%operands(i)%text, text, error)
@@ -156,7 +143,7 @@ contains
     end do
   end subroutine print_each
 
-  !> A deck as it is used or in brief, the linear theory of its scene, or its limit cycles.
+  !> A deck as it is used, the linear theory of its scene, or its limit cycles.
   subroutine describe_deck(file_name, text, error)
     character(*), intent(in) :: file_name
     character(:), allocatable, intent(out) :: text
@@ -172,11 +159,6 @@ contains
     if (command%name == 'check') then
       call put_notes(notes)
       text = resolved(deck, interval)
-    else if (command%name == 'show') then
-      call scene_from_deck(deck, scene)
-      call settle_model(scene, notes)
-      call settle_interval(scene)
-      text = deck_in_brief(deck%name, scene)
     else
       call scene_from_deck(deck, scene)
       if (command%name == 'cycles') then
@@ -197,7 +179,9 @@ contains
   logical function is_stopped(passages)
     integer(int64), intent(in) :: passages
 
-    call progress%show_search(passages, wall_clock() - begun)
+    associate (elapsed => wall_clock() - begun)
+      if (progress%is_due(elapsed)) call progress%show('cycles of '//number_text(real(passages, wp))//' passages', elapsed)
+    end associate
     is_stopped = is_told_to_end()
   end function is_stopped
 
@@ -234,7 +218,7 @@ contains
   !> file may be written.
   subroutine run_each()
     type(deck_t), allocatable :: decks(:)
-    type(argument_t), allocatable :: outputs(:)
+    type(path_t), allocatable :: outputs(:)
     type(error_t), allocatable :: error
     integer :: i
 
@@ -255,7 +239,7 @@ contains
   !> Read and check the decks, and the files that they will write.
   subroutine prepare(decks, outputs)
     type(deck_t), intent(inout) :: decks(:)
-    type(argument_t), intent(inout) :: outputs(:)
+    type(path_t), intent(inout) :: outputs(:)
     type(error_t), allocatable :: error
     character(:), allocatable :: notes
     real(wp), allocatable :: interval
@@ -274,7 +258,7 @@ contains
       if (.not. allocated(error)) &
         call check_output(outputs, i, inputs_of(decks), command%has('--overwrite'), decks(i)%is_sweep(), error)
       if (decks(i)%is_sweep() .and. .not. allocated(error)) &
-        call check_sweep_target(decks(i), outputs(i)%text, sweep_options(), error)
+        call check_sweep_target(decks(i), outputs(i)%text, command, error)
       call complain(error)
     end do
   end subroutine prepare
@@ -301,15 +285,11 @@ contains
     end if
   end subroutine check_use
 
-  type(sweep_options_t) function sweep_options() result(options)
-    options = sweep_options_t(command%has('--overwrite'), command%has('--quiet'), command%has('--retry'), command%share)
-  end function sweep_options
-
   !> One run, sweep or merge, or the rest of a run.
   subroutine carry_out(operand, deck, output, error)
     character(*), intent(in) :: operand
     type(deck_t), intent(in) :: deck             !! of a new run
-    type(argument_t), intent(in) :: output       !! its file
+    type(path_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: report, hangs_on
     type(scene_t) :: scene
@@ -317,7 +297,7 @@ contains
     if (command%name == 'resume') then
       call resume_run(operand, command%has('--quiet'), report, error)
     else if (deck%is_sweep()) then
-      call run_sweep(deck, output%text, sweep_options(), command%name == 'merge', report, error)
+      call run_sweep(deck, output%text, command, report, error)
     else
       call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
@@ -335,36 +315,29 @@ contains
 
     file_name = command%output
     ! The deck's own file is that of its run.
-    if (file_name == '' .and. command%variations > 0) file_name = name_after(deck, '_sweep.h5')
-    if (file_name == '') file_name = deck%text_of('output', 'file')
-    if (file_name == '') file_name = name_after(deck, '.h5')
+    associate (own => deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name)))
+      if (file_name == '' .and. command%variations > 0) file_name = own//'_sweep.h5'
+      if (file_name == '') file_name = deck%text_of('output', 'file')
+      if (file_name == '') file_name = own//'.h5'
+    end associate
   end function output_of
-
-  !> The deck's name with another extension, in the current directory.
-  function name_after(deck, ending) result(file_name)
-    type(deck_t), intent(in) :: deck
-    character(*), intent(in) :: ending
-    character(:), allocatable :: file_name
-
-    file_name = deck%name(index(deck%name, '/', back=.true.) + 1:stem_of(deck%name))//ending
-  end function name_after
 
   !> The files that the command reads: its decks and their lists of points.
   function inputs_of(decks) result(inputs)
     type(deck_t), intent(in) :: decks(:)
-    type(argument_t), allocatable :: inputs(:)
+    type(path_t), allocatable :: inputs(:)
     integer :: i
 
     inputs = command%operands
     do i = 1, size(decks)
       if (.not. decks(i)%is_sweep()) cycle
-      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, argument_t(path_of_points(decks(i)))]
+      if (decks(i)%text_of(sweep_group, 'points') /= '') inputs = [inputs, path_t(path_of_points(decks(i)))]
     end do
   end function inputs_of
 
   !> Whether output `i` may be created, and is neither the output of another deck nor a file that is read.
   subroutine check_output(outputs, i, inputs, may_replace, is_sweep, error)
-    type(argument_t), intent(in) :: outputs(:), inputs(:)
+    type(path_t), intent(in) :: outputs(:), inputs(:)
     integer, intent(in) :: i
     logical, intent(in) :: may_replace, is_sweep   !! a sweep goes on in a file of its own
     type(error_t), allocatable, intent(out) :: error

@@ -1,14 +1,14 @@
 !> The progress of a run on the terminal: one line that is updated, or a plain line every 10 s.
 module dst_progress
-  use dst_kinds, only: wp, int64
-  use dst_plain_numbers, only: number_text, duration_text
+  use dst_kinds, only: wp
+  use dst_plain_numbers, only: duration_text
   use dst_posix, only: c_is_terminal
   use dst_standard_streams, only: put_error
-  use dst_text, only: integer_text, printable
+  use dst_text, only: printable
   implicit none
   private
 
-  public :: progress_t, new_progress
+  public :: progress_t, new_progress, time_left
 
   real(wp), parameter :: terminal_interval = 0.2_wp, plain_interval = 10.0_wp   ! s
 
@@ -21,10 +21,8 @@ module dst_progress
     logical :: shown = .false.
     real(wp) :: next = 0.0_wp      !! wall time of the next line, s
   contains
+    procedure :: is_due
     procedure :: show
-    procedure :: show_cases
-    procedure :: show_search
-    procedure, private :: put_line
     procedure :: remark
     procedure :: close
   end type progress_t
@@ -43,44 +41,13 @@ contains
     progress%next = merge(terminal_interval, plain_interval, progress%terminal)
   end function new_progress
 
-  !> Report that `done` of `total` [s] of `what` took `elapsed` wall time [s], if it is time to.
-  subroutine show(self, what, done, total, elapsed)
-    class(progress_t), intent(inout) :: self
-    character(*), intent(in) :: what
-    real(wp), intent(in) :: done, total, elapsed
-    real(wp) :: share
-    character(6) :: percent
-
-    if (self%quiet .or. elapsed < self%next) return
-    share = done/total
-    write (percent, '(f6.1)') 100.0_wp*share
-    call self%put_line(self%label//':'//percent//' %, '//what//' = '//number_text(done)//' of '//number_text(total)// &
-      ' s'//time_left(elapsed, share), elapsed)
-  end subroutine show
-
-  !> Report that, in addition to `before` cases, `done` of `to_do` took `elapsed` wall time [s], if it is time to; `failed` of all.
-  subroutine show_cases(self, before, done, to_do, failed, elapsed)
-    class(progress_t), intent(inout) :: self
-    integer, intent(in) :: before, done, to_do, failed
-    real(wp), intent(in) :: elapsed
-    character(:), allocatable :: pace
-
-    if (self%quiet .or. elapsed < self%next) return
-    pace = ''
-    if (done > 0) pace = ', '//number_text(real(done, wp)/elapsed)//' cases/s'//time_left(elapsed, real(done, wp)/real(to_do, wp))
-    call self%put_line(self%label//': '//integer_text(before + done)//' of '//integer_text(before + to_do)//' cases, '// &
-      integer_text(failed)//' failed'//pace, elapsed)
-  end subroutine show_cases
-
-  !> Report that a search for cycles has followed so many passages in `elapsed` wall time [s], if it is time to.
-  subroutine show_search(self, passages, elapsed)
-    class(progress_t), intent(inout) :: self
-    integer(int64), intent(in) :: passages
+  !> Whether it is time to show more, after so much wall time [s].
+  pure logical function is_due(self, elapsed)
+    class(progress_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
 
-    if (self%quiet .or. elapsed < self%next) return
-    call self%put_line(self%label//': cycles of '//number_text(real(passages, wp))//' passages', elapsed)
-  end subroutine show_search
+    is_due = .not. self%quiet .and. elapsed >= self%next
+  end function is_due
 
   !> ', 12 s left', if a share took `elapsed` wall time [s]; '' before the remaining time can be estimated.
   pure function time_left(elapsed, share) result(text)
@@ -91,11 +58,14 @@ contains
     if (share > sqrt(tiny(share))) text = ', '//duration_text(elapsed*(1.0_wp - share)/share)//' left'
   end function time_left
 
-  subroutine put_line(self, text, elapsed)
+  !> Show a line, which is not kept on a terminal.
+  subroutine show(self, words, elapsed)
     class(progress_t), intent(inout) :: self
-    character(*), intent(in) :: text
+    character(*), intent(in) :: words
     real(wp), intent(in) :: elapsed
+    character(:), allocatable :: text
 
+    text = self%label//': '//words
     if (self%terminal) then
       call put_error(achar(13)//text//achar(27)//'[K')
       self%next = elapsed + terminal_interval
@@ -104,7 +74,7 @@ contains
       self%next = elapsed + plain_interval
     end if
     self%shown = .true.
-  end subroutine put_line
+  end subroutine show
 
   !> A line that is kept.
   subroutine remark(self, text)

@@ -13,14 +13,13 @@ module dst_run
   use dst_ending, only: read_state
   use dst_errors, only: error_t, raise, has_code, exit_status, file_error, out_of_memory, stopped_early
   use dst_hdf5_origin, only: origin_t, read_origin
-  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, create_hdf5
+  use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, attribute_t, create_hdf5
   use dst_model_choice, only: settle_model
   use dst_output_size, only: run_samples
   use dst_parameters, only: parameters_of
-  use dst_progress, only: progress_t, new_progress
+  use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_sha256, only: sha256
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
   use dst_stopwatch, only: wall_clock
@@ -118,7 +117,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call create_contents(run, error)
-    if (.not. allocated(error)) call run%writer%copy_rows(run%file%former_path(), error)
+    if (.not. allocated(error)) call run%writer%copy_rows(run%file%place, error)
     if (.not. allocated(error)) call run%file%check_former(error)
   end subroutine go_on
 
@@ -135,9 +134,9 @@ contains
     character(1) :: no_settings(0)
     integer, target :: format
 
-    call read_state(run%file%former_path(), state, reason)
+    call read_state(run%file%place, state, reason)
     if (.not. allocated(reason)) then
-      call read_origin(run%file%former_path(), run%file%name, origin, error)
+      call read_origin(run%file%place, run%file%name, origin, error)
       if (allocated(error)) return
       if (origin%complete /= 0) then
         reason = 'the run is complete'
@@ -159,7 +158,6 @@ contains
       if (allocated(error)) return
       run%metadata%created = origin%created
       run%metadata%deck_text = origin%deck_text
-      run%metadata%deck_sha256 = sha256(origin%deck_text)
       run%metadata%deck_resolved = origin%deck_resolved
       call archive_of(state, archive)
       format = 0
@@ -302,7 +300,7 @@ contains
         if (simulation%finished .or. allocated(error)) exit
         if (stop_signal() /= no_signal) call raise(error, stopped_early, '')
         if (allocated(error)) exit
-        call run%progress%show('t', simulation%motion%piece%to%time, scene%t_end, simulation%elapsed)
+        call show_progress(run)
         if (.not. interim%is_due(wall_clock())) cycle
         call make_interim_file(run, error)
         if (allocated(error)) exit
@@ -311,6 +309,19 @@ contains
     end associate
     call run%progress%close()
   end subroutine integrate
+
+  !> Show how far the run is, if it is time to.
+  subroutine show_progress(run)
+    type(run_t), intent(inout) :: run
+    character(5) :: percent
+
+    associate (time => run%simulation%motion%piece%to%time, t_end => run%simulation%scene%t_end, elapsed => run%simulation%elapsed)
+      if (.not. run%progress%is_due(elapsed)) return
+      write (percent, '(f5.1)') 100.0_wp*(time/t_end)
+      call run%progress%show(percent//' %, t = '//number_text(time)//' of '//number_text(t_end)//' s'// &
+        time_left(elapsed, time/t_end), elapsed)
+    end associate
+  end subroutine show_progress
 
   !> The file gets its name as it is now, and the run goes on in a new one.
   subroutine make_interim_file(run, error)
@@ -343,26 +354,39 @@ contains
     type(scene_t), intent(in) :: scene            !! the scene, with its model chosen
     character(*), intent(in) :: model_choice
     type(run_metadata_t), intent(out) :: metadata
+    integer :: n
 
-    metadata%program = program_name
-    metadata%version = version
-    metadata%git_revision = git_revision
-    metadata%compiler = compiler
-    metadata%build_flags = build_flags
-    metadata%host = host_name()
-    metadata%job = job_name()
+    allocate (metadata%attributes(9))
+    n = 0
+    call add('program', program_name)
+    call add('version', version)
+    call add('git_revision', git_revision)
+    call add('compiler', compiler)
+    call add('build_flags', build_flags)
+    call add('host', host_name())
+    call add('job', job_name())
+    call add('model', scene%model)
+    call add('method', scene%method_name())
     metadata%created = utc_now()
-    metadata%model = scene%model
     metadata%model_choice = model_choice
-    metadata%method = scene%method_name()
     metadata%deck_text = deck%text
     metadata%deck_resolved = resolved(deck)
-    metadata%deck_sha256 = sha256(deck%text)
     ! A sweep without series leaves this to its cases.
     if (scene%interval < 0.0_wp) then
       call parameters_of(deck, metadata%parameters)
     else
       call parameters_of(deck, metadata%parameters, scene%interval)
     end if
+
+  contains
+
+    subroutine add(name, text)
+      character(*), intent(in) :: name, text
+
+      ! No array constructor: with gfortran 12 it leaks the memory of the copies.
+      n = n + 1
+      metadata%attributes(n)%name = name
+      metadata%attributes(n)%text = text
+    end subroutine add
   end subroutine describe_run
 end module dst_run

@@ -4,61 +4,17 @@ module dst_show
   use dst_disk, only: file_exists, path_t
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: describe_result
-  use dst_kinds, only: wp, int64, pi
-  use dst_output_size, only: run_samples
-  use dst_plain_numbers, only: number_text
-  use dst_scene, only: scene_t
   use dst_share, only: share_t, shares_of
   use dst_sweep_file, only: sweep_head_t, read_head
   use dst_text, only: integer_text, printable, text_builder_t
   implicit none
   private
 
-  public :: show_result, deck_in_brief
+  public :: show_result
 
   integer, parameter :: longest_list = 80   !! characters
 
 contains
-
-  !> Describes the run of a deck whose scene is complete.
-  function deck_in_brief(name, scene) result(text)
-    character(*), intent(in) :: name
-    type(scene_t), intent(in) :: scene
-    character(:), allocatable :: text
-    type(text_builder_t) :: builder
-    real(wp), parameter :: turn = 2.0_wp*pi
-
-    call builder%line(printable(name)//': deck of model '//scene%model//', method '//scene%method_name())
-    call put('time', number_text(scene%t_end, 4)//' s')
-    if (scene%interval > 0.0_wp) call put('samples', integer_text(nint(run_samples(scene), int64))//', every '// &
-      number_text(scene%interval, 4)//' s')
-    if (size(scene%drive_velocity) == 1) then
-      call put('drive', number_text(scene%drive_velocity(1), 4)//' m/s')
-    else
-      call put('drive', number_text(minval(scene%drive_velocity), 4)//' to '//number_text(maxval(scene%drive_velocity), 4)// &
-        ' m/s in '//integer_text(size(scene%drive_velocity))//' corners')
-    end if
-    call put('misalignment', number_text(scene%misalignment_deg, 4)//' deg')
-    call put('stiffness', number_text(scene%stiffness_x, 4)//' N/m, across '//number_text(scene%stiffness_y, 4)//' N/m')
-    if (scene%mass > 0.0_wp) then
-      call put('mass', number_text(scene%mass, 4)//' kg')
-      call put('oscillation', number_text(sqrt(scene%stiffness_x)/sqrt(scene%mass)/turn)//' Hz, across '// &
-        number_text(sqrt(scene%stiffness_y)/sqrt(scene%mass)/turn)//' Hz')
-    end if
-    call put('friction', 'law '//scene%law//', '//number_text(scene%mu_0*scene%normal_load, 4)//' N as slip begins')
-    call put('next', 'dynstiction run '//printable(name)//', dynstiction stability '//printable(name))
-    text = builder%content()
-
-  contains
-
-    subroutine put(what, value)
-      character(*), intent(in) :: what, value
-      character(16) :: first
-
-      first = what
-      call builder%line('  '//first//value)
-    end subroutine put
-  end function deck_in_brief
 
   !> Lines about a result file, and about the shares of its sweep; it need not exist yet.
   subroutine show_result(result_file, text, error)

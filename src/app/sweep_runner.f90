@@ -2,6 +2,7 @@
 module dst_sweep_runner
   use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: version, git_revision
+  use dst_command_line, only: command_t
   use dst_deck, only: deck_t, resolved
   use dst_deck_check, only: sweep_of_deck
   use dst_deck_sweep, only: varied_key
@@ -26,13 +27,7 @@ module dst_sweep_runner
   implicit none
   private
 
-  public :: sweep_options_t, check_sweep_target, run_sweep
-
-  !> Options of the command line.
-  type :: sweep_options_t
-    logical :: overwrite = .false., quiet = .false., retry = .false.
-    type(share_t) :: share
-  end type sweep_options_t
+  public :: check_sweep_target, run_sweep
 
   !> Keys that say how a sweep is run, not what its cases are. The points themselves belong to the cases, the name of their file
   !> does not.
@@ -47,10 +42,10 @@ module dst_sweep_runner
 contains
 
   !> Whether `run`, or `merge`, may write the file of a sweep.
-  subroutine check_sweep_target(deck, result_file, options, error)
+  subroutine check_sweep_target(deck, result_file, command, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
+    type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t) :: sweep
     type(sweep_head_t) :: found
@@ -60,26 +55,25 @@ contains
     integer :: plan, other
 
     call shares_of(result_file, shares, files)
-    other = findloc(shares%count /= options%share%count, .true., dim=1)
-    name = options%share%file_name(result_file)
+    other = findloc(shares%count /= command%share%count, .true., dim=1)
+    name = command%share%file_name(result_file)
     call check_target(name, .true., error)
     if (allocated(error)) return
-    if (options%share%count > 1 .and. other > 0 .and. .not. options%overwrite) then
+    if (command%share%count > 1 .and. other > 0 .and. .not. command%has('--overwrite')) then
       call raise(error, file_error, name//': cannot create: '//files(other)%text//' is of another division: use --share I/'// &
         integer_text(shares(other)%count)//', or join or move away the files of that division first')
     else if (file_exists(name)) then
       call sweep_of_deck(deck, sweep, error)
-      if (.not. allocated(error)) call look_at(name, head_of(sweep, options%share), options, plan, found, error)
+      if (.not. allocated(error)) call look_at(name, head_of(sweep, command%share), command, plan, found, error)
     end if
   end subroutine check_sweep_target
 
   !> Run all cases of the share that its file lacks; or join the files of all shares, and an incomplete one that has the result's
   !> name.
-  subroutine run_sweep(deck, result_file, options, joins, report, error)
+  subroutine run_sweep(deck, result_file, command, report, error)
     type(deck_t), intent(in) :: deck
     character(*), intent(in) :: result_file      !! of the whole sweep
-    type(sweep_options_t), intent(in) :: options
-    logical, intent(in) :: joins
+    type(command_t), intent(in) :: command
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t), target :: sweep
@@ -90,44 +84,48 @@ contains
     type(error_t), allocatable :: stopped
     real(wp) :: begun
     character(:), allocatable :: name
+    logical :: joins
     integer :: plan, rows
 
+    joins = command%name == 'merge'
     begun = wall_clock()
     report = ''
     plan = to_begin
-    name = options%share%file_name(result_file)
+    name = command%share%file_name(result_file)
     call sweep_of_deck(deck, sweep, error)
-    if (.not. allocated(error)) call look_at(name, head_of(sweep, options%share), options, plan, found, error)
+    if (.not. allocated(error)) call look_at(name, head_of(sweep, command%share), command, plan, found, error)
     if (joins .and. plan == nothing_to_do .and. .not. allocated(error)) &
       call raise(error, file_error, name//': the file is complete: use --overwrite to join the shares again')
     if (joins .and. .not. allocated(error)) call check_shares(sweep, name, shares, files, error)
     if (allocated(error)) return
-    rows = options%share%size(sweep%cases)
+    rows = command%share%size(sweep%cases)
     found%done = rows
     if (plan /= nothing_to_do .and. rows > 0) then
-      call open_file(work%file, sweep, name, options, plan, error)
+      call open_file(work%file, sweep, name, command, plan, error)
       if (allocated(error)) return
       if (joins) then
         call take_shares(work%file, shares, files, stopped)
       else
-        work%retry = options%retry
-        call work%run(sweep, options%quiet, stopped)
+        work%retry = command%has('--retry')
+        call work%run(sweep, command%has('--quiet'), stopped)
       end if
-      call finish(work%file, stopped, error)
+      if (work%file%is_changed .and. .not. has_code(stopped, file_error)) call work%file%make_whole(error)
+      call work%file%discard()
+      if (.not. allocated(error)) call move_alloc(stopped, error)
       if (allocated(error)) return
       found%done = work%file%done
       found%failed = work%file%failed
     end if
-    call conclude(name, options%share, rows, found%failed, found%done, error)
-    if (.not. allocated(error)) report = report_on(name, options%share, rows, begun)
+    call conclude(name, command%share, rows, found%failed, found%done, error)
+    if (.not. allocated(error)) report = report_on(name, command%share, rows, begun)
   end subroutine run_sweep
 
   !> Open the file of a share for new rows.
-  subroutine open_file(file, sweep, result_file, options, plan, error)
+  subroutine open_file(file, sweep, result_file, command, plan, error)
     type(sweep_file_t), intent(inout) :: file
     type(sweep_t), intent(in), target :: sweep
     character(*), intent(in) :: result_file
-    type(sweep_options_t), intent(in) :: options
+    type(command_t), intent(in) :: command
     integer, intent(in) :: plan
     type(error_t), allocatable, intent(out) :: error
     type(run_metadata_t) :: metadata
@@ -136,21 +134,10 @@ contains
     call scene_from_deck(sweep%deck, scene)
     if (sweep%keeps_series) scene%interval = sweep%interval
     call describe_run(sweep%deck, scene, '', metadata)
-    metadata%threads = thread_count(options%share%size(sweep%cases))
-    call file%open(result_file, sweep, options%share, head_of(sweep, options%share), metadata, plan == to_go_on, &
-      options%overwrite, error)
+    metadata%threads = thread_count(command%share%size(sweep%cases))
+    call file%open(result_file, sweep, command%share, head_of(sweep, command%share), metadata, plan == to_go_on, &
+      command%has('--overwrite'), error)
   end subroutine open_file
-
-  !> Make the file whole if it has anything new, and let it go. `stopped`: why not all cases were run.
-  subroutine finish(file, stopped, error)
-    type(sweep_file_t), intent(inout) :: file
-    type(error_t), allocatable, intent(inout) :: stopped
-    type(error_t), allocatable, intent(out) :: error
-
-    if (file%is_changed .and. .not. has_code(stopped, file_error)) call file%make_whole(error)
-    call file%discard()
-    if (.not. allocated(error)) call move_alloc(stopped, error)
-  end subroutine finish
 
   !> The error of a sweep that is not complete, or in which cases failed.
   subroutine conclude(result_file, share, cases, failed, done, error)
@@ -226,9 +213,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: first, i
 
-    do first = 1, file%rows, file%window()
+    do first = 1, file%rows, file%window
       do i = 1, size(files)
-        call file%take_rows(files(i)%text, shares(i), first, min(file%rows, first + file%window() - 1), error)
+        call file%take_rows(files(i)%text, shares(i), first, error, .false.)
         if (allocated(error)) return
         if (.not. is_told_to_end()) cycle
         call raise(error, stopped_early, stopped_by()//' while shares were joined: start it again')
@@ -238,10 +225,10 @@ contains
   end subroutine take_shares
 
   !> What is to be done about the file that has the name; `found` describes it.
-  subroutine look_at(name, head, options, plan, found, error)
+  subroutine look_at(name, head, command, plan, found, error)
     character(*), intent(in) :: name
     type(sweep_head_t), intent(in) :: head
-    type(sweep_options_t), intent(in) :: options
+    type(command_t), intent(in) :: command
     integer, intent(out) :: plan
     type(sweep_head_t), intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
@@ -253,12 +240,12 @@ contains
     if (.not. file_exists(name)) return
     call read_head(place_of(name), found, reason)
     if (found%identity == head%identity .and. found%share == head%share .and. found%build == head%build) then
-      if (.not. found%complete .or. (options%retry .and. found%failed > 0)) then
+      if (.not. found%complete .or. (command%has('--retry') .and. found%failed > 0)) then
         plan = to_go_on
-      else if (.not. options%overwrite) then
+      else if (.not. command%has('--overwrite')) then
         plan = nothing_to_do
       end if
-    else if (.not. options%overwrite) then
+    else if (.not. command%has('--overwrite')) then
       if (allocated(reason)) then
         reason = 'cannot be read: '//reason//': --overwrite replaces it'
       else if (found%identity == head%identity .and. found%share == head%share) then

@@ -4,9 +4,10 @@
 !> the file whole when that is due, between two slices of its case.
 module dst_sweep_work
   use dst_errors, only: error_t, raise, stopped_early
-  use dst_kinds, only: wp
-  use dst_machine, only: wait_seconds
-  use dst_progress, only: progress_t, new_progress
+  use dst_kinds, only: wp, real64
+  use dst_posix, only: wait_seconds
+  use dst_plain_numbers, only: number_text
+  use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: interim_t
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_stopwatch, only: wall_clock
@@ -154,7 +155,7 @@ contains
       at_work = self%at_work
       if (at_work == 0) exit
       call look_around(self)
-      call wait_seconds(look)
+      call wait_seconds(real(look, real64))
     end do
   end subroutine wait_for_others
 
@@ -167,19 +168,9 @@ contains
     if (.not. allocated(self%error)) then
       call self%file%put(case, self%error)
       self%finished = self%finished + 1
-      call note_error(self)
     end if
     !$omp end critical (keeping)
   end subroutine keep
-
-  !> An error of the file stops all threads.
-  subroutine note_error(self)
-    type(sweep_work_t), intent(inout) :: self
-
-    if (.not. allocated(self%error)) return
-    !$omp atomic write
-    self%stop = by_error
-  end subroutine note_error
 
   !> The first thread handles what is due.
   logical function asked_to_stop(self)
@@ -196,7 +187,9 @@ contains
   subroutine look_around(self)
     type(sweep_work_t), intent(inout) :: self
     integer :: finished, failed, stop
+    logical :: is_lost
     real(wp) :: passed
+    character(:), allocatable :: pace
 
     passed = wall_clock() - self%begun
     if (passed - self%looked < look) return
@@ -204,16 +197,23 @@ contains
     !$omp critical (keeping)
     finished = self%finished
     failed = self%file%failed
+    is_lost = allocated(self%error)
     !$omp end critical (keeping)
     stop = stop_signal()
     if (stop == 0 .and. self%limit > 0.0_wp .and. passed > self%limit) stop = at_limit
+    if (is_lost) stop = by_error
     if (stop /= 0) then
       !$omp atomic write
       self%stop = stop
     else if (self%interim%is_due(self%begun + passed) .and. finished < self%to_do) then
       call make_whole(self)
     end if
-    call self%progress%show_cases(self%file%rows - self%to_do, finished, self%to_do, failed, passed)
+    if (.not. self%progress%is_due(passed)) return
+    pace = ''
+    if (finished > 0) pace = ', '//number_text(real(finished, wp)/passed)//' cases/s'// &
+      time_left(passed, real(finished, wp)/real(self%to_do, wp))
+    call self%progress%show(integer_text(self%file%rows - self%to_do + finished)//' of '//integer_text(self%file%rows)// &
+      ' cases, '//integer_text(failed)//' failed'//pace, passed)
   end subroutine look_around
 
   !> Make the file whole, and go on in a new one. Other threads wait if they have finished a case.
@@ -225,7 +225,6 @@ contains
       call self%file%make_whole(self%error)
       if (.not. allocated(self%error)) call self%file%go_on(self%error)
       self%interim%made = wall_clock()
-      call note_error(self)
     end if
     !$omp end critical (keeping)
   end subroutine make_whole
@@ -236,7 +235,7 @@ contains
     character(:), allocatable :: text
 
     text = 'stopped at output.wall_limit'
-    if (self%stop > no_signal) text = stopped_by(self%stop)
+    if (self%stop > no_signal) text = stopped_by()
     text = text//' after '//integer_text(self%file%done)//' of '//integer_text(self%file%rows)// &
       ' cases: start it again to continue'
   end function stop_text

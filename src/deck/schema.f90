@@ -198,7 +198,7 @@ module dst_schema
     key_t('sweep', 'spacing', texts_kind, '', any_real, may, 'linear', '', 'linear log', always, &
           'spacing of the values: one for all parameters, or one for each'), &
     key_t('sweep', 'points', text_kind, '', any_real, may, '', '', '', always, &
-          'CSV or HDF5 file, a column for each GROUP.KEY and a case a row, in place of the above'), &
+          'CSV file, a column for each GROUP.KEY and a case a row, in place of the above'), &
     key_t('sweep', 'keep', choice_kind, '', any_real, may, 'summary', '', 'summary series cycles', always, &
           'what is kept of a case: its summary, or the time series too, or its last stick-slip cycles too'), &
     key_t('sweep', 'cycles', integer_kind, '1', range_t(low=1.0_wp, high=100.0_wp), may, '50', '', '', keeping_cycles, &

@@ -12,8 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What the last call returned, negative after a failure; the object that was refused although HDF5 could read it, and why. */
-typedef struct { int status; char refusal[600]; } sequence;
+/* What the last call returned, negative after a failure. */
+typedef struct { int status; } sequence;
 
 /* A dataset that grows: one number or text in each row, or rows of row_length numbers; 0: it has one dimension. */
 typedef struct { hid_t id; hsize_t rows, row_length; } dataset;
@@ -28,12 +28,6 @@ static int64_t take(int64_t returned, sequence *h5) {
 #define TRY(call) (h5->status < 0 ? -1 : take(call, h5))
 
 static void release(hid_t object, sequence *h5) { TRY(H5Idec_ref(object)); }
-
-/* Treat an object of a file as damaged although HDF5 could read it. */
-static void refuse(const char *name, const char *why, sequence *h5) {
-  h5->status = -1;
-  snprintf(h5->refusal, sizeof h5->refusal, "'%s' %s", name, why);
-}
 
 /* Files. */
 
@@ -75,14 +69,6 @@ const char *dst_h5_failure(void) {
 
 hid_t dst_h5_create_group(hid_t parent, const char *name, sequence *h5) {
   return TRY(H5Gcreate2(parent, name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
-}
-
-/* Whether a group has an object of this place, counted from 0, in the order of the names; its name, of at most 256 bytes. */
-_Bool dst_h5_name(hid_t file, const char *group, int64_t place, char name[257], sequence *h5) {
-  H5G_info_t info = {.nlinks = 0};
-  TRY(H5Gget_info_by_name(file, group, &info, H5P_DEFAULT));
-  if (h5->status < 0 || place >= (int64_t)info.nlinks) return 0;
-  return TRY(H5Lget_name_by_idx(file, group, H5_INDEX_NAME, H5_ITER_INC, (hsize_t)place, name, 257, H5P_DEFAULT)) >= 0;
 }
 
 /* Types and spaces. */
@@ -159,54 +145,18 @@ void dst_h5_put(hid_t object, const char *words, _Bool is_attribute, int kind, c
   release(type, h5);
 }
 
-/* Refuse a dataset that claims more values than it has, or more than fit into the file. */
-static void check_size(const char *name, hid_t dataset, hsize_t points, sequence *h5) {
-  /* More bytes than this for one byte in the file no filter of HDF5 gives back. */
-  const hsize_t most_compressed = 1100;
-  hsize_t bytes = 0;
-  hid_t file = TRY(H5Iget_file_id(dataset));
-  TRY(H5Fget_filesize(file, &bytes));
-  hid_t type = TRY(H5Dget_type(dataset));
-  if (h5->status < 0) return;
-  hsize_t stored = H5Dget_storage_size(dataset), size = H5Tget_size(type);
-  if (points > most_compressed * (stored < bytes ? stored : bytes) / (size ? size : 1)) refuse(name, "claims more than it has", h5);
-  release(type, h5);
-  release(file, h5);
-}
-
-/* Open a dataset whose data are in the file: reached by hard links only, not in another file, not composed of other datasets. */
-static hid_t open_own(hid_t object, const char *name, hid_t access, sequence *h5) {
-  char part[512];
-  size_t length = 0;
-  do {
-    length += strcspn(name + length, "/");
-    snprintf(part, sizeof part, "%.*s", (int)length, name);
-    /* A hard link has no value. */
-    if (h5->status >= 0 && H5Lget_val(object, part, NULL, 0, H5P_DEFAULT) >= 0) refuse(part, "is a link", h5);
-  } while (name[length++] == '/');
-  hid_t dataset = TRY(H5Dopen2(object, name, access)), creation = TRY(H5Dget_create_plist(dataset));
-  /* A query of the extent of a virtual dataset would open its sources. */
-  if (TRY(H5Pget_layout(creation)) == H5D_VIRTUAL) refuse(name, "is made of other datasets", h5);
-  if (TRY(H5Pget_external_count(creation)) > 0) refuse(name, "has its data in another file", h5);
-  release(creation, h5);
-  return dataset;
-}
-
-/* Read the text or the number of an attribute or a dataset of the kind. Refused are values of another class of types, and several,
-   for which there is no room; texts must be given by their address. HDF5 allocates them, a few for each file: they are freed at the
-   end of the process. */
-const char *dst_h5_get(hid_t object, const char *name, _Bool is_attribute, int kind, double *number, sequence *h5) {
+/* Read the text or the number of the kind that an attribute or else a dataset has. Values of another class of types, and several,
+   for which there is no room, count as a failure; texts must be given by their address. HDF5 allocates them, a few for each file:
+   they are freed at the end of the process. */
+const char *dst_h5_get(hid_t object, const char *name, int kind, double *number, sequence *h5) {
   const char *text = NULL;
+  _Bool is_attribute = TRY(H5Aexists(object, name)) > 0;
   H5T_class_t class = kind == as_text ? H5T_STRING : kind == as_double ? H5T_FLOAT : H5T_INTEGER;
-  hid_t holder = is_attribute ? TRY(H5Aopen(object, name, H5P_DEFAULT)) : open_own(object, name, H5P_DEFAULT, h5);
+  hid_t holder = is_attribute ? TRY(H5Aopen(object, name, H5P_DEFAULT)) : TRY(H5Dopen2(object, name, H5P_DEFAULT));
   hid_t type = is_attribute ? TRY(H5Aget_type(holder)) : TRY(H5Dget_type(holder));
   hid_t space = is_attribute ? TRY(H5Aget_space(holder)) : TRY(H5Dget_space(holder));
-  int is_right = TRY(H5Tget_class(type)) == class;
-  if (is_right && kind == as_text) is_right = TRY(H5Tis_variable_str(type)) > 0;
-  if (h5->status >= 0 && !is_right)
-    refuse(name, kind == as_text ? "is no text" : kind == as_double ? "is no real number" : "is no integer", h5);
-  if (h5->status >= 0 && H5Sget_simple_extent_npoints(space) != 1) refuse(name, "is not a single value", h5);
-  if (!is_attribute) check_size(name, holder, 1, h5);
+  if (TRY(H5Tget_class(type)) != class || TRY(H5Sget_simple_extent_npoints(space)) != 1) h5->status = -1;
+  if (kind == as_text && TRY(H5Tis_variable_str(type)) <= 0) h5->status = -1;
   if (h5->status >= 0) {
     hid_t memory_type = kind == as_text ? type : H5T_NATIVE_DOUBLE;
     void *value = kind == as_text ? (void *)&text : (void *)number;
@@ -223,44 +173,43 @@ const char *dst_h5_get(hid_t object, const char *name, _Bool is_attribute, int k
 
 static int rank_of(const dataset *table) { return table->row_length > 0 ? 2 : 1; }
 
-/* Create a dataset with the rows of `made`, which are *fill. If its rows are numbers, its cache has room for so many; 0: only whole
-   chunks are written. */
-void dst_h5_create_dataset(hid_t group, const char *words, int kind, int64_t chunk_rows, int64_t cached_rows, _Bool is_scale,
-                           const double *fill, dataset *made, sequence *h5) {
+/* Create a dataset with the rows of `made`, which are `fill`, and the groups on its path. Columns of numbers have no cache: their
+   chunks are written whole, but for the last. */
+void dst_h5_create_dataset(hid_t group, const char *words, int kind, int64_t chunk_rows, _Bool is_scale, double fill,
+                           dataset *made, sequence *h5) {
   const hsize_t longest_chunk = 16384; /* values of a row */
   const size_t slots = 7;
   hsize_t length = made->row_length, sides[] = {made->rows, length}, largest[] = {H5S_UNLIMITED, length};
   hsize_t chunk[] = {(hsize_t)chunk_rows, length < longest_chunk ? length : longest_chunk};
   hid_t type = type_of(kind, h5), space = TRY(H5Screate_simple(rank_of(made), sides, largest));
   hid_t creation = TRY(H5Pcreate(H5P_DATASET_CREATE)), access = TRY(H5Pcreate(H5P_DATASET_ACCESS));
+  hid_t links = TRY(H5Pcreate(H5P_LINK_CREATE));
+  TRY(H5Pset_create_intermediate_group(links, 1));
   TRY(H5Pset_chunk(creation, rank_of(made), chunk));
-  if (fill) TRY(H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, fill));
-  if (kind != as_text && length == 0) TRY(H5Pset_chunk_cache(access, slots, 8 * (size_t)cached_rows, 1.0));
-  made->id = TRY(H5Dcreate2(group, words, type, space, H5P_DEFAULT, creation, access));
+  if (kind != as_text) TRY(H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &fill));
+  if (kind != as_text && length == 0) TRY(H5Pset_chunk_cache(access, slots, 0, 1.0));
+  made->id = TRY(H5Dcreate2(group, words, type, space, links, creation, access));
   release(space, h5);
   release(creation, h5);
   release(access, h5);
+  release(links, h5);
   release(type, h5);
   describe(made->id, words, h5);
-  if (is_scale) TRY(H5DSset_scale(made->id, words));
+  const char *slash = strrchr(words, '/');
+  if (is_scale) TRY(H5DSset_scale(made->id, slash ? slash + 1 : words));
 }
 
-/* Open an existing dataset with rows of found->row_length, and count them. Its values are read without a cache. `is_list`: refuse
-   one that is not of numbers, or that claims more than it has. */
-void dst_h5_open_dataset(hid_t group, const char *name, _Bool is_list, dataset *found, sequence *h5) {
+/* Open an existing dataset with rows of found->row_length, and count them. Its values are read without a cache. */
+void dst_h5_open_dataset(hid_t group, const char *name, dataset *found, sequence *h5) {
   hid_t access = TRY(H5Pcreate(H5P_DATASET_ACCESS));
   TRY(H5Pset_chunk_cache(access, 7, 0, 1.0));
-  found->id = open_own(group, name, access, h5);
-  hid_t space = TRY(H5Dget_space(found->id)), type = TRY(H5Dget_type(found->id));
-  if (TRY(H5Sget_simple_extent_ndims(space)) != rank_of(found) && h5->status >= 0)
-    refuse(name, found->row_length ? "is no table" : "is no list", h5);
-  int64_t points = TRY(H5Sget_simple_extent_npoints(space)), class = TRY(H5Tget_class(type));
-  if (is_list) check_size(name, found->id, (hsize_t)points, h5);
-  if (is_list && h5->status >= 0 && class != H5T_INTEGER && class != H5T_FLOAT) refuse(name, "holds no numbers", h5);
+  found->id = TRY(H5Dopen2(group, name, access));
+  hid_t space = TRY(H5Dget_space(found->id));
+  if (TRY(H5Sget_simple_extent_ndims(space)) != rank_of(found)) h5->status = -1;
+  int64_t points = TRY(H5Sget_simple_extent_npoints(space));
   found->rows = h5->status < 0 ? 0 : (hsize_t)points / (found->row_length ? found->row_length : 1);
   release(access, h5);
   release(space, h5);
-  release(type, h5);
 }
 
 /* Write or read the rows of a dataset after its first ones; it grows if they are new. */

@@ -1,14 +1,14 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
+  use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_ending, only: check_ending, has_ending
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_existing, close_file, damage_reason, get_attribute, get_text, &
-    get_number, exists, names_in, read_list, open_dataset, read_rows, dataset_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, damage_reason, get_value, exists, &
+    open_object, open_dataset, read_rows, dataset_t
   use dst_kinds, only: wp, real64
-  use dst_disk, only: path_t
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
-  use dst_text, only: integer_text, printable, has_word
+  use dst_text, only: integer_text, printable, has_word, word, word_count
   use dst_text_file, only: hdf5_signature, read_text
   implicit none
   private
@@ -42,8 +42,8 @@ contains
       return
     end if
     if (has_ending(file_name)) return
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'program', program, h5)
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'program', program, h5)
     if (h5%status < 0 .or. program /= this_program) reason = 'the file exists and is no result of this program'//remedy
     call close_file(file, h5)
   end subroutine check_is_result
@@ -91,15 +91,15 @@ contains
     type(hdf5_t) :: h5
     integer :: complete
 
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'program', program, h5)
-    call get_attribute(file, 'model', model, h5)
-    call get_attribute(file, 'method', method, h5)
-    call get_attribute(file, 'created', created, h5)
-    call get_attribute(file, 'version', version, h5)
-    call get_attribute(file, 'git_revision', revision, h5)
-    call get_attribute(file, 'complete', complete, h5)
-    call get_attribute(file, 'result_text', ending, h5)
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'program', program, h5)
+    call get_value(file, 'model', model, h5)
+    call get_value(file, 'method', method, h5)
+    call get_value(file, 'created', created, h5)
+    call get_value(file, 'version', version, h5)
+    call get_value(file, 'git_revision', revision, h5)
+    call get_value(file, 'complete', complete, h5)
+    call get_value(file, 'result_text', ending, h5)
     text = ''
     if (h5%status < 0 .or. program /= this_program) return
     text = 'run'
@@ -141,7 +141,7 @@ contains
       associate (quantity => summary_quantities(i))
         if (h5%status < 0) exit
         if (.not. exists(file, 'summary/'//trim(quantity%name))) cycle
-        call get_number(file, 'summary/'//trim(quantity%name), value, h5)
+        call get_value(file, 'summary/'//trim(quantity%name), value, h5)
         text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
       end associate
     end do
@@ -152,8 +152,7 @@ contains
   function rows_of_sweep(file) result(text)
     integer(hid_t), intent(in) :: file
     character(:), allocatable :: text
-    character(*), parameter :: others = 'case failures result_code summary series cycles wall_time'
-    type(path_t), allocatable :: names(:)
+    character(:), allocatable :: parameters
     type(hdf5_t) :: h5
     type(dataset_t) :: codes
     integer :: i
@@ -163,9 +162,9 @@ contains
     ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
-    call names_in(file, 'sweep', names, h5)
-    do i = 1, size(names)
-      if (.not. has_word(others, names(i)%text)) text = text//range_of('sweep/'//names(i)%text, names(i)%text, '', 'varied')
+    call get_value(open_object(file, 'sweep'//nul, 0_hid_t), 'parameters', parameters, h5)
+    do i = 1, word_count(parameters)
+      text = text//range_of('sweep/'//word(parameters, i), word(parameters, i), '', 'varied')
     end do
     do i = 1, size(summary_quantities)
       associate (quantity => summary_quantities(i))
@@ -179,15 +178,17 @@ contains
     function range_of(path, name, units, meaning) result(line)
       character(*), intent(in) :: path, name, units, meaning
       character(:), allocatable :: line
-      real(wp), allocatable :: values(:)
+      type(dataset_t) :: column
+      real(real64), allocatable :: values(:)
 
       line = ''
       if (.not. exists(file, path)) return
-      call read_list(file, path, values, h5)
-      if (h5%status < 0) return
-      values = pack(values, abs(values) <= huge(values))
-      if (size(values) == 0) return
-      line = row(name, with_unit(number_text(minval(values), 4)//' to '//number_text(maxval(values), 4), units), meaning)
+      allocate (values(codes%rows))
+      call open_dataset(file, path, column, h5)
+      call read_rows(column, 0_hsize_t, codes%rows, values, h5)
+      if (h5%status < 0 .or. .not. any(abs(values) <= huge(values))) return
+      line = row(name, with_unit(number_text(real(minval(values, abs(values) <= huge(values)), wp), 4)//' to '// &
+        number_text(real(maxval(values, abs(values) <= huge(values)), wp), 4), units), meaning)
     end function range_of
   end function rows_of_sweep
 
@@ -225,15 +226,15 @@ contains
     type(hdf5_t) :: h5
     integer(hid_t) :: file
 
-    call open_existing(file_name, file, h5)
-    call get_attribute(file, 'complete', origin%complete, h5)
-    call get_attribute(file, 'result_code', origin%result_code, h5)
-    call get_attribute(file, 'result_text', origin%result_text, h5)
-    call get_attribute(file, 'created', origin%created, h5)
-    call get_attribute(file, 'version', origin%version, h5)
-    call get_text(file, 'deck/text', origin%deck_text, h5)
-    call get_text(file, 'deck/resolved', origin%deck_resolved, h5)
-    if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason(h5))
+    call open_file(file_name, .false., file, h5)
+    call get_value(file, 'complete', origin%complete, h5)
+    call get_value(file, 'result_code', origin%result_code, h5)
+    call get_value(file, 'result_text', origin%result_text, h5)
+    call get_value(file, 'created', origin%created, h5)
+    call get_value(file, 'version', origin%version, h5)
+    call get_value(file, 'deck/text', origin%deck_text, h5)
+    call get_value(file, 'deck/resolved', origin%deck_resolved, h5)
+    if (h5%status < 0) call raise(error, file_error, shown_name//': cannot resume: '//damage_reason())
     call close_file(file, h5)
   end subroutine read_origin
 end module dst_hdf5_origin

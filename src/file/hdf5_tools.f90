@@ -4,18 +4,18 @@
 !> called any more, so that a sequence is checked once, at its end, and `failure_reason` then gives the reason of the first failure.
 !> Objects are closed with their file.
 module dst_hdf5_tools
-  use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_double, c_int, c_int64_t, c_loc, c_null_ptr, c_ptr, nul => c_null_char
+  use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_double, c_int, c_int64_t, c_ptr, nul => c_null_char
   use dst_kinds, only: wp, real64
-  use dst_disk, only: path_t, with_remedy
+  use dst_disk, only: with_remedy
   use dst_posix, only: fortran_text
   use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: hid_t, hsize_t, hdf5_t, create_file, open_existing, close_file, failure_reason, refusal, damage_reason
+  public :: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason
   public :: as_double, as_int8, as_int32, as_int64
-  public :: put_attribute, get_attribute, put_value, get_text, get_number, create_group, exists, names_in
-  public :: dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, text_of_row, read_list, attach_scale
+  public :: put_attribute, put_value, get_value, create_group, open_object, exists
+  public :: dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, text_of_row, attach_scale
 
   !> Kinds of identifiers, and of numbers of rows.
   integer, parameter :: hid_t = c_int64_t, hsize_t = c_int64_t
@@ -28,7 +28,6 @@ module dst_hdf5_tools
   !> The status of a sequence of calls.
   type, bind(c) :: hdf5_t
     integer(c_int) :: status = 0                 !! negative after a failure
-    character(c_char) :: refusal(600) = nul      !! an object that was refused although HDF5 could read it, and why
   end type hdf5_t
 
   !> A dataset that grows: one number or text in each row, or rows of `row_length` numbers.
@@ -43,10 +42,10 @@ module dst_hdf5_tools
     module procedure put_text_attribute, put_integer_attribute
   end interface put_attribute
 
-  !> Read an attribute.
-  interface get_attribute
-    module procedure get_text_attribute, get_integer_attribute
-  end interface get_attribute
+  !> Read an attribute, or the value of a scalar dataset: a text, an integer, a real number.
+  interface get_value
+    module procedure get_text, get_integer, get_number
+  end interface get_value
 
   !> Create a scalar dataset.
   interface put_value
@@ -72,12 +71,13 @@ module dst_hdf5_tools
       import :: c_ptr
     end function c_failure
 
-    integer(hid_t) function c_create_group(parent, name, h5) bind(c, name='dst_h5_create_group')
+    !> Create a group and open it; its name ends with NUL.
+    integer(hid_t) function create_group(parent, name, h5) bind(c, name='dst_h5_create_group')
       import :: c_char, hdf5_t, hid_t
       integer(hid_t), value :: parent
       character(c_char), intent(in) :: name(*)
       type(hdf5_t), intent(inout) :: h5
-    end function c_create_group
+    end function create_group
 
     integer(c_int) function c_exists(object, name, access) bind(c, name='H5Lexists')
       import :: c_char, c_int, hid_t
@@ -85,14 +85,12 @@ module dst_hdf5_tools
       character(c_char), intent(in) :: name(*)
     end function c_exists
 
-    logical(c_bool) function c_name(file, group, place, name, h5) bind(c, name='dst_h5_name')
-      import :: c_bool, c_char, c_int64_t, hdf5_t, hid_t
-      integer(hid_t), value :: file
-      character(c_char), intent(in) :: group(*)
-      integer(c_int64_t), value :: place
-      character(c_char), intent(inout) :: name(257)
-      type(hdf5_t), intent(inout) :: h5
-    end function c_name
+    !> A group, whose attributes are read; its name ends with NUL, `access` is 0.
+    integer(hid_t) function open_object(file, name, access) bind(c, name='H5Oopen')
+      import :: c_char, hid_t
+      integer(hid_t), value :: file, access
+      character(c_char), intent(in) :: name(*)
+    end function open_object
 
     subroutine c_put(object, words, is_attribute, kind, text, number, h5) bind(c, name='dst_h5_put')
       import :: c_bool, c_char, c_double, c_int, hdf5_t, hid_t
@@ -104,34 +102,31 @@ module dst_hdf5_tools
       type(hdf5_t), intent(inout) :: h5
     end subroutine c_put
 
-    type(c_ptr) function c_get(object, name, is_attribute, kind, number, h5) bind(c, name='dst_h5_get')
-      import :: c_bool, c_char, c_double, c_int, c_ptr, hdf5_t, hid_t
+    type(c_ptr) function c_get(object, name, kind, number, h5) bind(c, name='dst_h5_get')
+      import :: c_char, c_double, c_int, c_ptr, hdf5_t, hid_t
       integer(hid_t), value :: object
       character(c_char), intent(in) :: name(*)
-      logical(c_bool), value :: is_attribute
       integer(c_int), value :: kind
       real(c_double), intent(inout) :: number
       type(hdf5_t), intent(inout) :: h5
     end function c_get
 
-    subroutine c_create_dataset(group, words, kind, chunk_rows, cached_rows, is_scale, fill, dataset, h5) &
-      bind(c, name='dst_h5_create_dataset')
-      import :: c_bool, c_char, c_int, c_int64_t, c_ptr, dataset_t, hdf5_t, hid_t
+    subroutine c_create_dataset(group, words, kind, chunk_rows, is_scale, fill, dataset, h5) bind(c, name='dst_h5_create_dataset')
+      import :: c_bool, c_char, c_double, c_int, c_int64_t, dataset_t, hdf5_t, hid_t
       integer(hid_t), value :: group
       character(c_char), intent(in) :: words(*)
       integer(c_int), value :: kind
-      integer(c_int64_t), value :: chunk_rows, cached_rows
+      integer(c_int64_t), value :: chunk_rows
       logical(c_bool), value :: is_scale
-      type(c_ptr), value :: fill
+      real(c_double), value :: fill
       type(dataset_t), intent(inout) :: dataset
       type(hdf5_t), intent(inout) :: h5
     end subroutine c_create_dataset
 
-    subroutine c_open_dataset(group, name, is_list, dataset, h5) bind(c, name='dst_h5_open_dataset')
-      import :: c_bool, c_char, dataset_t, hdf5_t, hid_t
+    subroutine c_open_dataset(group, name, dataset, h5) bind(c, name='dst_h5_open_dataset')
+      import :: c_char, dataset_t, hdf5_t, hid_t
       integer(hid_t), value :: group
       character(c_char), intent(in) :: name(*)
-      logical(c_bool), value :: is_list
       type(dataset_t), intent(inout) :: dataset
       type(hdf5_t), intent(inout) :: h5
     end subroutine c_open_dataset
@@ -179,23 +174,15 @@ module dst_hdf5_tools
 
 contains
 
-  !> Create a file, in place of one that has the name.
-  subroutine create_file(file_name, file, h5)
+  !> Open a file for reading; or create one, in place of one that has the name.
+  subroutine open_file(file_name, creates, file, h5)
     character(*), intent(in) :: file_name
+    logical, intent(in) :: creates
     integer(hid_t), intent(out) :: file
     type(hdf5_t), intent(inout) :: h5
 
-    file = c_open(file_name//nul, .true._c_bool, h5)
-  end subroutine create_file
-
-  !> Open a file for reading.
-  subroutine open_existing(file_name, file, h5)
-    character(*), intent(in) :: file_name
-    integer(hid_t), intent(out) :: file
-    type(hdf5_t), intent(inout) :: h5
-
-    file = c_open(file_name//nul, .false._c_bool, h5)
-  end subroutine open_existing
+    file = c_open(file_name//nul, logical(creates, c_bool), h5)
+  end subroutine open_file
 
   !> Why the last HDF5 call failed: the operating system's message if there is one.
   function failure_reason() result(reason)
@@ -212,23 +199,10 @@ contains
     if (reason == '') reason = 'HDF5 gave no reason'
   end function failure_reason
 
-  !> The object that was refused although HDF5 could read it, and why; '' if there is none.
-  function refusal(h5) result(text)
-    type(hdf5_t), intent(in), target :: h5
-    character(:), allocatable :: text
-
-    text = fortran_text(c_loc(h5%refusal))
-  end function refusal
-
-  !> Why an existing file could not be read, and what to do; a refusal says more than HDF5 does.
-  function damage_reason(h5) result(reason)
-    type(hdf5_t), intent(in) :: h5
+  !> Why an existing file could not be read, and what to do.
+  function damage_reason() result(reason)
     character(:), allocatable :: reason
 
-    if (refusal(h5) /= '') then
-      reason = refusal(h5)//', as in no file of this program: do not trust the file, run the deck again'
-      return
-    end if
     reason = with_remedy(failure_reason())
     if (reason == failure_reason()) reason = 'the file is damaged ('//reason//'): run the deck again'
   end function damage_reason
@@ -278,17 +252,17 @@ contains
     words = trim(quantity%name)//nul//trim(quantity%units)//nul//trim(quantity%long_name)//nul
   end function words_of
 
-  subroutine get_text_attribute(object, name, text, h5)
+  subroutine get_text(object, name, text, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     character(:), allocatable, intent(out) :: text
     type(hdf5_t), intent(inout) :: h5
     real(c_double) :: none
 
-    text = fortran_text(c_get(object, name//nul, .true._c_bool, as_text, none, h5))
-  end subroutine get_text_attribute
+    text = fortran_text(c_get(object, name//nul, as_text, none, h5))
+  end subroutine get_text
 
-  subroutine get_integer_attribute(object, name, number, h5)
+  subroutine get_integer(object, name, number, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
     integer, intent(out) :: number
@@ -297,22 +271,10 @@ contains
     type(c_ptr) :: none
 
     value = 0.0_c_double
-    none = c_get(object, name//nul, .true._c_bool, as_int32, value, h5)
+    none = c_get(object, name//nul, as_int32, value, h5)
     number = nint(value)
-  end subroutine get_integer_attribute
+  end subroutine get_integer
 
-  !> Read a scalar dataset of text.
-  subroutine get_text(object, name, text, h5)
-    integer(hid_t), intent(in) :: object
-    character(*), intent(in) :: name
-    character(:), allocatable, intent(out) :: text
-    type(hdf5_t), intent(inout) :: h5
-    real(c_double) :: none
-
-    text = fortran_text(c_get(object, name//nul, .false._c_bool, as_text, none, h5))
-  end subroutine get_text
-
-  !> Read a scalar dataset that holds a real number.
   subroutine get_number(object, name, number, h5)
     integer(hid_t), intent(in) :: object
     character(*), intent(in) :: name
@@ -322,19 +284,9 @@ contains
     type(c_ptr) :: none
 
     value = 0.0_c_double
-    none = c_get(object, name//nul, .false._c_bool, as_double, value, h5)
+    none = c_get(object, name//nul, as_double, value, h5)
     number = real(value, wp)
   end subroutine get_number
-
-  !> Create a group and open it.
-  subroutine create_group(parent, name, group, h5)
-    integer(hid_t), intent(in) :: parent
-    character(*), intent(in) :: name
-    integer(hid_t), intent(out) :: group
-    type(hdf5_t), intent(inout) :: h5
-
-    group = c_create_group(parent, name//nul, h5)
-  end subroutine create_group
 
   !> Whether a file has this object.
   logical function exists(file, name)
@@ -344,52 +296,32 @@ contains
     exists = c_exists(file, name//nul, 0_hid_t) > 0
   end function exists
 
-  !> The names of all objects in a group of a file, in alphabetical order; if there are many, the first ones.
-  subroutine names_in(file, group, names, h5)
-    integer(hid_t), intent(in) :: file
-    character(*), intent(in) :: group
-    type(path_t), allocatable, intent(out) :: names(:)
-    type(hdf5_t), intent(inout) :: h5
-    integer, parameter :: most_names = 1000
-    type(path_t) :: found(most_names)
-    character(257) :: name
-    integer :: n
-
-    do n = 0, most_names - 1
-      name = nul
-      if (.not. c_name(file, group//nul, int(n, c_int64_t), name, h5)) exit
-      found(n + 1)%text = trim(name(:index(name, nul) - 1))
-    end do
-    names = found(:n)
-  end subroutine names_in
-
   !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`, with the rows of `dataset`, which are
-  !> `fill`. For columns of numbers the cache has room for one chunk, or for none if `whole_chunks` are written. `is_scale`: it is a
-  !> coordinate of others.
-  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, is_scale, whole_chunks, fill)
+  !> `fill`. `inside`: the path of a group, from `group` on. `is_scale`: it is a coordinate of others.
+  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, is_scale, fill, inside)
     integer(hid_t), intent(in) :: group
     type(quantity_t), intent(in) :: quantity
     integer, intent(in) :: chunk_rows
     type(dataset_t), intent(inout) :: dataset
     type(hdf5_t), intent(inout) :: h5
-    integer(c_int), intent(in), optional :: stored_as
-    logical, intent(in), optional :: is_scale, whole_chunks
-    real(real64), intent(in), optional, target :: fill
-    type(c_ptr) :: fill_address
+    integer, intent(in), optional :: stored_as
+    logical, intent(in), optional :: is_scale
+    real(real64), intent(in), optional :: fill
+    character(*), intent(in), optional :: inside
+    character(:), allocatable :: path
     integer(c_int) :: kind
-    integer :: cached_rows
+    real(c_double) :: value
     logical(c_bool) :: scales
 
     kind = as_text
     if (present(stored_as)) kind = stored_as
     scales = .false.
     if (present(is_scale)) scales = is_scale
-    cached_rows = chunk_rows
-    if (present(whole_chunks)) cached_rows = merge(0, chunk_rows, whole_chunks)
-    fill_address = c_null_ptr
-    if (present(fill)) fill_address = c_loc(fill)
-    call c_create_dataset(group, words_of(quantity), kind, int(chunk_rows, hsize_t), int(cached_rows, hsize_t), scales, &
-      fill_address, dataset, h5)
+    value = 0.0_c_double
+    if (present(fill)) value = fill
+    path = ''
+    if (present(inside)) path = trim(inside)//'/'
+    call c_create_dataset(group, path//words_of(quantity), kind, int(chunk_rows, hsize_t), scales, value, dataset, h5)
   end subroutine create_dataset
 
   !> Open an existing column, with all its rows; each has `row_length` numbers if that is present and not 0.
@@ -401,23 +333,8 @@ contains
     integer, intent(in), optional :: row_length
 
     if (present(row_length)) dataset%row_length = row_length
-    call c_open_dataset(group, name//nul, .false._c_bool, dataset, h5)
+    call c_open_dataset(group, name//nul, dataset, h5)
   end subroutine open_dataset
-
-  !> All values of a one-dimensional dataset of numbers.
-  subroutine read_list(group, name, values, h5)
-    integer(hid_t), intent(in) :: group
-    character(*), intent(in) :: name
-    real(wp), allocatable, intent(out) :: values(:)
-    type(hdf5_t), intent(inout) :: h5
-    type(dataset_t) :: list
-    real(real64), allocatable :: read(:)
-
-    call c_open_dataset(group, name//nul, .true._c_bool, list, h5)
-    allocate (read(list%rows))
-    call read_rows(list, 0_hsize_t, list%rows, read, h5)
-    values = real(read, wp)
-  end subroutine read_list
 
   !> Append a row to a column of texts.
   subroutine append_text(dataset, text, h5)

@@ -4,15 +4,15 @@
 !> has it open and locked (flock), and the file that it becomes stays locked until the work ends or has a new NAME.part. One that no
 !> process has locked was left by a process that was killed, and is used again. docs/checkpoints.md has the states.
 module dst_result_file
-  use, intrinsic :: iso_c_binding, only: c_int
-  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, delete_own_file, file_exists, folder_of, is_folder, &
-    is_locked, keep_mode, lock_new_file, make_durable, make_name_durable, move_file, place_file, place_of, set_file_size, &
-    system_reason
+  use, intrinsic :: iso_c_binding, only: c_double, c_int, nul => c_null_char
+  use dst_disk, only: identity_t, identity_of, operator(==), close_descriptor, file_exists, folder_of, is_folder, is_written, &
+    place_of, system_reason
   use dst_ending, only: append_ending, read_state
   use dst_errors, only: error_t, raise, file_error
   use dst_hdf5_origin, only: check_is_result, is_deck, is_hdf5
   use dst_kinds, only: wp, int64
-  use dst_machine, only: wait_seconds
+  use dst_posix, only: c_fsync, c_is_locked, c_keep_mode, c_open_locked, c_place, c_remove_own, c_rename, c_sync_folder, &
+    set_file_size, wait_seconds
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -22,14 +22,13 @@ module dst_result_file
   !> A result file that this process writes.
   type :: result_file_t
     character(:), allocatable :: name                !! as given by the user
-    character(:), allocatable, private :: place      !! the file that links lead to
+    character(:), allocatable :: place               !! the file that links lead to
     type(identity_t), private :: former              !! the file that will be replaced
     integer(c_int), private :: descriptor = -1       !! of NAME.part, or of what it became: the lock
   contains
     procedure :: claim
     procedure :: claim_again
     procedure :: path
-    procedure :: former_path
     procedure :: check_former
     procedure :: put_in_place
     procedure :: begin_next
@@ -44,8 +43,6 @@ module dst_result_file
   contains
     procedure :: is_due
   end type interim_t
-
-  character(*), parameter :: is_written = 'another process is writing this file: wait until it ends, or use another name'
 
 contains
 
@@ -153,7 +150,7 @@ contains
     if (allocated(reason)) return
     self%former = identity_of(self%place)
     ! Its process has just made it whole, and goes on.
-    if (.not. is_locked(self%place)) return
+    if (.not. c_is_locked(self%place//nul)) return
     reason = is_written
     call self%discard()
   end subroutine take_part
@@ -166,18 +163,17 @@ contains
     integer, parameter :: most_tries = 2
     character(:), allocatable :: part
     type(identity_t) :: there
-    logical :: is_held
     integer :: i
 
     part = name//'.part'
     do i = 1, most_tries
-      call lock_new_file(part, descriptor, is_held, reason)
-      if (is_held) reason = is_written
-      if (allocated(reason)) return
+      descriptor = c_open_locked(part//nul)
+      if (descriptor < 0) reason = system_reason()
+      if (descriptor < 0) return
       there = identity_of(descriptor)
       if (.not. there == identity_of(name)) exit
       ! The whole file has this name, too: its process was killed before it could take it away.
-      call delete_own_file(part, there)
+      call c_remove_own(part//nul, descriptor)
       call close_descriptor(descriptor)
     end do
     if (descriptor < 0) then
@@ -200,15 +196,6 @@ contains
     path = self%place//'.part'
   end function path
 
-  !> The path of the file that has the name, from which rows are copied; '' if there is none.
-  function former_path(self) result(path)
-    class(result_file_t), intent(in) :: self
-    character(:), allocatable :: path
-
-    path = ''
-    if (self%former%exists) path = self%place
-  end function former_path
-
   !> After its rows were copied, the file that has the name must still be the one that was found or made there; if there is none any
   !> more, the end says so.
   subroutine check_former(self, error)
@@ -230,7 +217,9 @@ contains
     character(:), allocatable :: reason
 
     call append_ending(self%descriptor, state, reason)
-    if (.not. allocated(reason)) call make_durable(self%descriptor, reason)
+    if (.not. allocated(reason)) then
+      if (c_fsync(self%descriptor) /= 0) reason = system_reason()
+    end if
     if (.not. allocated(reason)) then
       if (.not. identity_of(self%path()) == identity_of(self%descriptor)) &
         reason = 'the file or its folder was removed, renamed or replaced during the run'
@@ -253,14 +242,14 @@ contains
     own = identity_of(self%descriptor)
     placed = .false.
     if (.not. there%exists) then
-      call place_file(self%path(), self%place, placed)
+      placed = c_place(self%path()//nul, self%place//nul) == 0
     else if (there == self%former) then
-      call keep_mode(self%place, self%descriptor)
-      call move_file(self%path(), self%place, placed)
+      call c_keep_mode(self%place//nul, self%descriptor)
+      placed = c_rename(self%path()//nul, self%place//nul) == 0
     end if
     if (placed) then
       self%former = own
-      call make_name_durable(folder_of(self%place))
+      call c_sync_folder(folder_of(self%place)//nul)
       return
     end if
     failure = system_reason()
@@ -273,8 +262,7 @@ contains
     do i = 1, 99
       kept = self%place//'.kept'
       if (i > 1) kept = kept//integer_text(i)
-      call place_file(self%path(), kept, placed)
-      if (.not. placed) cycle
+      if (c_place(self%path()//nul, kept//nul) /= 0) cycle
       reason = reason//': the result is in '//kept
       return
     end do
@@ -294,7 +282,7 @@ contains
       call open_part(self%place, next, reason)
       if (.not. allocated(reason)) exit
       if (reason /= is_written) exit
-      call wait_seconds(0.005_wp)
+      call wait_seconds(0.005_c_double)
     end do
     call close_descriptor(self%descriptor)
     self%descriptor = next
@@ -308,7 +296,7 @@ contains
     class(result_file_t), intent(inout) :: self
 
     if (self%descriptor < 0) return
-    call delete_own_file(self%path(), identity_of(self%descriptor))
+    call c_remove_own(self%path()//nul, self%descriptor)
     call close_descriptor(self%descriptor)
   end subroutine discard
 end module dst_result_file

@@ -6,7 +6,7 @@ module dst_share
   use dst_errors, only: error_t, raise, usage_error
   use dst_kinds, only: int64
   use dst_machine, only: environment
-  use dst_paths, only: path_t, matching_files, stem_of
+  use dst_disk, only: path_t, matching_files, stem_of
   use dst_text, only: excerpt, integer_text, read_integer
   implicit none
   private
@@ -19,6 +19,7 @@ module dst_share
   contains
     procedure :: size => share_size
     procedure :: case_of
+    procedure :: row_of
     procedure :: text => share_text
     procedure :: file_name
   end type share_t
@@ -54,6 +55,14 @@ contains
 
     case_of = self%number + (row - 1)*self%count
   end function case_of
+
+  !> The row of a case of this share.
+  elemental integer function row_of(self, case)
+    class(share_t), intent(in) :: self
+    integer, intent(in) :: case
+
+    row_of = (case - self%number)/self%count + 1
+  end function row_of
 
   !> 'I/N'
   pure function share_text(self) result(text)

@@ -27,7 +27,7 @@ module dst_simd_batch
   !> First step over the time scale of the soft spring: the step control finds its own within a few steps. Convention.
   real(wp), parameter :: first_step = 0.01_wp
 
-  !> The cases side by side: call `begin` once, then `put_case` puts a case into a lane, `advance` continues all cases, and `values`
+  !> The cases side by side: `put_case` puts a case into a lane, `advance` continues all cases, and `values`
   !> takes out a case that is `done`.
   type :: simd_batch_t
     private
@@ -40,7 +40,6 @@ module dst_simd_batch
     real(wp), dimension(lane_count) :: mass = 1.0_wp, first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     type(summary_t) :: summary(lane_count)
   contains
-    procedure :: begin
     procedure :: put_case
     procedure :: advance
     procedure :: values
@@ -61,13 +60,6 @@ module dst_simd_batch
   end type lane_step_t
 
 contains
-
-  !> Choose the instruction set.
-  subroutine begin(self)
-    class(simd_batch_t), intent(inout) :: self
-
-    self%by_v3 = runs_v3()
-  end subroutine begin
 
   !> Put a scene into a free lane. A motion that does not slide all the time is done at once.
   subroutine put_case(self, lane, scene)
@@ -101,6 +93,7 @@ contains
     end associate
     self%done(lane) = self%refused(lane)
     self%is_new = .true.
+    self%by_v3 = runs_v3()
   end subroutine put_case
 
   !> The numbers of a scene.

@@ -244,7 +244,6 @@ contains
     real(wp), allocatable, intent(out) :: values(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: share
-    logical :: wide
     integer :: i, status
 
     allocate (values(count), stat=status)
@@ -252,17 +251,10 @@ contains
       call raise(error, out_of_memory, 'no memory for '//integer_text(count)//' values of a parameter: use a smaller count')
       return
     end if
-    ! The ratio or the difference of the limits may overflow.
-    wide = max(abs(first), abs(last)) > sqrt(huge(first))
-    if (spacing == 'log') wide = wide .or. min(abs(first), abs(last)) < sqrt(tiny(first))
     do i = 1, count
       share = real(i - 1, wp)/real(max(1, count - 1), wp)
-      if (spacing == 'log' .and. wide) then
-        values(i) = sign(exp((1.0_wp - share)*log(abs(first)) + share*log(abs(last))), first)
-      else if (spacing == 'log') then
+      if (spacing == 'log') then
         values(i) = first*(last/first)**share
-      else if (wide) then
-        values(i) = (1.0_wp - share)*first + share*last
       else
         values(i) = first + (last - first)*share
       end if
@@ -357,10 +349,7 @@ contains
     call adapt_output(worker%scene, sweep%keeps_series, worker%kept)
     if (sweep%keeps_cycles) worker%most_cycles = sweep%table_rows()
     associate (places => cases_at_once(sweep))
-      if (places > 1) then
-        allocate (worker%lanes)
-        call worker%lanes%begin()
-      end if
+      if (places > 1) allocate (worker%lanes)
       allocate (worker%number(places), worker%begun(places))
     end associate
     worker%number = 0

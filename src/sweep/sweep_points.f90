@@ -13,7 +13,7 @@ module dst_sweep_points
   implicit none
   private
 
-  public :: path_of_points, points_of_csv
+  public :: path_of_points, read_points
 
   integer, parameter :: most_bytes = 2**28
 
@@ -28,7 +28,7 @@ contains
   end function path_of_points
 
   !> Read the points of a deck.
-  subroutine points_of_csv(deck, axes, error)
+  subroutine read_points(deck, axes, error)
     type(deck_t), intent(in) :: deck
     type(axis_t), allocatable, intent(out) :: axes(:)
     type(error_t), allocatable, intent(out) :: error
@@ -39,10 +39,9 @@ contains
     path = path_of_points(deck)
     call read_text(path, most_bytes, text, problem)
     if (index(text, hdf5_signature) == 1) then
-      problem = ': is an HDF5 file, which only the program dynstiction reads: in Python give its datasets as parameters, '// &
-        'with points=True'
+      problem = ': is an HDF5 file: write its columns as CSV, or give them to ds.sweep in Python, with points=True'
     else if (problem /= '') then
-      problem = ': '//problem//': give a CSV or HDF5 file with the values of keys'
+      problem = ': '//problem//': give a CSV file with the values of keys'
     else
       call read_csv(text, table, problem)
     end if
@@ -69,5 +68,5 @@ contains
         return
       end do
     end do
-  end subroutine points_of_csv
+  end subroutine read_points
 end module dst_sweep_points

@@ -1,13 +1,12 @@
 !> The machine on which this process runs: its name, processor and clock; the scheduler's job to which the process belongs, and its
 !> environment.
 module dst_machine
-  use, intrinsic :: iso_c_binding, only: c_double, c_size_t, nul => c_null_char
-  use dst_kinds, only: wp, int64
-  use dst_posix, only: c_gethostname, c_utc, c_wait, has_v3, seconds_now
+  use, intrinsic :: iso_c_binding, only: c_size_t, nul => c_null_char
+  use dst_posix, only: c_gethostname, c_utc, has_v3
   implicit none
   private
 
-  public :: host_name, job_name, environment, runs_v3, utc_now, utc_at, wait_seconds
+  public :: host_name, job_name, environment, runs_v3, utc_now
 
 contains
 
@@ -52,22 +51,10 @@ contains
 
   !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
   character(20) function utc_now()
-    utc_now = utc_at(seconds_now())
-  end function utc_now
-
-  !> The same for a moment in seconds since 1970; '*' if the year has more than four digits.
-  character(20) function utc_at(seconds)
-    integer(int64), intent(in) :: seconds
     character(21) :: text
 
-    utc_at = '****-**-**T**:**:**Z'
-    if (c_utc(seconds, text) == 1) utc_at = text(:20)
-  end function utc_at
+    call c_utc(text)
+    utc_now = text(:20)
+  end function utc_now
 
-  !> Wait for some time.
-  subroutine wait_seconds(seconds)
-    real(wp), intent(in) :: seconds
-
-    call c_wait(real(seconds, c_double))
-  end subroutine wait_seconds
 end module dst_machine

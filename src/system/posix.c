@@ -13,6 +13,7 @@
 #include <sched.h>
 #include <signal.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -22,12 +23,7 @@
 #include <time.h>
 #include <unistd.h>
 
-const int dst_o_rdonly = O_RDONLY, dst_o_rdwr = O_RDWR, dst_o_creat = O_CREAT, dst_o_excl = O_EXCL,  dst_o_nonblock = O_NONBLOCK, dst_o_nofollow = O_NOFOLLOW;
-const int dst_lock_ex = LOCK_EX, dst_lock_sh = LOCK_SH, dst_lock_nb = LOCK_NB;
-const int dst_eexist = EEXIST, dst_eloop = ELOOP, dst_enoent = ENOENT, dst_ewouldblock = EWOULDBLOCK;
-const int dst_sighup = SIGHUP, dst_sigint = SIGINT, dst_sigterm = SIGTERM, dst_sigusr1 = SIGUSR1;
 
-int dst_errno(void) { return errno; }
 const char *dst_reason(void) { return strerror(errno); }
 
 /* Signals. */
@@ -51,9 +47,22 @@ static void remember(int number) {
   if (number == SIGINT) handle(number, SIG_DFL);
 }
 
-void dst_listen(int number) { handle_unless_ignored(number, remember); }
-/* The number of the signal that asked to stop, or 0. */
+/* From now on SIGUSR1 is remembered. It only asks to stop, and a scheduler may send it before there is a run. */
+void dst_listen_to_requests(void) { handle_unless_ignored(SIGUSR1, remember); }
+
+/* From now on SIGHUP (the terminal is gone), SIGINT and SIGTERM are remembered too. A second SIGINT ends the program at once. */
+void dst_listen_to_signals(void) {
+  handle_unless_ignored(SIGHUP, remember);
+  handle_unless_ignored(SIGINT, remember);
+  handle_unless_ignored(SIGTERM, remember);
+}
+
+/* The number of the signal that asked to stop, or 0; whether it asks to end now, not only to begin nothing new; its name. */
 int dst_stop_signal(void) { return received; }
+_Bool dst_is_told_to_end(void) { return received && received != SIGUSR1; }
+const char *dst_signal_name(int number) {
+  return number == SIGHUP ? "SIGHUP" : number == SIGINT ? "SIGINT" : number == SIGTERM ? "SIGTERM" : "SIGUSR1";
+}
 
 /* Let a write beyond the file-size limit fail instead of killing the process. */
 void dst_ignore_size_limit_signal(void) { handle(SIGXFSZ, SIG_IGN); }
@@ -65,36 +74,105 @@ void dst_wait(double seconds) {
   nanosleep(&time, NULL);
 }
 
-/* Seconds since the beginning of 1970, UTC. */
-int64_t dst_now(void) { return time(NULL); }
-
-/* ISO 8601 in UTC; 0 if the year has no four digits. */
-int dst_utc(int64_t seconds, char text[21]) {
-  time_t moment = (time_t)seconds;
+/* Now, ISO 8601 in UTC. */
+void dst_utc(char text[21]) {
+  time_t now = time(NULL);
   struct tm parts;
-  return moment == seconds && gmtime_r(&moment, &parts) && strftime(text, 21, "%Y-%m-%dT%H:%M:%SZ", &parts) == 20;
+  strftime(text, 21, "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&now, &parts));
 }
 
 /* Files. */
 
-/* Whether it is a regular file, its bytes, their last change [s since 1970], inode and device, of what has a name (a link is not
-   followed) or, without one, of an open file. */
-int dst_look_up(int descriptor, const char *path, int64_t facts[5]) {
+/* What has a name (a link is not followed) or, without one, an open file; not there: exists is 0. */
+typedef struct { _Bool exists, is_regular; int64_t bytes, inode, device; } identity;
+
+void dst_look_up(int descriptor, const char *path, identity *file) {
   struct stat found;
-  if (*path ? lstat(path, &found) : fstat(descriptor, &found)) return -1;
-  facts[0] = S_ISREG(found.st_mode);
-  facts[1] = found.st_size;
-  facts[2] = found.st_mtime;
-  facts[3] = (int64_t)found.st_ino;
-  facts[4] = (int64_t)found.st_dev;
-  return 0;
+  *file = (identity){0};
+  if (*path ? lstat(path, &found) : fstat(descriptor, &found)) return;
+  *file = (identity){1, S_ISREG(found.st_mode), found.st_size, (int64_t)found.st_ino, (int64_t)found.st_dev};
 }
 
+_Bool dst_is_same(const identity *a, const identity *b) {
+  return a->exists && b->exists && a->inode == b->inode && a->device == b->device;
+}
+
+static _Bool has_name(int descriptor, const char *path) {
+  identity here, there;
+  dst_look_up(descriptor, "", &here);
+  dst_look_up(-1, path, &there);
+  return dst_is_same(&here, &there);
+}
+
+/* A call that was interrupted has closed the file all the same. */
+int dst_close(int descriptor) { return close(descriptor) && errno != EINTR ? -1 : 0; }
+
 /* A new descriptor, which programs started by this one do not get. */
-int dst_open(const char *path, int flags) {
+static int new_descriptor(const char *path, int flags) {
   int descriptor;
   do descriptor = open(path, flags | O_CLOEXEC, 0666); while (descriptor < 0 && errno == EINTR);
   return descriptor;
+}
+
+static int close_with(int reason, int descriptor) {
+  dst_close(descriptor);
+  errno = reason;
+  return -1;
+}
+
+/* Open the file with this name itself, never the target of a link (ELOOP), if it is a regular file (else EISDIR). O_NONBLOCK, since
+   opening a pipe would wait for its other end. */
+int dst_open_regular(const char *path, _Bool writes) {
+  identity file;
+  int descriptor = new_descriptor(path, (writes ? O_RDWR : O_RDONLY) | O_NONBLOCK | O_NOFOLLOW);
+  if (descriptor < 0) return -1;
+  dst_look_up(descriptor, "", &file);
+  return file.is_regular ? descriptor : close_with(EISDIR, descriptor);
+}
+
+/* Open the file with this name, which is created if necessary, for reading and writing, and lock it until it is closed. EWOULDBLOCK:
+   another process has locked it; ENOLCK: it was there, and this file system has no locks. */
+int dst_open_locked(const char *path) {
+  for (;;) {
+    identity there;
+    int descriptor = new_descriptor(path, O_RDWR | O_CREAT | O_EXCL), is_new = descriptor >= 0;
+    if (!is_new && errno == EEXIST && (descriptor = dst_open_regular(path, 1)) < 0) {
+      int reason = errno;
+      dst_look_up(-1, path, &there);
+      errno = reason;
+      if (!there.exists) continue; /* the process that had it has removed it meanwhile */
+    }
+    if (descriptor < 0) return -1;
+    if (flock(descriptor, LOCK_EX | LOCK_NB)) {
+      if (errno == EWOULDBLOCK) return close_with(EWOULDBLOCK, descriptor);
+      if (!is_new) return close_with(ENOLCK, descriptor);
+    }
+    if (has_name(descriptor, path)) return descriptor;
+    dst_close(descriptor);
+  }
+}
+
+/* Whether a process has locked this file for itself alone. */
+_Bool dst_is_locked(const char *path) {
+  int descriptor = dst_open_regular(path, 0);
+  _Bool is_locked = descriptor >= 0 && flock(descriptor, LOCK_SH | LOCK_NB) && errno == EWOULDBLOCK;
+  if (descriptor >= 0) dst_close(descriptor);
+  return is_locked;
+}
+
+/* Give a new file its name, unless a file with that name was created meanwhile. */
+int dst_place(const char *from, const char *to) {
+  identity there;
+  if (link(from, to) == 0) return unlink(from), 0;
+  int reason = errno;
+  dst_look_up(-1, to, &there);
+  errno = reason;
+  return there.exists ? -1 : rename(from, to); /* a file system without hard links */
+}
+
+/* Remove an open file, if it still has this name. */
+void dst_remove_own(const char *path, int descriptor) {
+  if (has_name(descriptor, path)) unlink(path);
 }
 
 /* All in one call of the system, more only if that writes a part: from a place on, or, if it is negative, where the file stands. */
@@ -138,8 +216,13 @@ int dst_fsync(int descriptor) {
   return 0;
 }
 
-/* A call that was interrupted has closed the file all the same. */
-int dst_close(int descriptor) { return close(descriptor) && errno != EINTR ? -1 : 0; }
+/* Make the entries of a folder survive a power failure, if the system can do that. */
+void dst_sync_folder(const char *path) {
+  int descriptor = new_descriptor(path, O_RDONLY);
+  if (descriptor < 0) return;
+  dst_fsync(descriptor);
+  dst_close(descriptor);
+}
 
 /* Bytes that may still be written in a folder; negative if the file system does not tell. */
 double dst_free_space(const char *folder) {
@@ -173,8 +256,6 @@ void dst_occupy_descriptors(void) {
   for (int descriptor = STDIN_FILENO; descriptor <= STDERR_FILENO; descriptor++)
     if (fcntl(descriptor, F_GETFD) < 0 && open("/dev/null", descriptor == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0) return;
 }
-
-int dst_put_output(const char *text, int64_t count) { return dst_write(STDOUT_FILENO, text, count, -1); }
 
 /* A reader that has gone does not end the program. */
 void dst_put_error(const char *text, int64_t count) {

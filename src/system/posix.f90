@@ -7,126 +7,125 @@ module dst_posix
   implicit none
   public
 
-  !> Constants of the system, with the system's names.
-  integer(c_int), protected, bind(c) :: dst_o_rdonly, dst_o_rdwr, dst_o_creat, dst_o_excl, dst_o_nonblock, &
-    dst_o_nofollow, dst_lock_ex, dst_lock_sh, dst_lock_nb, dst_eexist, dst_eloop, dst_enoent, &
-    dst_ewouldblock, dst_sighup, dst_sigint, dst_sigterm, dst_sigusr1
+  !> Identity of a file, whatever its name is.
+  type, bind(c) :: identity_t
+    logical(c_bool) :: exists = .false.
+    logical(c_bool) :: is_regular = .false.   !! neither a folder, a link, a device nor a pipe
+    integer(c_int64_t) :: bytes = 0, inode = 0, device = 0
+  end type identity_t
+
+  !> Forms of calls that several have.
+  abstract interface
+    subroutine plain_call() bind(c)
+    end subroutine plain_call
+
+    integer(c_int) function number_call() bind(c)
+      import :: c_int
+    end function number_call
+
+    logical(c_bool) function question() bind(c)
+      import :: c_bool
+    end function question
+
+    subroutine address_call(address) bind(c)
+      import :: c_ptr
+      type(c_ptr), value :: address
+    end subroutine address_call
+
+    integer(c_int) function descriptor_call(descriptor) bind(c)
+      import :: c_int
+      integer(c_int), value :: descriptor
+    end function descriptor_call
+
+    integer(c_int) function naming_call(from, to) bind(c)
+      import :: c_int, c_char
+      character(c_char), intent(in) :: from(*), to(*)
+    end function naming_call
+
+    subroutine file_call(path, descriptor) bind(c)
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: descriptor
+    end subroutine file_call
+  end interface
+
+  procedure(plain_call), bind(c, name='dst_listen_to_requests') :: listen_to_requests
+  procedure(plain_call), bind(c, name='dst_listen_to_signals') :: listen_to_signals
+  procedure(plain_call), bind(c, name='dst_occupy_descriptors') :: occupy_descriptors
+  procedure(number_call), bind(c, name='dst_stop_signal') :: stop_signal
+  procedure(number_call), bind(c, name='dst_is_terminal') :: c_is_terminal
+  procedure(question), bind(c, name='dst_is_told_to_end') :: is_told_to_end
+  procedure(question), bind(c, name='dst_has_v3') :: has_v3
+  procedure(address_call), bind(c, name='free') :: c_free
+  procedure(address_call), bind(c, name='dst_forget_matches') :: c_forget_matches
+  procedure(address_call), bind(c, name='dst_join_thread') :: c_join_thread
+  procedure(descriptor_call), bind(c, name='dst_fsync') :: c_fsync
+  procedure(descriptor_call), bind(c, name='dst_close') :: c_close
+  procedure(naming_call), bind(c, name='rename') :: c_rename
+  procedure(naming_call), bind(c, name='dst_place') :: c_place
+  procedure(file_call), bind(c, name='dst_keep_mode') :: c_keep_mode
+  procedure(file_call), bind(c, name='dst_remove_own') :: c_remove_own
+
+  !> Whether two names, or two moments, refer to one file.
+  interface operator(==)
+    pure logical(c_bool) function is_same_file(a, b) bind(c, name='dst_is_same')
+      import :: c_bool, identity_t
+      type(identity_t), intent(in) :: a, b
+    end function is_same_file
+  end interface operator(==)
 
   interface
-    integer(c_int) function c_errno() bind(c, name='dst_errno')
-      import :: c_int
-    end function c_errno
-
     type(c_ptr) function c_reason() bind(c, name='dst_reason')
       import :: c_ptr
     end function c_reason
 
-    subroutine c_free(address) bind(c, name='free')
-      import :: c_ptr
-      type(c_ptr), value :: address
-    end subroutine c_free
+    type(c_ptr) function c_signal_name(number) bind(c, name='dst_signal_name')
+      import :: c_int, c_ptr
+      integer(c_int), value :: number
+    end function c_signal_name
 
-    subroutine c_listen(signal) bind(c, name='dst_listen')
-      import :: c_int
-      integer(c_int), value :: signal
-    end subroutine c_listen
+    integer(c_int) function c_open_regular(path, writes) bind(c, name='dst_open_regular')
+      import :: c_bool, c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      logical(c_bool), value :: writes
+    end function c_open_regular
 
-    integer(c_int) function stop_signal() bind(c, name='dst_stop_signal')
-      import :: c_int
-    end function stop_signal
-
-    subroutine ignore_size_limit_signal() bind(c, name='dst_ignore_size_limit_signal')
-    end subroutine ignore_size_limit_signal
-
-    integer(c_int) function c_open(path, flags) bind(c, name='dst_open')
+    integer(c_int) function c_open_locked(path) bind(c, name='dst_open_locked')
       import :: c_int, c_char
       character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: flags
-    end function c_open
+    end function c_open_locked
 
-    integer(c_int) function c_fsync(descriptor) bind(c, name='dst_fsync')
-      import :: c_int
-      integer(c_int), value :: descriptor
-    end function c_fsync
-
-    integer(c_int) function c_close(descriptor) bind(c, name='dst_close')
-      import :: c_int
-      integer(c_int), value :: descriptor
-    end function c_close
-
-    integer(c_int) function c_flock(descriptor, operation) bind(c, name='flock')
-      import :: c_int
-      integer(c_int), value :: descriptor, operation
-    end function c_flock
-
-    integer(c_int) function c_rename(from, to) bind(c, name='rename')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: from(*), to(*)
-    end function c_rename
-
-    subroutine c_keep_mode(path, descriptor) bind(c, name='dst_keep_mode')
-      import :: c_int, c_char
+    logical(c_bool) function c_is_locked(path) bind(c, name='dst_is_locked')
+      import :: c_bool, c_char
       character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: descriptor
-    end subroutine c_keep_mode
+    end function c_is_locked
 
-    integer(c_int) function c_link(from, to) bind(c, name='link')
-      import :: c_int, c_char
-      character(c_char), intent(in) :: from(*), to(*)
-    end function c_link
-
-    integer(c_int) function c_unlink(path) bind(c, name='unlink')
-      import :: c_int, c_char
+    subroutine c_sync_folder(path) bind(c, name='dst_sync_folder')
+      import :: c_char
       character(c_char), intent(in) :: path(*)
-    end function c_unlink
-
-    subroutine c_forget_matches(found) bind(c, name='dst_forget_matches')
-      import :: c_ptr
-      type(c_ptr), value :: found
-    end subroutine c_forget_matches
-
-    subroutine occupy_descriptors() bind(c, name='dst_occupy_descriptors')
-    end subroutine occupy_descriptors
-
-    integer(c_int) function c_is_terminal() bind(c, name='dst_is_terminal')
-      import :: c_int
-    end function c_is_terminal
-
-    logical(c_bool) function has_v3() bind(c, name='dst_has_v3')
-      import :: c_bool
-    end function has_v3
+    end subroutine c_sync_folder
 
     subroutine c_exit(status) bind(c, name='exit')
       import :: c_int
       integer(c_int), value :: status
     end subroutine c_exit
 
-    subroutine c_join_thread(thread) bind(c, name='dst_join_thread')
-      import :: c_ptr
-      type(c_ptr), value :: thread
-    end subroutine c_join_thread
-
-    subroutine c_wait(seconds) bind(c, name='dst_wait')
+    subroutine wait_seconds(seconds) bind(c, name='dst_wait')
       import :: c_double
       real(c_double), value :: seconds
-    end subroutine c_wait
+    end subroutine wait_seconds
 
-    integer(c_int64_t) function seconds_now() bind(c, name='dst_now')
-      import :: c_int64_t
-    end function seconds_now
-
-    integer(c_int) function c_utc(seconds, text) bind(c, name='dst_utc')
-      import :: c_int, c_int64_t, c_char
-      integer(c_int64_t), value :: seconds
+    subroutine c_utc(text) bind(c, name='dst_utc')
+      import :: c_char
       character(c_char), intent(out) :: text(21)
-    end function c_utc
+    end subroutine c_utc
 
-    integer(c_int) function c_look_up(descriptor, path, facts) bind(c, name='dst_look_up')
-      import :: c_int, c_int64_t, c_char
+    subroutine c_look_up(descriptor, path, found) bind(c, name='dst_look_up')
+      import :: c_int, c_char, identity_t
       integer(c_int), value :: descriptor
       character(c_char), intent(in) :: path(*)
-      integer(c_int64_t), intent(out) :: facts(5)
-    end function c_look_up
+      type(identity_t), intent(out) :: found
+    end subroutine c_look_up
 
     integer(c_int) function c_write(descriptor, bytes, count, place) bind(c, name='dst_write')
       import :: c_int, c_int64_t, c_char
@@ -148,10 +147,10 @@ module dst_posix
       integer(c_int64_t), value :: length
     end subroutine set_file_size
 
-    real(c_double) function c_free_space(folder) bind(c, name='dst_free_space')
+    real(c_double) function free_space(folder) bind(c, name='dst_free_space')
       import :: c_double, c_char
       character(c_char), intent(in) :: folder(*)
-    end function c_free_space
+    end function free_space
 
     type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
       import :: c_ptr, c_char
@@ -170,12 +169,6 @@ module dst_posix
       character(c_char), intent(out) :: name(*)
       integer(c_size_t), value :: length
     end function c_gethostname
-
-    integer(c_int) function c_put_output(text, count) bind(c, name='dst_put_output')
-      import :: c_int, c_int64_t, c_char
-      character(c_char), intent(in) :: text(*)
-      integer(c_int64_t), value :: count
-    end function c_put_output
 
     subroutine c_put_error(text, count) bind(c, name='dst_put_error')
       import :: c_int64_t, c_char

@@ -1,8 +1,8 @@
 !> Standard output and standard error, byte by byte: failures to write are detected, which Fortran's own output does not report if a
 !> disk is full.
 module dst_standard_streams
-  use, intrinsic :: iso_c_binding, only: c_int64_t
-  use dst_posix, only: c_put_error, c_put_output, occupy_descriptors
+  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
+  use dst_posix, only: c_put_error, c_write, occupy_descriptors
   implicit none
   private
 
@@ -16,7 +16,7 @@ contains
     character(*), intent(in) :: text
     logical, intent(out) :: failed
 
-    failed = c_put_output(text, len(text, c_int64_t)) /= 0
+    failed = c_write(1_c_int, text, len(text, c_int64_t), -1_c_int64_t) /= 0
   end subroutine put_output
 
   !> Write to standard error. If this fails, there is nowhere to report it, and nothing is lost: a run continues.

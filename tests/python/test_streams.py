@@ -19,13 +19,13 @@ PRINTING = {
     "template": ("template",),
     "check": ("check", DECK),
     "stability": ("stability", DECK),
-    "completion": ("complete", "ru"),
 }
 PYTHON = {
     "export": ("export", "x.h5", "--overwrite"),
     "trade": ("trade", INPUTS / "low_frequency.nml", "--budget", "1", "--set", "scene.t_end=1", "--accuracy", "0.1",
               "--overwrite"),
     "help": ("--help",),
+    "completion": ("complete", "ru"),
 }  # fmt: skip
 # Each cycle by steps: longer than any test waits.
 ENDLESS = ("run", DECK, "-o", "x.h5", "--set", "scene.t_end=1e5", "--set", "output.interval=1", "--set", "integrator.cycle_map=off")

@@ -1,4 +1,4 @@
-"""Points of a sweep from CSV and HDF5 files: every way to write them, and faults named with their place."""
+"""Points of a sweep from CSV files: every way to write them, and faults named with their place."""
 
 from __future__ import annotations
 
@@ -97,52 +97,8 @@ def test_names_are_relative_to_the_deck_and_may_be_absolute(sweep, expected, tmp
         assert same(values(tmp_path / "a.h5"), expected)
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write(**datasets):
-        with h5py.File(tmp_path / "cases.h5", "w") as file:
-            for name, data in datasets.items():
-                file[name] = data
-
-    return write
-
-
-def with_hdf5(sweep):
-    return sweep.run("a.h5", "--overwrite", "--set", "sweep.points=cases.h5")
-
-
-def test_hdf5_gives_the_same(sweep, expected, write, tmp_path):
-    # Other programs add coordinates and indices; single precision and integers are numbers too.
-    write(**{"system.misalignment_deg": ANGLES, "drive.velocity": VELOCITIES, "case": [1, 2, 3], "note": "text"})
-    done = with_hdf5(sweep)
-    assert done.returncode == 0, done.stderr
-    # HDF5 keeps names in alphabetical order.
-    found = values(tmp_path / "a.h5")
-    assert same({name: found[name] for name in expected}, expected)
-    write(**{"system.misalignment_deg": np.float32(ANGLES), "drive.velocity": [1, 1, 1]})
-    assert with_hdf5(sweep).returncode == 0
-    assert list(values(tmp_path / "a.h5")["system.misalignment_deg"]) == ANGLES
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf", reason="pip install h5netcdf")
-    columns = {"system.misalignment_deg": ("case", ANGLES), "drive.velocity": ("case", VELOCITIES)}
-    xarray.Dataset(columns, {"case": [0, 1, 2]}).to_netcdf(tmp_path / "cases.h5", engine="h5netcdf")
-    assert with_hdf5(sweep).returncode == 0
-    assert list(values(tmp_path / "a.h5")["drive.velocity"]) == VELOCITIES
-
-
-@pytest.mark.parametrize(
-    ("datasets", "words"),
-    [
-        ({}, "holds no points"),
-        ({"system.misalignment_deg": ANGLES, "drive.velocity": [1e-3]}, "give datasets of one length"),
-        ({"system.misalignment_deg": [ANGLES]}, "is no list: give plain one-dimensional"),
-        ({"system.misalignment_deg": ["1"]}, "holds no numbers: give plain one-dimensional"),
-        ({"system.misalignment_deg": [1.0, 1e3]}, "value 2: 1000.0 is out of range"),
-        ({"drive.velocity": [np.nan]}, "value 1: a value of velocity is not finite"),
-    ],
-)
-def test_faults_of_hdf5_points(sweep, write, tmp_path, datasets, words):
-    write(**datasets)
-    done = with_hdf5(sweep)
-    assert done.returncode == 3
-    assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: ") and words in done.stderr
+def test_a_list_is_a_csv_file(sweep, tmp_path):
+    with h5py.File(tmp_path / "cases.h5", "w") as file:
+        file["drive.velocity"] = VELOCITIES
+    done = sweep.run("a.h5", "--set", "sweep.points=cases.h5", status=3)
+    assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: is an HDF5 file: write its columns as CSV")
