@@ -5,8 +5,8 @@
 The build runs this script. A key with one number becomes a component with its name, unit and default.
 """
 
-import argparse
 import re
+import sys
 from pathlib import Path
 
 # group, name, kind, unit, then range and whether it is required, default.
@@ -44,12 +44,9 @@ end module dst_scene_numbers
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("schema", type=Path, metavar="SCHEMA")
-    parser.add_argument("output", type=Path, metavar="OUTPUT")
-    options = parser.parse_args()
+    schema, output = map(Path, sys.argv[1:])
     components, cases = [], []
-    for group, name, kind, unit, default in KEY.findall(options.schema.read_text(encoding="utf-8")):
+    for group, name, kind, unit, default in KEY.findall(schema.read_text(encoding="utf-8")):
         if group == "sweep":
             continue
         start = f"{default}_wp" if kind == "real" else f"{default}_int64"
@@ -59,7 +56,7 @@ def main() -> None:
         value = "value" if kind == "real" else "nint(value, int64)"
         cases.append(f"    case ('{name}')\n      self%{name} = {value}")
     text = MODULE.format(components="\n".join(components), cases="\n".join(cases))
-    options.output.write_text(text, encoding="utf-8")
+    output.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
