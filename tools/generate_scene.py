@@ -5,8 +5,8 @@
 The build runs this script. A key with one number becomes a component with its name, unit and default.
 """
 
+import argparse
 import re
-import sys
 from pathlib import Path
 
 # group, name, kind, unit, then range and whether it is required, default.
@@ -44,14 +44,14 @@ end module dst_scene_numbers
 
 
 def main() -> None:
-    schema, output = map(Path, sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("files", type=Path, nargs=2, metavar="FILE", help="schema.f90, and the module")
+    schema, output = parser.parse_args().files
     components, cases = [], []
     for group, name, kind, unit, default in KEY.findall(schema.read_text(encoding="utf-8")):
         if group == "sweep":
             continue
-        start = f"{default}_wp" if kind == "real" else f"{default}_int64"
-        if not default[:1].isdigit():
-            start = "0.0_wp"
+        start = default + ("_wp" if kind == "real" else "_int64") if default[:1].isdigit() else "0.0_wp"
         components.append(f"    {TYPES[kind]} :: {name} = {start}   !! {unit}")
         value = "value" if kind == "real" else "nint(value, int64)"
         cases.append(f"    case ('{name}')\n      self%{name} = {value}")
