@@ -387,6 +387,15 @@ contains
     allocate (self%number, source=number)
   end subroutine give
 
+  !> Room for so many numbers of an answer, all 0. Many are put there one by one: array constructors are on the stack.
+  subroutine make_room(self, columns, rows)
+    class(session_t), intent(inout) :: self
+    integer, intent(in) :: columns, rows
+
+    if (allocated(self%number)) deallocate (self%number)
+    allocate (self%number(columns, rows), source=0.0_wp)
+  end subroutine make_room
+
   !> What a writer has kept, in rows of this length, for an answer.
   subroutine give_kept(self, writer, length)
     class(session_t), intent(inout) :: self
@@ -487,7 +496,7 @@ contains
 
     counts = [(element_count(self%deck%value(i)), i=1, key_count)]
     where (.not. self%deck%value%user) counts = 0
-    call give(self, reshape([(0.0_wp, i=1, sum(counts))], [1, sum(counts)]))
+    call make_room(self, 1, sum(counts))
     row = 0
     do i = 1, key_count
       do k = 1, counts(i)
@@ -528,7 +537,7 @@ contains
       call describe(self, text, self%simulation%output_columns())
     case ('parameters')
       call parameters_of(self%deck, parameters, self%simulation%scene%interval)
-      call give(self, reshape([(0.0_wp, i=1, 2*size(parameters))], [2, size(parameters)]))
+      call make_room(self, 2, size(parameters))
       do i = 1, size(parameters)
         self%number(:, i) = [parameters(i)%value, merge(1.0_wp, 0.0_wp, allocated(parameters(i)%text))]
         if (.not. allocated(parameters(i)%text)) parameters(i)%text = ''
@@ -547,8 +556,10 @@ contains
       end associate
     case ('events')
       associate (log => self%writer%log(:self%writer%events))
-        call give(self, reshape([(log(i)%time, real(log(i)%kind, wp), real(log(i)%occurs, wp), log(i)%period, i=1, size(log))], &
-          [4, size(log)]))
+        call make_room(self, 4, size(log))
+        do i = 1, size(log)
+          self%number(:, i) = [log(i)%time, real(log(i)%kind, wp), real(log(i)%occurs, wp), log(i)%period]
+        end do
       end associate
     case ('rows')
       call give_row(self, [real(self%writer%rows, wp)])
@@ -565,7 +576,7 @@ contains
     character(*), intent(in) :: which
     type(text_builder_t), intent(inout) :: text
     type(scene_t) :: scene
-    integer :: i
+    integer :: i, n
 
     associate (axes => self%sweep%axes)
       select case (which)
@@ -580,7 +591,12 @@ contains
         call describe(self, text, [(quantity_t(axes(i)%name, schema(axes(i)%key)%unit, schema(axes(i)%key)%meaning), &
           i=1, size(axes))], reshape(real([(size(axes(i)%values), i=1, size(axes))], wp), [1, size(axes)]))
       case ('points')
-        call give_row(self, [(axes(i)%values, i=1, size(axes))])
+        call make_room(self, sum([(size(axes(i)%values), i=1, size(axes))]), 1)
+        n = 0
+        do i = 1, size(axes)
+          self%number(n + 1:n + size(axes(i)%values), 1) = axes(i)%values
+          n = n + size(axes(i)%values)
+        end do
       case ('quantities')
         call describe(self, text, value_quantities())
       case ('cycles')

@@ -215,3 +215,12 @@ def test_on_a_terminal_only_what_takes_a_second_has_a_bar(fig3: ds.Scene, bars: 
     monkeypatch.setitem(sys.modules, "tqdm.auto", None)
     ds.run(fig3, scene=SHORT)
     assert len(bars) == 1
+
+
+@pytest.mark.filterwarnings("ignore::dynstiction.SamplingWarning")
+def test_very_many_events_need_no_stack() -> None:
+    """An irregular motion lists every event: far more than fit on the stack."""
+    scene = ds.Scene(INPUTS / "fig3.nml", stiffness_y=1e6, t_end=3000.0, interval=1e4, rtol=1e-6)
+    events = ds.run(scene).events
+    assert len(events) > 700_000
+    assert (np.diff(events["time"]) >= 0.0).all()
