@@ -146,6 +146,8 @@ contains
     ! Not f2py threadsafe: gfortran keeps lengths of text results in static storage, so decks are read one at a time, under the
     ! interpreter's lock.
     type(holder_t), pointer :: holder
+    real(wp), allocatable :: given(:)
+    integer :: i
 
     allocate (holder)
     handle = int(transfer(c_loc(holder), 0_c_intptr_t), c_long_long)
@@ -169,8 +171,13 @@ contains
     status = status_of(holder%session)
     if (status /= 0) return
     if (associated(holder%run)) call begin_run(holder%run)
-    if (associated(holder%sweep)) call list_cases(holder%sweep, lines_of(text_of(words)), real(numbers, wp))
-    if (associated(holder%cycles)) call find(what, holder%cycles, text_of(words), real(numbers, wp))
+    ! Very many numbers have no room on the stack.
+    allocate (given(size(numbers)))
+    do i = 1, size(numbers)
+      given(i) = real(numbers(i), wp)
+    end do
+    if (associated(holder%sweep)) call list_cases(holder%sweep, lines_of(text_of(words)), given)
+    if (associated(holder%cycles)) call find(what, holder%cycles, text_of(words), given)
     status = status_of(holder%session)
   end subroutine make
 
@@ -693,10 +700,14 @@ contains
     real(c_double), intent(in) :: instants(n)
     type(holder_t), pointer :: held
     real(wp), allocatable :: taken(:)
+    integer :: i
 
     held => holder_of(handle)
-    ! Not by assignment: gfortran 12 writes beside the component.
-    allocate (taken(n), source=real(instants, wp))
+    ! Very many have no room on the stack.
+    allocate (taken(n))
+    do i = 1, n
+      taken(i) = real(instants(i), wp)
+    end do
     call move_alloc(taken, held%run%simulation%instants)
   end subroutine run_instants
 

@@ -131,6 +131,8 @@ def sweep(
             f"executor = {shown(executor)}: give a concurrent.futures.Executor, like ProcessPoolExecutor(), client.get_executor() "
             "of dask.distributed, or MPIPoolExecutor() of mpi4py"
         )
+    import xarray  # noqa: F401, PLC0415  (slow to import: before the cases, so that none are lost if it cannot be)
+
     threads = len(os.sched_getaffinity(0)) if threads is None else whole("threads", threads, least=1)
     with _native.Sweep(scene.source, axes, points) as core:
         if scene.groups().get("sweep", {}).get("keep") == "series":

@@ -69,16 +69,22 @@ class Work:
     ) -> None:
         """Run all cases in an executor, else in so many threads of this process; Ctrl-C ends it early.
 
-        Tasks that have not begun are then cancelled, and those in this process stop; tasks elsewhere end later, and their results are
-        ignored.
+        Threads share the core, which has read the deck and its files. Tasks that have not begun are cancelled at the end, and those in
+        this process stop; tasks elsewhere end later, and their results are ignored.
         """
         threads = min(threads, self._core.cases, MOST_THREADS)
         pool = ThreadPoolExecutor(threads) if executor is None else executor
         workers = threads if executor is None else _workers_of(executor)
         token = os.urandom(16).hex()
         going_on: dict[Future[_Answer], int] = {}
+
+        def submit(first: int, count: int) -> Future[_Answer]:
+            if executor is None:
+                return pool.submit(_run_cases, self._core, first, count)
+            return pool.submit(_run_task, self._task(deck, first, count, token))
+
         try:
-            self._run(deck, token, pool, going_on, workers, show)
+            self._run(submit, going_on, workers, show)
         except KeyboardInterrupt:
             self.stopped = True
         finally:
@@ -86,6 +92,8 @@ class Work:
                 # However often Ctrl-C is pressed: the threads end, and what they have finished is kept.
                 try:
                     _given_up.add(token)
+                    if executor is None:
+                        self._core.stop()
                     left = [future for future in going_on if not future.cancel()]
                     wait(left, None if executor is None else 0.0)
                     for future in left:
@@ -99,9 +107,7 @@ class Work:
 
     def _run(
         self,
-        deck: _native.DeckSource,
-        token: str,
-        executor: Executor,
+        submit: Callable[[int, int], Future[_Answer]],
         going_on: dict[Future[_Answer], int],
         workers: int,
         show: Callable[[float], None],
@@ -114,7 +120,7 @@ class Work:
             while first < self._core.cases and len(going_on) < TASKS_PER_WORKER * workers:
                 left = self._core.cases - first
                 count = min(left, max(fewest, min(count, math.ceil(left / (4 * workers)))))
-                going_on[executor.submit(_run_task, self._task(deck, first, count, token))] = first
+                going_on[submit(first, count)] = first
                 first += count
             for future in wait(going_on, _native.CHUNK_SECONDS, FIRST_COMPLETED).done:
                 answer = future.result()
@@ -165,6 +171,12 @@ class _Answer(NamedTuple):
 
 _given_up: set[str] = set()
 """Tokens of sweeps that have ended early."""
+
+
+def _run_cases(core: _native.Sweep, first: int, count: int) -> _Answer:
+    """Run a few cases in a thread of the process that has the sweep."""
+    begun = time.perf_counter()
+    return _Answer(core.run(first, count), time.perf_counter() - begun)
 
 
 def _run_task(task: _Task) -> _Answer:

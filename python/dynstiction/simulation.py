@@ -178,8 +178,7 @@ class Simulation(_native.Closing):
             deck=self._scene.text,
             resolved_deck=self._core.resolved_deck,
         )
-        if self.finished:
-            self._last = result
+        self._last = result
         return result
 
     def step_to(self, time: float) -> None:
@@ -254,6 +253,7 @@ class Simulation(_native.Closing):
                         show(self._time)
                 except KeyboardInterrupt:
                     if not self.finished:
+                        self._last = None
                         self._time = self._reached
                     raise interrupted(
                         f"stopped at t = {self._time:g} of {self._t_end:g} s; `partial` has the result until then",
@@ -282,6 +282,7 @@ class Simulation(_native.Closing):
     def _advance(self, until: float) -> bool:
         """Advance for a while, at most to `until`; return whether `until` has been reached, or the run has ended before."""
         reached = False
+        self._last = None
         if self._closing:
             raise UsageError("the simulation is closed: make a new one")
         if self._outcome is None:

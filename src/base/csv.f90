@@ -71,10 +71,24 @@ contains
       end if
       next = last + 2
     end do
-    table%values = table%values(:, :n)
-    table%line = table%line(:n)
+    call remove_spare_room()
 
   contains
+
+    !> There may be very many rows: not on the stack.
+    subroutine remove_spare_room()
+      real(wp), allocatable :: values(:, :)
+      integer, allocatable :: lines_of_rows(:)
+      integer :: k
+
+      allocate (values(size(table%values, 1), n), lines_of_rows(n))
+      do k = 1, n
+        values(:, k) = table%values(:, k)
+        lines_of_rows(k) = table%line(k)
+      end do
+      call move_alloc(values, table%values)
+      call move_alloc(lines_of_rows, table%line)
+    end subroutine remove_spare_room
 
     !> The first line, and room for the others.
     subroutine read_names()

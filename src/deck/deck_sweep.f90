@@ -143,11 +143,13 @@ contains
     integer, intent(in) :: i
     character(:), allocatable :: problem
     character(longest_text), allocatable :: spacing(:)
-    real(wp) :: first, last
+    real(wp) :: first, last, number
     logical :: is_log
 
-    if (abs(element('count') - anint(element('count'))) > 0.0_wp) call deck%refuse(sweep_group, 'count', &
-      real_text(element('count'))//' is no whole number: count says how many values '//name//' has')
+    number = element('count')
+    if (ieee_is_nan(number)) number = 1.0_wp
+    if (abs(number - anint(number)) > 0.0_wp) call deck%refuse(sweep_group, 'count', &
+      real_text(number)//' is no whole number: count says how many values '//name//' has')
     problem = variation_problem(deck, name)
     if (problem /= '') then
       call deck%refuse(sweep_group, 'parameter', problem)
@@ -181,8 +183,9 @@ contains
       character(*), intent(in) :: key
       real(wp), intent(in) :: value
 
+      if (ieee_is_nan(value)) return
       problem = range_problem(varied_key(name), value)
-      if (problem /= '' .and. .not. ieee_is_nan(value)) call deck%refuse(sweep_group, key, problem)
+      if (problem /= '') call deck%refuse(sweep_group, key, problem)
     end subroutine check_limit
   end subroutine check_axis
 

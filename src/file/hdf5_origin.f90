@@ -101,7 +101,10 @@ contains
     call get_value(file, 'complete', complete, h5)
     call get_value(file, 'result_text', ending, h5)
     text = ''
-    if (h5%status < 0 .or. program /= this_program) return
+    if (h5%status < 0 .or. program /= this_program) then
+      call close_file(file, h5)
+      return
+    end if
     text = 'run'
     if (exists(file, 'sweep')) then
       text = 'sweep'
@@ -115,6 +118,7 @@ contains
     else
       text = text//rows_of_run(file)
     end if
+    call close_file(file, h5)
   end function description
 
   !> The length of a run, and its summary.

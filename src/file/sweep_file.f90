@@ -462,17 +462,17 @@ contains
     type(hdf5_t), intent(inout) :: h5
     integer, parameter :: chunk = 1024
     type(dataset_t) :: cases, texts
-    integer, allocatable :: failed(:)
     integer :: i
 
     call create_dataset(self%id, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, as_int32, &
       is_scale=.true., inside='sweep/failures')
     call create_dataset(self%id, quantity_t('result_text', '1', 'why it failed'), chunk, texts, h5, inside='sweep/failures')
     call attach_scale(texts, cases, 0, h5)
-    failed = pack([(i, i=1, self%rows)], self%code > 0)
-    call write_rows(cases, 0_hsize_t, size(failed, kind=hsize_t), real(self%share%case_of(failed), real64), h5)
-    do i = 1, size(failed)
-      call append_text(texts, self%message(failed(i))%text, h5)
+    ! One by one: very many have no room on the stack.
+    do i = 1, self%rows
+      if (self%code(i) <= 0) cycle
+      call write_rows(cases, cases%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
+      call append_text(texts, self%message(i)%text, h5)
     end do
   end subroutine write_failures
 

@@ -114,7 +114,7 @@ contains
           if (.not. min(trace(own), rigidity(own, side, ratio)) > 0.0_wp) cycle
           angle = atan2(sqrt(ratio), sqrt(1.0_wp - ratio))
           if (side == 2) angle = atan2(sqrt(1.0_wp - ratio), sqrt(ratio))
-          square = rigidity(own, side, ratio)/(trace(own)*own%mass)
+          square = crossing(own, side, ratio)/own%mass
           call check_finite('the frequency at the critical angle', [square], error)
           if (allocated(error)) return
           branch = merge(low_branch, fast_branch, square*own%mass <= sqrt(product(own%stiffness)))
@@ -171,6 +171,25 @@ contains
     term = damping_terms(own, side)
     rigidity = own%stiffness(1)*(term(2, 1) + square*term(2, 2)) + own%stiffness(2)*(term(1, 1) + square*term(1, 2))
   end function rigidity
+
+  !> p = m omega^2 where G vanishes, at sin^2(phi), or at cos^2(phi). R/S loses digits if one spring is much stiffer; it tells which of
+  !> the two solutions of (k_x - p)(k_y - p) = p E/m it is.
+  pure real(wp) function crossing(own, side, square)
+    type(perturbed_t), intent(in) :: own
+    integer, intent(in) :: side
+    real(wp), intent(in) :: square
+    real(wp) :: term(3, 2), coupling, root_sum, gap, p(2)
+
+    term = damping_terms(own, side)
+    coupling = (term(3, 1) + square*term(3, 2))/own%mass
+    root_sum = sum(sqrt(own%stiffness))
+    gap = ((own%stiffness(2) - own%stiffness(1))/root_sum)**2 + coupling
+    crossing = rigidity(own, side, square)/trace(own)
+    if (.not. gap > 0.0_wp) return
+    p(2) = 0.5_wp*(sum(own%stiffness) + coupling + sqrt(gap)*sqrt(root_sum**2 + coupling))
+    p(1) = product(own%stiffness)/p(2)
+    crossing = p(minloc(abs(log(p/crossing)), 1))
+  end function crossing
 
   !> The zeros of G in sin^2(phi), or in cos^2(phi), the smaller one first; 2 if there are none.
   pure function zeros_of_stability(own, side) result(zeros)

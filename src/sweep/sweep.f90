@@ -255,6 +255,9 @@ contains
       share = real(i - 1, wp)/real(max(1, count - 1), wp)
       if (spacing == 'log') then
         values(i) = first*(last/first)**share
+        ! The ratio may be beyond the range of the numbers.
+        if (.not. abs(values(i)) <= max(abs(first), abs(last))) &
+          values(i) = sign(exp((1.0_wp - share)*log(abs(first)) + share*log(abs(last))), first)
       else
         values(i) = first + (last - first)*share
       end if

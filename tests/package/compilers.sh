@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # tests/package/compilers.sh [--full [NAME]...]: builds the program with other compilers and flags. Each build runs
-# the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-11. By
+# the unit tests and Fig. 3 of the paper: 5398 sticks, and numbers that agree with those of the installed program within 1e-10. By
 # radau9, the eigenvectors of whose five stages have a condition number of 95: those of radau13 have 1,170, and its roundoff is 10 times larger.
 #
 #   --full   all builds, or those named, also with products and sums that are rounded together; without it LLVM's flang
@@ -48,7 +48,8 @@ assert len(compared) > 20
 difference = {key: float(np.max(np.abs(here[key] - there[key])) / (largest(key) or 1.0)) for key in compared}
 worst = max(difference, key=difference.__getitem__)
 print(f"largest difference: {difference[worst]:.1e}, of {worst}")
-assert difference[worst] < 1e-11
+# Newton's method leaves 1e-3 rtol, 1e-11: where the last digits differ it may end an iteration earlier.
+assert difference[worst] < 1e-10
 END
 }
 

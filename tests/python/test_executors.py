@@ -18,6 +18,7 @@ from subprocess import PIPE
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction import _sweep_work
 from programs import ROOT, SCRIPT, Program
 from sweeps import GRID, SCENE
 
@@ -58,6 +59,22 @@ def test_results_do_not_depend_on_the_engine(executor: Executor) -> None:
     points = {"misalignment_deg": [3.0, 1.0, 2.0], "velocity": [2e-3, 1e-3, 3e-3]}
     assert same(ds.sweep(SHORT, points, points=True, executor=executor), ds.sweep(SHORT, points, points=True))
     assert same(ds.sweep(LANES, ANGLES, method="rodas4p", executor=executor), ds.sweep(LANES, ANGLES, method="rodas4p"))
+
+
+def test_threads_read_the_deck_and_its_files_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that changes while cases run changes none of them."""
+    table = tmp_path / "law.csv"
+    table.write_text("table_speed,table_mu\n0,0.2\n0.01,0.17\n0.1,0.15\n")
+    scene = ds.Scene(ROOT / "inputs" / "fig3.nml", law="table", table=str(table), mu_0=None, mu_inf=None, v_f=None, t_end=0.05)
+    expected = ds.sweep(scene, ANGLES, threads=1)
+    begin = _sweep_work.Work.run
+
+    def without_file(self: _sweep_work.Work, *args: object) -> None:
+        table.unlink()
+        begin(self, *args)
+
+    monkeypatch.setattr(_sweep_work.Work, "run", without_file)
+    assert same(ds.sweep(scene, ANGLES, threads=2), expected)
 
 
 def test_cycles_and_failures_come_back(executor: Executor) -> None:

@@ -226,6 +226,14 @@ def test_windows(ds):
     np.testing.assert_allclose(swapped.angle, 90 - found.angle, rtol=1e-13)
 
 
+@pytest.mark.parametrize("stiffness", [1e12, 1e15])
+def test_frequency_beside_a_rigid_axis(ds, stiffness):
+    """That of the mass on the soft spring, with all digits: the correction is of the order of k_x/k_y."""
+    found = ds.critical_misalignment(**{**FIG3, "stiffness_y": stiffness})
+    assert found.frequency[0] == pytest.approx(np.sqrt(FIG3["stiffness_x"] / FIG3["mass"]), rel=1e-6)
+    assert found.frequency[1] == pytest.approx(np.sqrt(stiffness / FIG3["mass"]), rel=1e-6)
+
+
 def test_a_window_needs_a_stiff_axis(ds):
     """(sqrt(k_y) - sqrt(k_x))^2 > |F'| F/(V m), that is k_y/k_x > 391.9; the eigenvalues agree."""
     force, slope = friction(**FIG3)

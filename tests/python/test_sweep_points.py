@@ -102,3 +102,8 @@ def test_a_list_is_a_csv_file(sweep, tmp_path):
         file["drive.velocity"] = VELOCITIES
     done = sweep.run("a.h5", "--set", "sweep.points=cases.h5", status=3)
     assert done.stderr.startswith(f"dynstiction: {tmp_path}/cases.h5: is an HDF5 file: write its columns as CSV")
+
+
+def test_very_long_lists_need_no_stack(sweep, tmp_path):
+    (tmp_path / "cases.csv").write_text("system.misalignment_deg,drive.velocity\n" + "1.5,1e-3\n" * 600_000)
+    sweep.program("check", sweep.deck, status=0)
