@@ -39,7 +39,9 @@ def pytest_report_header() -> list[str]:
     library = next((file for folder in sys.path for file in Path(folder).glob("dynstiction/_core*.so")), None)
     named = Path(os.environ.get("DYNSTICTION_EXE", ""))
     if library is not None and named.is_file() and named.stat().st_mtime > library.stat().st_mtime + 60.0:
-        lines.append(f"{library} is older than {named}: tests of the package test the former core; tools/run.sh installs the new one")
+        lines.append(
+            f"{library} is older than {named}: tests of the package test the former core; tools/run.sh installs the new one"
+        )
     return lines
 
 

@@ -55,7 +55,9 @@ def main() -> None:
         components.append(f"    {TYPES[kind]} :: {name} = {start}   !! {unit}")
         value = "value" if kind == "real" else "nint(value, int64)"
         cases.append(f"    case ('{name}')\n      self%{name} = {value}")
-    output.write_text(MODULE.format(components="\n".join(components), cases="\n".join(cases)), encoding="utf-8")
+    output.write_text(
+        MODULE.format(components="\n".join(components), cases="\n".join(cases)), encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

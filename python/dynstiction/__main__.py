@@ -485,7 +485,6 @@ def _animate(options: argparse.Namespace) -> None:
         raise UsageError(f"--from {start:g} is not before --to {options.to:g}: exchange them")
     if options.output.suffix:
         check_outputs([options.output], [options.file], overwrite=options.overwrite)
-
     animate(
         _open(options.file),
         options.output,

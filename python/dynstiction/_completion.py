@@ -91,4 +91,7 @@ def _words(kind: str, typed: str) -> Iterable[str]:
         else [f"{key}=" for key in keys],
         "KEY=": [f"{n}=" for n, key in keys.items() if key["kind"] in ("real", "reals")],
     }
-    return words.get("KEY=" if kind.startswith("KEY=") else kind, filter(str.islower, kind.split("|")) if "|" in kind else [])
+    return words.get(
+        "KEY=" if kind.startswith("KEY=") else kind,
+        filter(str.islower, kind.split("|")) if "|" in kind else [],
+    )

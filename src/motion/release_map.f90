@@ -344,7 +344,7 @@ contains
       if (.not. known%is_parted .and. steps_left(self) >= real(points(self), wp)*steps_each(self)) then
         if (passage%turns_back()) then
           if ((known%passages >= many*points(self) .and. known%expected - real(known%passages, wp) >= enough .or. &
-            known%slips >= first_passages .and. slips >= 0.5_wp*enough) .and. &
+            known%slips >= first_passages .and. slips >= profit*real(points(self), wp)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
         else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then

@@ -244,6 +244,7 @@ contains
     real(wp), allocatable, intent(out) :: values(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: share
+    logical :: wide
     integer :: i, status
 
     allocate (values(count), stat=status)
@@ -251,13 +252,17 @@ contains
       call raise(error, out_of_memory, 'no memory for '//integer_text(count)//' values of a parameter: use a smaller count')
       return
     end if
+    ! The ratio or the difference of the limits may overflow.
+    wide = max(abs(first), abs(last)) > sqrt(huge(first))
+    if (spacing == 'log') wide = wide .or. min(abs(first), abs(last)) < sqrt(tiny(first))
     do i = 1, count
       share = real(i - 1, wp)/real(max(1, count - 1), wp)
-      if (spacing == 'log') then
+      if (spacing == 'log' .and. wide) then
+        values(i) = sign(exp((1.0_wp - share)*log(abs(first)) + share*log(abs(last))), first)
+      else if (spacing == 'log') then
         values(i) = first*(last/first)**share
-        ! The ratio may be beyond the range of the numbers.
-        if (.not. abs(values(i)) <= max(abs(first), abs(last))) &
-          values(i) = sign(exp((1.0_wp - share)*log(abs(first)) + share*log(abs(last))), first)
+      else if (wide) then
+        values(i) = (1.0_wp - share)*first + share*last
       else
         values(i) = first + (last - first)*share
       end if

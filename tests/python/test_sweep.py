@@ -74,3 +74,20 @@ def test_a_partial_file_opens_with_a_warning(sweep, tmp_path):
     with pytest.warns(ds.IncompleteWarning, match="30 of 60 cases have not been run"):
         data = ds.open(tmp_path / "h.h5")
     assert np.count_nonzero(data["result_code"] == -1) == np.count_nonzero(np.isnan(data["final_u_x"])) == 30
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "spacing", "expected"),
+    [
+        (-9.6e307, 9.6e307, "linear", [-9.6e307, -4.8e307, 0.0, 4.8e307, 9.6e307]),
+        (9.2e307, -9.0e307, "linear", [9.2e307, 4.65e307, 1.0e306, -4.45e307, -9.0e307]),
+        (1.0e-300, 1.0e300, "log", [1.0e-300, 1.0e-150, 1.0, 1.0e150, 1.0e300]),
+        (-1.0e300, -1.0e-300, "log", [-1.0e300, -1.0e150, -1.0, -1.0e-150, -1.0e-300]),
+        (1.0e-306, 1.0e-302, "log", [1.0e-306, 1.0e-305, 1.0e-304, 1.0e-303, 1.0e-302]),
+    ],
+)
+def test_limits_whose_difference_or_ratio_is_beyond_the_range_of_the_numbers(tmp_path, first, last, spacing, expected):
+    limits = f" parameter = 'initial.elongation_x'\n first = {first!r}\n last = {last!r}\n"
+    sweep = Sweep(tmp_path, f"{SCENE}&sweep\n{limits} count = 5\n spacing = '{spacing}'\n/\n")
+    sweep.run("wide.h5", "--set", "scene.t_end=1e-4")
+    assert values(tmp_path / "wide.h5")["initial.elongation_x"] == pytest.approx(expected, rel=1e-12, abs=0.0)

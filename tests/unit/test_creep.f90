@@ -34,31 +34,16 @@ contains
       [1.89114e-2_wp, 9.79567e-3_wp, 4.97179e-3_wp, 2.50299e-3_wp, 1.2556e-3_wp, 6.28802e-4_wp]
     real(wp), parameter :: third(6) = &
       [2.36619e-4_wp, 2.96666e-5_wp, 3.7127e-6_wp, 4.64322e-7_wp, 5.80536e-8_wp, 7.25749e-9_wp]
-    type(creep_t) :: creep(6)
+    type(creep_t) :: creep(6), form(6)
 
     creep = creep_exact(phi, 0.0_wp, 0.5_wp)
-    call check_digits('Eq. (8), first power', abs(x_rate_of('first_power', phi, 0.5_wp) - creep%x_rate), first_power)
-    call check_digits('Eq. (8) as printed', abs(x_rate_of('printed', phi, 0.5_wp) - creep%x_rate), printed)
-    call check_digits('third order', abs(x_rate_of('third_order', phi, 0.5_wp) - creep%x_rate), third)
+    form = creep_asymptotic('first_power', phi, 0.5_wp)
+    call check_digits('Eq. (8), first power', abs(form%x_rate - creep%x_rate), first_power)
+    form = creep_asymptotic('printed', phi, 0.5_wp)
+    call check_digits('Eq. (8) as printed', abs(form%x_rate - creep%x_rate), printed)
+    form = creep_asymptotic('third_order', phi, 0.5_wp)
+    call check_digits('third order', abs(form%x_rate - creep%x_rate), third)
   end subroutine test_table
-
-  elemental real(wp) function x_rate_of(form, phi, tau)
-    character(*), intent(in) :: form
-    real(wp), intent(in) :: phi, tau
-    type(creep_t) :: creep
-
-    creep = creep_asymptotic(form, phi, tau)
-    x_rate_of = creep%x_rate
-  end function x_rate_of
-
-  elemental real(wp) function position_of(form, phi, tau)
-    character(*), intent(in) :: form
-    real(wp), intent(in) :: phi, tau
-    type(creep_t) :: creep
-
-    creep = creep_asymptotic(form, phi, tau)
-    position_of = creep%position
-  end function position_of
 
   !> Six digits: half a unit of the last one.
   subroutine check_digits(name, actual, expected)
@@ -73,17 +58,20 @@ contains
 
   subroutine test_orders()
     real(wp), parameter :: phi(2) = [0.02_wp, 0.01_wp]*degree, tau(3) = [0.25_wp, 0.5_wp, 0.8_wp]
-    type(creep_t) :: creep(2)
+    type(creep_t) :: creep(2), form(2)
     real(wp) :: error(2)
     integer :: i
 
     do i = 1, 3
       creep = creep_exact(phi, 0.0_wp, tau(i))
-      error = abs(x_rate_of('first_power', phi, tau(i)) - creep%x_rate)
+      form = creep_asymptotic('first_power', phi, tau(i))
+      error = abs(form%x_rate - creep%x_rate)
       call check_order('first power', error(1), error(2), 2.0_wp, 2.0_wp, 0.05_wp)
-      error = abs(x_rate_of('printed', phi, tau(i)) - creep%x_rate)
+      form = creep_asymptotic('printed', phi, tau(i))
+      error = abs(form%x_rate - creep%x_rate)
       call check_order('printed', error(1), error(2), 2.0_wp, 1.0_wp, 0.05_wp)
-      error = abs(x_rate_of('third_order', phi, tau(i)) - creep%x_rate)
+      form = creep_asymptotic('third_order', phi, tau(i))
+      error = abs(form%x_rate - creep%x_rate)
       call check_order('third order', error(1), error(2), 2.0_wp, 3.0_wp, 0.05_wp)
     end do
   end subroutine test_orders
@@ -93,6 +81,7 @@ contains
   subroutine test_positions_of_the_forms()
     real(wp), parameter :: phi(3) = [1.0e-8_wp, 1.0e-3_wp, 0.1_wp]
     real(wp), parameter :: tau(9) = [1.0e-9_wp, 1.0e-4_wp, 1.0e-2_wp, 0.05_wp, 0.0999_wp, 0.1001_wp, 0.3_wp, 0.7_wp, 0.99_wp]
+    type(creep_t) :: form
     real(wp) :: worst(4)
     real(qp) :: angle, t, root, half
     integer :: i, j
@@ -104,10 +93,12 @@ contains
         t = real(tau(j), qp)
         root = sqrt(1.0_qp - t**2)
         half = 0.5_qp*(asin(t) - t*root)
-        worst(1) = max(worst(1), off(position_of('first_power', phi(i), tau(j)), angle*(angle*t + 1.0_qp - root)))
-        worst(2) = max(worst(2), off(position_of('third_order', phi(i), tau(j)), &
-          angle*(1.0_qp - root) + angle**2*(t + atanh(t) - t/root)))
-        associate (error => off(position_of('printed', phi(i), tau(j)), angle*(angle*t + half)))
+        form = creep_asymptotic('first_power', phi(i), tau(j))
+        worst(1) = max(worst(1), off(form%position, angle*(angle*t + 1.0_qp - root)))
+        form = creep_asymptotic('third_order', phi(i), tau(j))
+        worst(2) = max(worst(2), off(form%position, angle*(1.0_qp - root) + angle**2*(t + atanh(t) - t/root)))
+        form = creep_asymptotic('printed', phi(i), tau(j))
+        associate (error => off(form%position, angle*(angle*t + half)))
           if (tau(j) < 0.1_wp) worst(3) = max(worst(3), error)
           worst(4) = max(worst(4), error)
         end associate
