@@ -456,7 +456,7 @@ contains
         call repeat_block(self, times)
         return
       end if
-      passage = self%block%passage(self%orbit%following)
+      passage = self%block%part(self%orbit%following)%passage
       if (passage%measure(duration) > longest) return
       self%orbit%number = self%orbit%following
       self%orbit%following = 1 + modulo(self%orbit%following, self%block%sum%count)
@@ -558,8 +558,8 @@ contains
     passage = self%orbit%passage
     begin = 0.0_wp
     if (self%repetitions == 0) return
-    passage = self%block%passage(k)
-    begin = self%block%begin(k)
+    passage = self%block%part(k)%passage
+    begin = self%block%part(k)%begin
   end subroutine passage_number
 
   !> Show passage number `k` of a repetition of the leap (0: the first one).
@@ -583,7 +583,7 @@ contains
     self%is_shown = .true.
     self%shown_number = 0
     if (passage%table(1) == 0) then
-      call self%shown%copy(self%block%recording(self%block%recorded(merge(k, self%orbit%number, self%repetitions > 0))))
+      call self%shown%copy(self%block%recording(self%block%part(merge(k, self%orbit%number, self%repetitions > 0))%recorded))
     else if (self%repetitions == 0 .or. k > most_described) then
       call self%maps(self%orbit%current)%describe(passage, self%shown, found)
     else

@@ -27,27 +27,21 @@ module dst_recording
     real(wp) :: nodal(0:max_degree, n_columns) = 0.0_wp
   end type kept_piece_t
 
-  !> What all pieces have of drive and system.
+  !> What all pieces have of drive and system, and the grids of polynomials: that of steps, that of steps near rest, and that of
+  !> closed forms.
   type :: shared_t
     type(drive_segment_t) :: drive
     real(wp) :: drive_coupling(max_components) = 0.0_wp
-    integer :: held = 0
+    integer :: held = 0, grids = 0
     logical :: is_polar = .false.
-  end type shared_t
-
-  !> The grids of polynomials: that of steps, that of steps near rest, and that of closed forms.
-  type :: grids_t
-    integer :: count = 0
     type(grid_t) :: grid(3)
-  end type grids_t
+  end type shared_t
 
   !> Consecutive pieces.
   type :: recording_t
     integer :: count = 0
     type(shared_t), private :: shared
-    type(grids_t), private :: grids
     type(kept_piece_t), allocatable :: kept(:)     !! valid up to `count`
-    real(wp), allocatable, private :: begin(:)     !! when each begins, side by side for `place_of`, s
   contains
     procedure :: clear
     procedure :: append
@@ -71,18 +65,20 @@ contains
     class(recording_t), intent(inout) :: self
     type(piece_t), intent(in) :: piece
     type(kept_piece_t), allocatable :: larger(:)
-    real(wp), allocatable :: longer(:)
     integer :: i
 
-    if (.not. allocated(self%kept)) allocate (self%kept(32), self%begin(32))
+    if (.not. allocated(self%kept)) allocate (self%kept(32))
     if (self%count == size(self%kept)) then
-      allocate (larger(2*self%count), longer(2*self%count))
+      allocate (larger(2*self%count))
       larger(:self%count) = self%kept
-      longer(:self%count) = self%begin
       call move_alloc(larger, self%kept)
-      call move_alloc(longer, self%begin)
     end if
-    if (self%count == 0) self%shared = shared_t(piece%drive, piece%drive_coupling, piece%held, piece%is_polar)
+    if (self%count == 0) then
+      self%shared%drive = piece%drive
+      self%shared%drive_coupling = piece%drive_coupling
+      self%shared%held = piece%held
+      self%shared%is_polar = piece%is_polar
+    end if
     self%count = self%count + 1
     associate (kept => self%kept(self%count))
       kept%from = piece%from
@@ -92,13 +88,13 @@ contains
       kept%step = piece%path%step
       kept%nodal = piece%path%nodal
       kept%grid = 0
-      do i = 1, self%grids%count
-        if (same_grid(self%grids%grid(i), piece%path%grid)) kept%grid = i
+      do i = 1, self%shared%grids
+        if (same_grid(self%shared%grid(i), piece%path%grid)) kept%grid = i
       end do
       if (kept%grid == 0) then
-        self%grids%count = min(size(self%grids%grid), self%grids%count + 1)
-        kept%grid = self%grids%count
-        self%grids%grid(kept%grid) = piece%path%grid
+        self%shared%grids = min(size(self%shared%grid), self%shared%grids + 1)
+        kept%grid = self%shared%grids
+        self%shared%grid(kept%grid) = piece%path%grid
       end if
       ! From its beginning on.
       if (self%count == 1) then
@@ -110,7 +106,6 @@ contains
         kept%from%time_rest = self%kept(self%count - 1)%to%time_rest
         kept%from%position = self%kept(self%count - 1)%to%position
       end if
-      self%begin(self%count) = kept%from%time
       call kept%to%later(kept%from, piece%from%until(piece%to%time) + piece%to%time_rest)
       kept%to%position = kept%from%position + (piece%to%position - piece%from%position)
       kept%nodal(:, column_position) = kept%nodal(:, column_position) + (kept%from%position - piece%from%position)
@@ -137,7 +132,7 @@ contains
       piece%drive_coupling = self%shared%drive_coupling
       piece%held = self%shared%held
       piece%is_polar = self%shared%is_polar
-      if (.not. same_grid(piece%path%grid, self%grids%grid(kept%grid))) piece%path%grid = self%grids%grid(kept%grid)
+      if (.not. same_grid(piece%path%grid, self%shared%grid(kept%grid))) piece%path%grid = self%shared%grid(kept%grid)
       piece%path%step = kept%step
       piece%path%nodal = kept%nodal
       piece%path%nodal(:, column_position) = kept%nodal(:, column_position) + begin%position
@@ -148,17 +143,10 @@ contains
   pure subroutine copy(self, other)
     class(recording_t), intent(inout) :: self
     type(recording_t), intent(in) :: other
-    integer :: i
 
     self%count = other%count
     self%shared = other%shared
-    self%grids%count = other%grids%count
-    ! They are large, and mostly the same.
-    do i = 1, other%grids%count
-      if (.not. same_grid(self%grids%grid(i), other%grids%grid(i))) self%grids%grid(i) = other%grids%grid(i)
-    end do
     self%kept = other%kept(:other%count)
-    self%begin = other%begin(:other%count)
   end subroutine copy
 
   pure logical function same_grid(one, other)
@@ -172,7 +160,7 @@ contains
     class(recording_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
 
-    place = last_begun(self%begin(:self%count), elapsed)
+    place = last_begun(self%kept(:self%count)%from%time, elapsed)
   end function place_of
 
   !> Duration [s].
@@ -201,10 +189,8 @@ contains
 
     call archive%serialise(c_loc(self%count), storage_size(self%count))
     call archive%serialise(c_loc(self%shared), storage_size(self%shared))
-    call archive%serialise(c_loc(self%grids), storage_size(self%grids))
     if (self%count == 0) return
-    if (archive%is_loading()) allocate (self%kept(self%count), self%begin(self%count))
+    if (archive%is_loading()) allocate (self%kept(self%count))
     call archive%serialise(c_loc(self%kept(1)), storage_size(self%kept), self%count)
-    self%begin(:self%count) = self%kept(:self%count)%from%time
   end subroutine serialise
 end module dst_recording

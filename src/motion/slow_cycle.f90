@@ -23,13 +23,17 @@ module dst_slow_cycle
     type(passage_t) :: whole
   end type totals_t
 
+  !> A passage, when it begins [s], and the number of its recording, 0 if it has none.
+  type :: part_t
+    type(passage_t) :: passage
+    real(wp) :: begin = 0.0_wp
+    integer :: recorded = 0
+  end type part_t
+
   !> Consecutive passages.
   type :: slow_cycle_t
     type(totals_t) :: sum
-    type(passage_t), allocatable :: passage(:)     !! valid up to `count`
-    !> When each begins [s], and the number of its recording, 0 if it has none.
-    real(wp), allocatable :: begin(:)
-    integer, allocatable :: recorded(:)
+    type(part_t), allocatable :: part(:)           !! valid up to `count`
     type(recording_t), allocatable :: recording(:) !! valid up to `recordings`
   contains
     procedure :: clear
@@ -63,12 +67,10 @@ contains
     if (.not. self%sum%is_complete) return
     call make_room(self)
     self%sum%count = self%sum%count + 1
-    self%passage(self%sum%count) = passage
-    self%begin(self%sum%count) = begin
-    self%recorded(self%sum%count) = 0
+    self%part(self%sum%count) = part_t(passage, begin)
     if (passage%table(1) > 0) return
     self%sum%recordings = self%sum%recordings + 1
-    self%recorded(self%sum%count) = self%sum%recordings
+    self%part(self%sum%count)%recorded = self%sum%recordings
     call self%recording(self%sum%recordings)%copy(recording)
     self%sum%pieces = self%sum%pieces + recording%count
   end subroutine append
@@ -85,7 +87,7 @@ contains
     call whole%go_on(other%sum%whole)
     self%sum%is_complete = self%sum%is_complete .and. other%sum%is_complete
     do i = 1, other%sum%count
-      call self%append(other%passage(i), other%recording(max(1, other%recorded(i))))
+      call self%append(other%part(i)%passage, other%recording(max(1, other%part(i)%recorded)))
     end do
     self%sum%whole = whole
   end subroutine join
@@ -97,34 +99,26 @@ contains
     type(state_t) :: end
 
     self%sum%whole%measure(duration) = self%sum%whole%measure(duration) + by
-    associate (last => self%passage(self%sum%count))
-      last%measure(duration) = last%measure(duration) + by
-    end associate
-    if (self%recorded(self%sum%count) == 0) return
-    associate (inside => self%recording(self%recorded(self%sum%count)))
-      end = inside%kept(inside%count)%to
-      call inside%kept(inside%count)%to%later(end, by)
+    associate (last => self%part(self%sum%count))
+      last%passage%measure(duration) = last%passage%measure(duration) + by
+      if (last%recorded == 0) return
+      associate (inside => self%recording(last%recorded))
+        end = inside%kept(inside%count)%to
+        call inside%kept(inside%count)%to%later(end, by)
+      end associate
     end associate
   end subroutine lengthen
 
   pure subroutine make_room(self)
     class(slow_cycle_t), intent(inout) :: self
-    type(passage_t), allocatable :: passage(:)
+    type(part_t), allocatable :: part(:)
     type(recording_t), allocatable :: recording(:)
-    real(wp), allocatable :: begin(:)
-    integer, allocatable :: recorded(:)
-    integer :: n
 
-    if (.not. allocated(self%passage)) allocate (self%passage(16), self%begin(16), self%recorded(16), self%recording(2))
-    if (self%sum%count == size(self%passage)) then
-      n = self%sum%count
-      allocate (passage(2*n), begin(2*n), recorded(2*n))
-      passage(:n) = self%passage
-      begin(:n) = self%begin
-      recorded(:n) = self%recorded
-      call move_alloc(passage, self%passage)
-      call move_alloc(begin, self%begin)
-      call move_alloc(recorded, self%recorded)
+    if (.not. allocated(self%part)) allocate (self%part(16), self%recording(2))
+    if (self%sum%count == size(self%part)) then
+      allocate (part(2*self%sum%count))
+      part(:self%sum%count) = self%part
+      call move_alloc(part, self%part)
     end if
     if (self%sum%recordings == size(self%recording)) then
       allocate (recording(2*self%sum%recordings))
@@ -138,7 +132,7 @@ contains
     class(slow_cycle_t), intent(in) :: self
     real(wp), intent(in) :: elapsed
 
-    place = last_begun(self%begin(:self%sum%count), elapsed)
+    place = last_begun(self%part(:self%sum%count)%begin, elapsed)
   end function place_of
 
   !> Save or load.
@@ -149,11 +143,8 @@ contains
 
     call archive%serialise(c_loc(self%sum), storage_size(self%sum))
     if (self%sum%count == 0) return
-    if (archive%is_loading()) allocate (self%passage(self%sum%count), self%begin(self%sum%count), self%recorded(self%sum%count), &
-      self%recording(max(1, self%sum%recordings)))
-    call archive%serialise(c_loc(self%passage(1)), storage_size(self%passage), self%sum%count)
-    call archive%serialise(c_loc(self%begin(1)), storage_size(self%begin), self%sum%count)
-    call archive%serialise(c_loc(self%recorded(1)), storage_size(self%recorded), self%sum%count)
+    if (archive%is_loading()) allocate (self%part(self%sum%count), self%recording(max(1, self%sum%recordings)))
+    call archive%serialise(c_loc(self%part(1)), storage_size(self%part), self%sum%count)
     do i = 1, self%sum%recordings
       call self%recording(i)%serialise(archive)
     end do
