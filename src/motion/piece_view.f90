@@ -109,8 +109,12 @@ contains
 
   pure real(wp) function least_friction(self)
     class(piece_view_t), intent(in) :: self
+    real(wp) :: speed(0:max_degree)
 
     least_friction = self%motion%slider%law%least_force
+    if (.not. self%piece%is_polar) return
+    call self%piece%path%speed_coefficients(speed)
+    least_friction = self%motion%slider%law%least_up_to(maxval(abs(speed(:self%piece%path%grid%degree))))
   end function least_friction
 
   subroutine load(self, degree, coefficient)

@@ -27,6 +27,7 @@ module dst_friction
   contains
     !> Force F(v) [N] and slope F'(v) [N s/m] at n slip speeds v [m/s].
     procedure(evaluate), deferred :: evaluate
+    procedure :: least_up_to
     procedure :: limit_after
     procedure :: limit_rate
     procedure :: holds_more
@@ -57,6 +58,7 @@ module dst_friction
     real(wp) :: viscosity = 0.0_wp
   contains
     procedure :: evaluate => evaluate_exponential
+    procedure :: least_up_to => least_exponential
   end type exponential_friction_t
 
   !> F through points (v, F), piecewise cubic and monotone where they are; constant above the last point.
@@ -99,6 +101,25 @@ contains
     if (name == 'constant') law%least_force = law%kinetic_limit
     if (name == 'table') law%least_force = normal_load*minval(mu)
   end subroutine new_friction_law
+
+  !> A lower bound of F [N] at all slip speeds up to this one [m/s].
+  pure real(wp) function least_up_to(self, speed) result(least)
+    class(friction_law_t), intent(in) :: self
+    real(wp), intent(in) :: speed
+
+    associate (unused => speed)
+    end associate
+    least = self%least_force
+  end function least_up_to
+
+  pure real(wp) function least_exponential(self, speed) result(least)
+    class(exponential_friction_t), intent(in) :: self
+    real(wp), intent(in) :: speed
+    real(wp) :: force(1), slope(1)
+
+    call self%evaluate(1, [speed], force, slope)
+    least = min(self%kinetic_limit, force(1) - self%viscosity*speed)
+  end function least_exponential
 
   !> The static limit [N] after so long a rest [s]: F_s + ageing ln(1 + age/ageing_time).
   elemental real(wp) function limit_after(self, age)
