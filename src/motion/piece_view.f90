@@ -30,7 +30,7 @@ module dst_piece_view
     procedure :: pull_polynomial
     procedure, nopass :: pull_turns
     procedure :: pull_at
-    procedure :: fastest
+    procedure :: rate_bounds
     procedure :: least_friction
   end type piece_view_t
 
@@ -238,27 +238,26 @@ contains
     end associate
   end subroutine force_polynomial
 
-  !> An upper bound of |X'| [m/s]. In polar unknowns, X' = v cos(theta - phi), from the ranges of v and theta.
-  real(wp) function fastest(self, enough)
+  !> Bounds of |X'| [m/s]. In polar unknowns, X' = v cos(theta - phi), from the ranges of v and theta.
+  function rate_bounds(self, enough) result(bounds)
     class(piece_view_t), intent(in) :: self
     real(wp), intent(in) :: enough
-    real(wp) :: coefficient(0:max_degree), rate(0:max_degree), velocity(2), angle(2)
+    real(wp) :: bounds(2), coefficient(0:max_degree), rate(0:max_degree), velocity(2), angle(2)
     type(state_t) :: state
     integer :: i
 
-    if (self%sticking) then
-      fastest = 0.0_wp
-      return
-    end if
+    bounds = 0.0_wp
+    if (self%sticking) return
     associate (path => self%piece%path, s => self%piece%path%grid%degree, along => self%motion%slider%along)
       if (self%piece%is_polar) then
         call path%speed_coefficients(coefficient)
-        fastest = maxval(abs(coefficient(:s)))
-        if (fastest <= enough) return
+        bounds = [max(0.0_wp, minval(coefficient(:s))), maxval(abs(coefficient(:s)))]
+        if (bounds(2) <= enough) return
         call path%grid%bernstein_coefficients(path%nodal(:, column_y + 1), coefficient)
         angle = [minval(coefficient(:s)), maxval(coefficient(:s))] - atan2(along(2), along(1))
-        ! The largest cosine is at an end, if there is no multiple of pi between.
-        if (floor(angle(1)/pi) == floor(angle(2)/pi)) fastest = fastest*maxval(abs(cos(angle)))
+        ! The extreme cosines are at the ends, if there is no multiple of pi between, and no zero.
+        if (floor(angle(1)/pi) == floor(angle(2)/pi)) bounds(2) = bounds(2)*maxval(abs(cos(angle)))
+        bounds(1) = merge(bounds(1)*minval(abs(cos(angle))), 0.0_wp, floor(angle(1)/pi + 0.5_wp) == floor(angle(2)/pi + 0.5_wp))
       else
         state = self%piece%from
         rate = 0.0_wp
@@ -270,8 +269,8 @@ contains
           rate(i) = dot_product(velocity, along)
         end do
         call path%grid%bernstein_coefficients(rate, coefficient)
-        fastest = maxval(abs(coefficient(:s)))
+        bounds = [max(0.0_wp, minval(coefficient(:s)), -maxval(coefficient(:s))), maxval(abs(coefficient(:s)))]
       end if
     end associate
-  end function fastest
+  end function rate_bounds
 end module dst_piece_view

@@ -46,7 +46,7 @@ module dst_stretch
     procedure(moment_at), deferred :: at
     procedure(friction_at), deferred :: friction
     procedure(load_polynomial), deferred :: load
-    procedure(bound_of_rate), deferred :: fastest
+    procedure(bounds_of_rate), deferred :: rate_bounds
     procedure(bound_of_friction), deferred :: least_friction
     procedure :: slip_along
     procedure :: duration
@@ -80,12 +80,13 @@ module dst_stretch
       real(wp), intent(out) :: coefficient(0:max_degree)
     end subroutine load_polynomial
 
-    !> An upper bound of |X'| [m/s] in the stretch; it need not be close if it is not above `enough`.
-    real(wp) function bound_of_rate(self, enough)
+    !> A lower and an upper bound of |X'| [m/s] in the stretch; they need not be close if the latter is not above `enough`.
+    function bounds_of_rate(self, enough) result(bounds)
       import :: stretch_t, wp
       class(stretch_t), intent(in) :: self
       real(wp), intent(in) :: enough
-    end function bound_of_rate
+      real(wp) :: bounds(2)
+    end function bounds_of_rate
 
     !> A lower bound of F(v) [N].
     pure real(wp) function bound_of_friction(self)
@@ -158,15 +159,18 @@ contains
     type(grid_t), intent(in) :: grid
     real(wp), intent(in) :: from, to
     type(part_t) :: part
-    real(wp) :: slowest
+    real(wp) :: slowest, largest, bounds(2)
 
     creep_time = (to - from)*self%duration()
     if (self%sticking) return
     associate (drive => [self%first%drive_velocity, self%last%drive_velocity])
       slowest = merge(minval(abs(drive)), 0.0_wp, product(drive) > 0.0_wp)
+      largest = maxval(abs(drive))
     end associate
-    if (self%fastest(tiny_rate*slowest) <= tiny_rate*slowest) return
+    bounds = self%rate_bounds(tiny_rate*slowest)
+    if (bounds(2) <= tiny_rate*slowest) return
     creep_time = 0.0_wp
+    if (bounds(1) > tiny_rate*largest) return
     do while (part%to < 1.0_wp)
       call next_part(self, grid, rate, part)
       associate (begin => max(from, part%from), end => min(to, part%to))
@@ -210,12 +214,13 @@ contains
     type(grid_t), intent(in) :: grid
     real(wp), intent(in) :: known
     type(part_t) :: part
-    real(wp) :: position(max_degree), here, speed
+    real(wp) :: position(max_degree), bounds(2), here, speed
     integer :: i, n
 
     largest = max(known, abs(self%first%rate), abs(self%last%rate))
     if (self%sticking) return
-    if (self%fastest(largest) <= largest) return
+    bounds = self%rate_bounds(largest)
+    if (bounds(2) <= largest) return
     do while (part%to < 1.0_wp)
       call next_part(self, grid, rate, part)
       associate (x => part%coefficient)

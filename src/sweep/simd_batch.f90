@@ -55,7 +55,7 @@ module dst_simd_batch
     procedure :: at
     procedure :: friction
     procedure :: load
-    procedure :: fastest
+    procedure :: rate_bounds
     procedure :: least_friction
   end type lane_step_t
 
@@ -294,17 +294,17 @@ contains
     coefficient(0:5) = self%batch%lanes%scene%stiffness(self%lane)*bernstein_from(self%u)
   end subroutine load
 
-  real(wp) function fastest(self, enough)
+  function rate_bounds(self, enough) result(bounds)
     class(lane_step_t), intent(in) :: self
     real(wp), intent(in) :: enough
-    real(wp) :: w(0:5)
+    real(wp) :: bounds(2), w(0:5)
     integer :: i
 
     associate (unused => enough)
     end associate
     w = bernstein_from(self%w)
-    fastest = maxval([(abs(rate_along(self%batch, self%lane, w(i))), i=0, 5)])
-  end function fastest
+    bounds = [0.0_wp, maxval([(abs(rate_along(self%batch, self%lane, w(i))), i=0, 5)])]
+  end function rate_bounds
 
   pure real(wp) function least_friction(self)
     class(lane_step_t), intent(in) :: self
