@@ -51,7 +51,7 @@ module dst_observation
     !> Whether they are smooth, so far as is known: all but the time in creep and the pull force; and the former, which has a kink where
     !> creep ends. (The latter has one where another of its peaks becomes the highest.)
     logical :: are_smooth = .true., creep_is_smooth = .true.
-    !> One of them; the coefficients (point, number) in Chebyshev polynomials, and the permitted errors.
+    !> One of them; the coefficients (number, point) in Chebyshev polynomials, and the permitted errors.
     type(observation_t), private :: like
     real(wp), allocatable, private :: coefficient(:, :)
     real(wp), private :: permitted(observed) = 0.0_wp
@@ -71,7 +71,7 @@ contains
     integer, intent(in) :: points
     type(observations_t), intent(out) :: observations
 
-    allocate (observations%coefficient(points, observed))
+    allocate (observations%coefficient(observed, points))
   end subroutine new_observations
 
   !> Whether there are any.
@@ -91,7 +91,7 @@ contains
     if (is_first) self%like = seen
     self%like%begins_to_slip = self%like%begins_to_slip .or. seen%begins_to_slip
     call compare(self, seen)
-    self%coefficient(j, :) = seen%value
+    self%coefficient(:, j) = seen%value
   end subroutine take
 
   !> Whether a passage may belong to the same smooth functions.
@@ -109,13 +109,15 @@ contains
     class(observations_t), intent(inout) :: self
     real(wp), intent(in) :: rtol, length
 
-    self%permitted = max(share*rtol, smooth)*maxval(abs(self%coefficient), dim=1)
-    self%permitted(largest_rate) = max(share*rtol, smooth_rate)*maxval(abs(self%coefficient(:, largest_rate)))
-    self%like%rate_error = self%permitted(largest_rate)
-    self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
-    self%permitted(pull + 1:pull + 3:2) = rough*maxval(abs(self%coefficient(:, pull + 1:pull + 3:2)))
-    self%like%pull_is_exact = self%like%ripple <= flat*maxval(abs(self%coefficient(:, pull:pull + 2:2)))
-    self%coefficient = chebyshev_coefficients(self%coefficient)
+    associate (largest => maxval(abs(self%coefficient), dim=2))
+      self%permitted = max(share*rtol, smooth)*largest
+      self%permitted(largest_rate) = max(share*rtol, smooth_rate)*largest(largest_rate)
+      self%like%rate_error = self%permitted(largest_rate)
+      self%permitted(first_turn + 2::3) = self%permitted(first_turn + 2::3) + roundoff*length
+      self%permitted(pull + 1:pull + 3:2) = rough*maxval(largest(pull + 1:pull + 3:2))
+      self%like%pull_is_exact = self%like%ripple <= flat*maxval(largest(pull:pull + 2:2))
+    end associate
+    self%coefficient = transpose(chebyshev_coefficients(transpose(self%coefficient)))
   end subroutine settle
 
   !> Compare with the passage at `x`.
@@ -141,12 +143,16 @@ contains
   pure type(observation_t) function at(self, x)
     class(observations_t), intent(in) :: self
     real(wp), intent(in) :: x
-    real(wp) :: polynomial(size(self%coefficient, 1))
+    real(wp) :: polynomial(size(self%coefficient, 2))
+    integer :: i
 
     call chebyshev_polynomials(size(polynomial), x, polynomial)
     at = self%like
     associate (n => first_turn - 1 + 3*min(most_turns, at%turns))
-      at%value(:n) = matmul(polynomial, self%coefficient(:, :n))
+      at%value(:n) = 0.0_wp
+      do i = 1, size(polynomial)
+        at%value(:n) = at%value(:n) + polynomial(i)*self%coefficient(:n, i)
+      end do
     end associate
   end function at
 

@@ -125,7 +125,8 @@ contains
       call here%later(begin, elapsed)
       ! Each begins where the one before ended.
       u(:, 1) = u(:, 2)
-      u(:, 2) = map%elongation(passage%to)
+      u(:, 2) = map%piece%to%u
+      if (map%repetitions > 0) u(:, 2) = map%elongation(passage%to)
       here%u = u(:, 1)
       here%position = map%moved(begin%position, map%piece%drive%velocity*elapsed, here%u - begin%u)
       is_known = .false.
@@ -185,8 +186,12 @@ contains
 
     associate (branch => map%maps(map%orbit%current)%branch(passage%table(1)), place => passage%table(2))
       x = branch%x_of(place, passage%from)
-      call branch%table(place)%seen%tell(x, passage, map%piece%drive%velocity, seen, is_known)
-      if (.not. is_known .and. branch%table(place)%panels > 0) call look_up_part(map, place, x, passage, seen, is_known)
+      is_known = .false.
+      associate (whole => branch%table(place)%seen)
+        if (branch%table(place)%panels > 0 .and. .not. (whole%are_smooth .and. whole%creep_is_smooth)) &
+          call look_up_part(map, place, x, passage, seen, is_known)
+        if (.not. is_known) call whole%tell(x, passage, map%piece%drive%velocity, seen, is_known)
+      end associate
     end associate
     is_known = is_known .and. (summary%has_slipped .or. .not. seen%begins_to_slip)
     ! Rates grow from lap to lap: that of the last one has to be known.
