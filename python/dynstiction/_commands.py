@@ -134,7 +134,7 @@ $ cycles my.nml --along drive.velocity=1e-4:1e-1
 compare DECK TRACE  compare a measured trace with a scene
 Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time
 and creep before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a
-table of text or an HDF5 file with time and force. Prints a table, draws a figure.
+table of text, or an HDF5, MATLAB or TDMS file. Prints a table, draws a figure.
 :trace
 --lateral COLUMN  the same for the lateral force, if it was measured
 --output FIGURE  default: TRACE with _compared.png, in the current folder; also .pdf, .svg
@@ -174,7 +174,7 @@ ARGUMENTS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "N": (int, ()),
     "COLUMN": (lambda text: int(text) if text.isdecimal() else text, ()),
     "DECK": (str, ("*.nml",)),
-    "TRACE": (str, ("*.csv", "*.h5")),
+    "TRACE": (str, ("*.csv", "*.h5", "*.mat", "*.tdms")),
     "FILE.h5": (Path, ("*.h5",)),
     "FILE": (str, ("*.h5",)),
     "NML": (Path, ("*.nml",)),

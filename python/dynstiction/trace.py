@@ -90,7 +90,7 @@ class Trace:
             lines = np.asarray(self.lines)
             if lines.shape != (n,) or lines.dtype.kind not in "iu":
                 raise UsageError("lines must be whole numbers, one a sample")
-            object.__setattr__(self, "lines", lines.astype(np.int64))
+            object.__setattr__(self, "lines", lines.astype(np.int64, copy=False))
         if n < NEEDED:
             raise FileError(f"{self.name}: has {n} samples: at least {NEEDED} are needed")
         self._check_numbers()

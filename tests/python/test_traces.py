@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import gzip
 import pickle
+import sys
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from dynstiction.trace_comparison import simulate_like
 from dynstiction.trace_cycles import mean_lateral, noise_level
 from dynstiction.trace_file import UNITS
 from programs import Program
+from scipy.io import savemat
 
 hypothesis = pytest.importorskip("hypothesis", reason="pip install hypothesis")
 st = hypothesis.strategies
@@ -78,12 +81,23 @@ HEADS = {
     "comment with another delimiter": "# t [ms], F [mN]\n",
     "preamble": "Test;friction\nDate;1.2.2024\nRate:;500 Hz\nBy;X\n\nt [ms];F [mN]\n",
     "LabVIEW": "LabVIEW Measurement\nWriter_Version;2\n***End_of_Header***\nTime;Force\nms;mN\n",
+    "LabVIEW's labels": "Samples;9\nDate;2024/02/01\nY_Unit_Label;mN\nDelta_X;1\nX_Value [ms];Force;Comment\n",
+    "a line below units": "Zeit;Kraft\nms;mN\nraw;raw\n",
+    "comments, names and units": "# time;force\n# ms;mN\n",
+    "units behind a sign above names": "# t [ms], F [mN]\ntime;force\n",
+    "units alone": "ms;mN\n",
+    "a rule": "t [ms];F [mN]\n------;------\n",
+    "units within names": "Time ms raw;[mN] Force\n",
+    "two brackets": "t {ms} (raw);F <mN> (filtered)\n",
 }
 MISREAD = {
     "unknown in round brackets": ("t (ms);F (pound)\n", "1600;1600", r"trace.csv:1: force is in 'pound', which is unknown"),
     "unknown after a slash": ("t/ms;F/V\n", "1600;1600", "force is in 'V'"),
     "units of no columns": ("# units: [mN] and [ms]\n", "1600;1600", "trace.csv:1: names units, but not 2 columns"),
     "thousands or decimals": ("t [ms];F [mN]\n", "1,600;1,600", "trace.csv:2: the comma in all numbers may be"),
+    "units of a label": ("Name;t;F\nUnit;ms;mN\n", "1600;1600", "trace.csv:2: names units, but not 2 columns"),
+    "decimal commas between commas": ("t,F\n", "1,600,1,600", "trace.csv:2: the comma may be a decimal one or separate columns"),
+    "times of day": ("t;F\n", "10:00:0,600;1,6", "time .column 0. is '10:00:0,600', no number: name a column of seconds"),
     "a damaged first line": ("t [ms];F [mN]\nabc;1.0\n", "1600;1600", "trace.csv:2: time .column 0. is 'abc'"),
 }
 
@@ -225,16 +239,51 @@ def test_hdf5_by_paths_and_units(tmp_path: Path) -> None:
     read = ds.read_trace(file, force="run/cell", units={"force": "mN"})
     np.testing.assert_allclose(read.time, time, rtol=1e-15)
     np.testing.assert_allclose(read.force, 1e-3 * force, rtol=1e-15)
-    with pytest.raises(ds.UsageError, match=r"no dataset 'force' or .* for force: name one of matrix, run/cell, time"):
+    with pytest.raises(ds.UsageError, match=r"which column is force\? Name it: the columns are 0 'matrix', 1 'run/cell', 2 'time'"):
         ds.read_trace(file)
-    with pytest.raises(ds.UsageError, match=r"/matrix has the shape \(3, 3\)"):
+    with pytest.raises(ds.UsageError, match=r"matrix has the shape \(3, 3\)"):
         ds.read_trace(file, force="matrix")
-    with pytest.raises(ds.UsageError, match="is an HDF5 file, which has no delimiter"):
+    with pytest.raises(ds.UsageError, match="is no text, and has no delimiter"):
         ds.read_trace(file, delimiter=",")
     cut = write(tmp_path, "", "cut.h5")
     cut.write_bytes(file.read_bytes()[:200])
     with pytest.raises(ds.FileError, match="cannot be read"):
         ds.read_trace(cut)
+
+
+def test_matlab_and_tdms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both kinds of MATLAB's files, one with its head before that of HDF5, and channels with units, the times of a waveform."""
+    time, force = (np.array(each) for each in zip(*ROWS, strict=True))
+    file = tmp_path / "trace.mat"
+    savemat(file, {"rig": {"time": time, "force": force, "note": "x"}})
+    reads = [ds.read_trace(file)]
+    with h5py.File(file, "w", userblock_size=512) as out:
+        for name, values in (("t", time), ("F", force), ("#refs#/a", force)):
+            out.create_dataset(name, data=values[np.newaxis]).attrs["MATLAB_class"] = np.bytes_("double")
+        out["note"] = np.array([[82], [105]], dtype=np.uint16)
+    reads.append(ds.read_trace(file))
+    nptdms = pytest.importorskip("nptdms", reason="pip install npTDMS")
+    file = tmp_path / "trace.tdms"
+    waveform = {"unit_string": "mN", "wf_increment": ROWS[1][0]}
+    with nptdms.TdmsWriter(file) as writer:
+        writer.write_segment([nptdms.ChannelObject("rig", name, 1e3 * force, waveform) for name in ("Force", "b", "c")])
+    for column in (None, "c", "rig/b"):
+        reads.append(ds.read_trace(file, force=column))
+    for read in reads:
+        np.testing.assert_allclose((read.time, read.force), (time, force), rtol=1e-14)
+    monkeypatch.setitem(sys.modules, "nptdms", None)
+    with pytest.raises(ds.PackageError, match=r"pip install dynstiction\[tdms\]"):
+        ds.read_trace(file)
+
+
+def test_a_long_table_needs_little_more_memory_than_its_numbers(tmp_path: Path) -> None:
+    file = tmp_path / "long.csv"
+    file.write_text("t [us];F\n" + "".join(f"{i};1.5\n" for i in range(200_000)))
+    tracemalloc.start()
+    ds.read_trace(file)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 200_000 * 80 + 10e6
 
 
 def test_the_file_of_a_run_is_a_trace(tmp_path: Path) -> None:
@@ -264,10 +313,10 @@ BAD_LINES = {
     "same time": (changed(12, "0.09,1"), r":12: time 0\.09 s is the one before: write times with more digits"),
     "gap": (table([*ROWS[:10], *ROWS[17:]], "time,force\n"), r":12: a gap of 0\.08 s before 0\.17 s, samples are 0\.01 s apart"),
     "nothing": ("\n# only this\n", r": has no samples"),
-    "names only": ("time,force\n", r":1: no columns of numbers are found: name the delimiter"),
-    "prose": ("a force\nthat was\nmeasured\nby hand\n", r":4: no columns of numbers are found: name the delimiter"),
+    "names only": ("time,force\n", r":1: no columns of numbers are found, as in .*: name the delimiter"),
+    "prose": ("a force\nthat was\nmeasured\nby hand\n", r":4: no columns of numbers are found, as in .*: name the delimiter"),
     "two samples": ("0,1\n1,2\n", r": has 2 samples: at least 3 are needed"),
-    "binary": ("\0\0\0", r": is not text: give a table of text, or an HDF5 file"),
+    "binary": ("\0\0\0", r": is not text: give a table of text, or an HDF5, MATLAB or TDMS file"),
 }
 
 
@@ -284,7 +333,7 @@ BAD_USE: dict[str, tuple[dict[str, Any], str]] = {
     "name": ({"force": "fource"}, r"force is to be column 'fource': the columns are 0 'time'"),
     "twice the name": ({"force": "x"}, r"2 columns are called 'x': give its number"),
     "the same": ({"time": "force", "force": 1}, r"time and force are the same column, 1"),
-    "taken": ({"force": "time"}, r"which column is time\? Name it: the columns are 0 'time'"),
+    "taken": ({"force": "time"}, r"time and force are the same column, 0"),
     "unit": (
         {"units": {"force": "pound"}},
         r"units: force in 'pound': the units are N, mN, cN, uN, nN, kN, gf, kgf, lbf; for another give its factor to N",
@@ -701,5 +750,5 @@ def test_a_compressed_table_says_its_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(trace.force, 1.0 + 1e-3 * np.arange(5))
     assert trace.units == trace.part(0.0, 3e-3).units == "time in ms, force in mN"
     (tmp_path / "b.csv.gz").write_bytes((tmp_path / "a.csv.gz").read_bytes()[:-9])
-    with pytest.raises(ds.FileError, match="cannot be decompressed"):
+    with pytest.raises(ds.FileError, match="cannot be read: Compressed file ended"):
         ds.read_trace(tmp_path / "b.csv.gz")
