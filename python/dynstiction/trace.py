@@ -197,6 +197,21 @@ class Trace:
         columns: Any = _at_interval(self._columns(), step)
         return replace(self, **columns, lines=None)
 
+    def averaged(self, count: int) -> Trace:
+        """The trace with one sample in place of so many, their mean.
+
+        Parameters
+        ----------
+        count : int
+            Number of samples of each mean; a rest at the end is left out.
+        """
+        whole_parts = self.time.size // whole("count", count, least=1) * count
+        columns: Any = {
+            quantity: values[:whole_parts].reshape(-1, count).mean(axis=1)
+            for quantity, values in self._columns().items()
+        }
+        return replace(self, **columns, lines=None)
+
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:
         """The trace with white noise added to the force.
 

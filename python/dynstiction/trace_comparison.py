@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Unpack
 import numpy as np
 
 from ._arguments import instance
+from ._run import run_sampled
 from .errors import FileError, UsageError, printable
 from .groups import Changes
 from .html import aligned, page_table
@@ -15,7 +16,15 @@ from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Chain, Trace
-from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
+from .trace_cycles import (
+    TraceCycles,
+    Waveform,
+    find_cycles,
+    fine_enough,
+    mean_lateral,
+    mean_slip,
+    mean_waveform,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,11 +35,13 @@ FEWEST, MOST = 12, 60
 """Number of cycles of a run that are compared: the least, and the largest unless the trace has more."""
 FACTOR = 2
 """Cycles of the run for each cycle of the trace: so many that the run adds little to the uncertainty."""
-CHUNK = 10.0
-"""A run continues for this many measured periods at a time; then its cycles are counted."""
-LONGEST = 100.0
-"""Measured periods after which a run without enough cycles ends, if `t_end` of the deck is not later."""
-MOST_SAMPLES = 50_000_000
+SETTLED, LONGEST = 1e-6, 100.0
+"""The period of a run is known when two cycles agree to this, or after so many measured periods, if `t_end` of the deck is not later."""
+BEGINNING = 4.0
+"""Periods of a run before the cycles that are counted."""
+OTHER_UNIT = 100.0
+"""Ratio of the periods of trace and run above which one of them is in another unit."""
+MOST_SAMPLES = 10_000_000
 """Largest number of samples of a run."""
 POINTS = 500
 """Phases of the mean waveforms."""
@@ -216,7 +227,7 @@ def compare(
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    return compared(scene, trace, find_cycles(trace), chain, noise)
+    return compared(scene, *fine_enough(trace), chain, noise)
 
 
 def compared(
@@ -276,42 +287,49 @@ def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statisti
 def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
     """The force of a settled run of a scene, sampled like a trace, without noise, from somewhat before the first slip.
 
-    With a constant drive velocity the run continues until it has four times as many cycles as the trace, at least 24 and at most 120
-    unless the trace has more, whatever the deck's `t_end` is, and the later half is returned. With another drive the run ends at `t_end`,
-    and the later half of its cycles is returned.
+    With a constant drive velocity the run has four times as many cycles as the trace, at least 24 and at most 120 unless the trace has
+    more, whatever the deck's `t_end` is, and the later half is returned. With another drive the run ends at `t_end`, and the later half
+    of its cycles is returned.
 
     Raises
     ------
     DeckError, SolverError
         As for `dynstiction.run`.
     UsageError
-        If the run has no stick-slip, or too few cycles.
+        If the run has no stick-slip, or too few cycles, or its period is not of the size of the trace's.
     """
-    n = len(cycles)
+    n, measured = len(cycles), cycles.means()["period"]
     wanted = max(FEWEST, min(FACTOR * n, MOST), n)
-    period = cycles.means()["period"]
-    values = scene.replace(
-        scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None, "fields": FIELDS}
+    with Simulation(scene) as asked:
+        end = asked.t_end
+    if np.unique(scene.groups().get("drive", {}).get("velocity", 0.0)).size == 1:
+        longest = max(end, LONGEST * measured)
+        quick = {"interval": longest, "fields": ["u_x"], "wall_limit": None}
+        summary = run_sampled(
+            scene, progress=False, scene={"settle": SETTLED, "t_end": longest}, output=quick
+        ).summary
+        period = summary.get("period", np.nan)
+        if not 1.0 / OTHER_UNIT < period / measured < OTHER_UNIT:
+            told = "no period" if np.isnan(period) else f"a period of {period:.3g} s"
+            raise UsageError(
+                f"{scene.name}: its run has no cycles to compare with the trace: it has {told}, and the trace one of {measured:.3g} s: change the "
+                "deck, or the unit of time (--unit time=ms); dynstiction stability shows where a deck has stick-slip"
+            )
+        end = (2.0 * wanted + BEGINNING) * period
+    if end / trace.interval > MOST_SAMPLES:
+        raise UsageError(
+            f"{trace.name}: a run to {end:.3g} s with a sample every {trace.interval:.3g} s would have more than {MOST_SAMPLES:.0e} samples: "
+            "give a trace with fewer samples a cycle"
+        )
+    output = {"interval": trace.interval, "fields": FIELDS, "wall_limit": None}
+    run = Trace.of(
+        run_sampled(scene, progress=False, scene={"settle": None, "t_end": end}, output=output),
+        trace.interval,
     )
-    steady = np.unique(scene.groups().get("drive", {}).get("velocity", 0.0)).size == 1
-    with Simulation(values) as asked:
-        t_end = asked.t_end
-    longest = max(t_end, LONGEST * period, 4.0 * wanted * period) if steady else t_end
-    longest = min(longest, max(MOST_SAMPLES * trace.interval, t_end))
-    with Simulation(values, scene={"t_end": longest}) as simulation:
-        until = max(CHUNK, 2.0 * wanted) * period if steady else longest
-        while True:
-            simulation.step_to(min(until, longest))
-            run = Trace.of(simulation.result, trace.interval)
-            try:
-                found = find_cycles(run)
-            except FileError as error:
-                if until >= longest:
-                    raise _without_cycles(scene, error) from None
-            else:
-                if len(found) >= 2 * wanted or until >= longest:
-                    break
-            until *= 1.5
+    try:
+        found = find_cycles(run)
+    except FileError as error:
+        raise _without_cycles(scene, error) from None
     # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept

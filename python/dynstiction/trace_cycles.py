@@ -25,6 +25,7 @@ __all__ = [
     "TraceCycles",
     "Waveform",
     "find_cycles",
+    "fine_enough",
     "mean_lateral",
     "mean_slip",
     "mean_waveform",
@@ -37,6 +38,10 @@ FEWEST_CYCLES = 3
 """Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
 """Least number of samples in a cycle."""
+ENOUGH_SAMPLES, ENOUGH_IN_FALL = 20_000, 100
+"""Numbers of samples in a cycle and in its fall above which a trace is averaged."""
+MANY = 1_000_000
+"""Number of samples in which cycles are found at first."""
 THRESHOLD = 0.3
 """Share of the usual fall by which the force must turn to count."""
 QUIET = 0.02
@@ -226,6 +231,27 @@ def find_cycles(trace: Trace) -> TraceCycles:
     )
 
 
+def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
+    """A trace with no more samples than its slips need, so that runs need no more, and its cycles."""
+    # Cycles are found faster in a part of very many samples, if it has enough for them.
+    for count in (trace.time.size // MANY, 1):
+        coarse = trace if count < 2 else trace.averaged(count)
+        try:
+            cycles = find_cycles(coarse)
+        except FileError:
+            if count < 2:
+                raise
+            continue
+        fall = 2.0 * float(np.mean(cycles.slips - cycles.onsets))
+        spare = min(cycles.means()["period"] / ENOUGH_SAMPLES, fall / ENOUGH_IN_FALL) / coarse.interval
+        if spare >= 2.0:
+            coarse = coarse.averaged(int(spare))
+            return coarse, find_cycles(coarse)
+        if spare >= 1.0 or count < 2:
+            break
+    return coarse, cycles
+
+
 def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
     """Mean of the force over the phase, from the middle of a slip to the middle of the next one.
 
@@ -329,9 +355,9 @@ def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
         window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
         smooth = _smoothed(force, window)
         left = noise / np.sqrt(window)
-        least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * usual)
+        least = max(ABOVE_NOISE * left, 0.5 * QUIET * usual)
         usual = _usual_size(np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)]))
-        if usual < ABOVE_NOISE * left or usual == 0.0:
+        if usual == 0.0:
             raise FileError(
                 f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise "
                 f"of {noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"

@@ -23,7 +23,7 @@ from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Chain, Trace
 from .trace_comparison import compared
-from .trace_cycles import find_cycles
+from .trace_cycles import fine_enough
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -581,8 +581,8 @@ def problem_of(
             raise UsageError(
                 "free: drive.velocity cannot be free with a displacement, which contains it: leave one of them out"
             )
-        cycles = find_cycles(one)
-        recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
+        fine, cycles = fine_enough(one)
+        recordings.append(Recording(rig, chain, fine, cycles, waveform_of(fine, cycles, abs(velocity))))
     return Problem(names, begin, known, bounds, ties, tuple(recordings))
 
 
