@@ -158,10 +158,11 @@ compare.
 --bound KEY=LEAST:LARGEST...  least and largest value of a free parameter; may be repeated
 --starts N  number of the slow model's starts that are completed (2)
 --seed N  seed of the random starts (0): the same seed gives the same bits
---kind KIND  the figure: waveform (default), cycles (each by itself, distributions of period and peak), corner
-  (the parameters two by two)
+--kind KIND  the figure: waveform (default), time (over time), cycles (each by itself, distributions of period and
+  peak), corner (the parameters two by two)
 --fitted NML  the fitted deck; default: TRACE with _fitted.nml, in the current folder
---output FIGURE  default: TRACE with _fitted.png, in the current folder; also .pdf, .svg
+--output FIGURE  default: TRACE with _fitted.png, in the current folder; also .pdf, .svg, and .html, a report with all
+  figures
 $ fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0
 $ fit my.nml slow.csv fast.csv --with drive.velocity=1e-3,5e-3 --free friction.mu_0,friction.mu_inf,friction.v_f
 $ fit my.nml trace.csv --free system.mass,chain.tare --known system.mass=0.4:0.01
