@@ -119,7 +119,7 @@ def test_a_report_has_all_figures_of_a_fit(found: ds.Fit, trace: ds.Trace) -> No
     assert np.nanmax(model.get_ydata()) == pytest.approx(found.fitted.max(), rel=0.01)
     _, period, peak, *_ = found.plot("cycles").axes
     for axis in (period, peak):
-        assert axis.get_legend_handles_labels()[1] == ["measured, 22 cycles", "simulated, 44 cycles"]
+        assert axis.get_legend_handles_labels()[1] == ["measured, 21 cycles", "simulated, 42 cycles"]
 
 
 def test_what_hangs_on_the_law_is_said(found: ds.Fit) -> None:

@@ -246,14 +246,8 @@ def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
                     way = sigma * root @ circle
                     axis.plot(middle[j] + width[j] * way[1], middle[i] + width[i] * way[0], color=colour)
     if len(places) > 1:
-        names = ("best values", "others that explain the traces")
-        legend_above(
-            figure,
-            [
-                Line2D([], [], color=each, label=name)
-                for each, name in zip((BLUE, VERMILION), names, strict=True)
-            ],
-        )
+        told = {"best values": BLUE, "others that explain the traces": VERMILION}
+        legend_above(figure, [Line2D([], [], color=colour, label=name) for name, colour in told.items()])
     figure.align_labels(axes[p - 1])
 
 

@@ -100,11 +100,11 @@ def fit_report(fit: Fit) -> str:
     explains, words = verdict(fit)
     names = [each.trace.name for each in fit.traces]
     rows = []
-    for each in fit.parameters.values():
-        low, high = fit.interval(each.name)
-        values = (each.value, each.error, low, high) if each.told else ()
+    for one in fit.parameters.values():
+        low, high = fit.interval(one.name)
+        values = (one.value, one.error, low, high) if one.told else ()
         texts = [f"{value:.6g}" for value in values] or ["not determined", "", "", ""]
-        rows.append((each.name, *texts, unit_shown(each.unit)))
+        rows.append((one.name, *texts, unit_shown(one.unit)))
     sections = {
         "Parameters": table(("", "value", "standard error", "from", "to (95 %)", "unit"), rows)
         + f"<pre>{escape(words)}\n{escape(str(fit))}</pre>"
