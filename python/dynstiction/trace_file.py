@@ -70,11 +70,14 @@ UNIT_TOLD = re.compile(r"\S\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]|\S\s*/\s*(\S
 """How a head names any unit of a column: F [mN], F (mN), F/mN, F in mN."""
 NO_UNIT = {"s", "N", "h", "m", "min", "1", "-", "%"}
 """Words of a preamble that need not be units, or are those of SI."""
+NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+"""With a decimal point or a decimal comma."""
 EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number of which nobody knows whether its comma is a decimal one or separates thousands."""
 BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
-CLOCK = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}.*|\d+:\d+.*")
+CLOCK = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}.*|\d+:\d+.*")
 """A date, or a time of day."""
+BEGINS_DATA = re.compile(f"({NUMBER.pattern})|{CLOCK.pattern}")
 
 GZIP_BEGINNING = b"\x1f\x8b"
 DELIMITERS = (";", "\t", ",", " ")
@@ -338,17 +341,15 @@ class _Table(_Named):
             raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
         self.delimiter = delimiter
         rows = {i: _fields(line, delimiter) for i, line in lines}
-        with_numbers = [
-            i for i, fields in rows.items() if any(_is_number(each, delimiter) for each in fields)
-        ]
+        with_numbers = [i for i, fields in rows.items() if any(map(_is_number, fields))]
         if not with_numbers:
             raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
         # Data begin with a number, a time of day or nothing, if any line does.
-        begin = next((i for i in with_numbers if _begins_data(rows[i][0], delimiter)), with_numbers[0])
+        first = (i for i in with_numbers if not rows[i][0] or BEGINS_DATA.fullmatch(rows[i][0]))
+        begin = next(first, with_numbers[0])
         above = [(i, before or after, not before.strip()) for i, before, after in top if i < begin]
-        names, names_at = self._read_heads(
-            [head for each in above if (head := self._head(rows[begin], *each))]
-        )
+        heads = [head for each in above if (head := self._head(rows[begin], *each))]
+        names, names_at = self._read_heads(heads)
         # A line with numbers below the names is damaged, which is reported later.
         self.begin = next(i for i in with_numbers if i > names_at)
         used = {names_at, *(line for line, _ in self.units)}
@@ -368,7 +369,7 @@ class _Table(_Named):
                 fields.pop()
             fits = len(fields) == len(row) or _filled(fields) == _filled(row)
             has_words = any(letter.isalnum() for letter in text)
-            if fits and has_words and not any(_is_number(field, mark) for field in fields):
+            if fits and has_words and not any(map(_is_number, fields)):
                 return line, fields, is_comment
         return None
 
@@ -424,16 +425,16 @@ class _Table(_Named):
 
     def values(self, at: Mapping[str, int]) -> tuple[dict[str, _Floats], NDArray[np.int64] | None]:
         """Values of columns as they are in the file, and the lines of the samples."""
-        lines, last, swaps, blank = array("q"), [""], self.delimiter != ",", self.delimiter + " \t\n"
+        lines, row, has_commas, blank = array("q"), "", self.delimiter != ",", self.delimiter + " \t\n"
 
         def rows() -> Iterator[str]:
+            nonlocal row
             with _text(self.name) as stream:
                 for i, line in enumerate(islice(stream, self.begin - 1, None), self.begin):
                     row = line.partition("#")[0]
                     if row.strip(blank):
                         lines.append(i)
-                        last[0] = row
-                        yield row.replace(",", ".") if swaps else row
+                        yield row.replace(",", ".") if has_commas else row
 
         try:
             found = np.loadtxt(
@@ -447,7 +448,7 @@ class _Table(_Named):
         except ValueError as error:
             if isinstance(error, Error):
                 raise
-            raise self._fault(at, lines[-1], last[0], error) from None
+            raise self._fault(at, lines[-1], row, error) from None
         return dict(zip(at, found.T, strict=True)), np.frombuffer(lines, dtype=np.int64)
 
     def _fault(self, at: Mapping[str, int], line: int, row: str, error: ValueError) -> FileError:
@@ -460,7 +461,7 @@ class _Table(_Named):
                     f"out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
                 )
             field = fields[column]
-            if _is_number(field, self.delimiter, finite=False):
+            if _is_number(field):
                 continue
             what = f"is {shown(field)}, no number" if field else "is empty"
             remedy = "correct the line or take it out, or name another column"
@@ -472,14 +473,11 @@ class _Table(_Named):
         return FileError(f"{self.name}:{line}: {error}")
 
 
-def _latin_1(error: UnicodeError) -> tuple[str, int]:
-    """Bytes that are no UTF-8, as older programs write them."""
-    if not isinstance(error, UnicodeDecodeError):
-        raise error
-    return error.object[error.start : error.end].decode("latin-1"), error.end
-
-
-codecs.register_error("dynstiction.latin_1", _latin_1)
+# Bytes that are no UTF-8, as older programs write them.
+codecs.register_error(
+    "dynstiction.latin_1",
+    lambda error: (error.object[error.start : error.end].decode("latin-1"), error.end),  # type: ignore[attr-defined]
+)
 
 
 @contextmanager
@@ -524,7 +522,7 @@ def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
 
     def share(delimiter: str) -> float:
         fields = [_fields(line, delimiter) for line in last]
-        widths = [len(each) if _is_row(each, delimiter) else 0 for each in fields]
+        widths = [len(each) if _is_row(each) else 0 for each in fields]
         usual = mode(filter(None, widths)) if any(widths) else 0
         # What stands above the first row of this width is a preamble or a head.
         below = widths[widths.index(usual) :]
@@ -534,7 +532,7 @@ def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
     best = max(DELIMITERS, key=share)
     if share(best) >= MOST_LINES:
         return best
-    alone = [_is_number(line.strip(), " ") for line in last]
+    alone = [_is_number(line.strip()) for line in last]
     if any(alone) and all(alone[alone.index(True) :]):
         return " "
     raise FileError(
@@ -543,26 +541,15 @@ def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
     )
 
 
-def _begins_data(field: str, delimiter: str) -> bool:
-    return not field or _is_number(field, delimiter) or CLOCK.fullmatch(field) is not None
-
-
-def _is_row(fields: Sequence[str], delimiter: str) -> bool:
-    several = any(
-        len(parts := field.split()) > 1 and all(_is_number(p, " ") for p in parts) for field in fields
-    )
-    numbers = sum(_is_number(field, delimiter) for field in fields)
+def _is_row(fields: Sequence[str]) -> bool:
+    """Whether fields are those of a sample: at least two numbers, or one and a time of day, and no field with several."""
+    numbers = sum(map(_is_number, fields))
+    several = any(len(field.split()) > 1 and all(map(_is_number, field.split())) for field in fields)
     return not several and (numbers > 1 or (numbers == 1 and any(map(CLOCK.fullmatch, fields))))
 
 
-def _is_number(field: str, delimiter: str, finite: bool = True) -> bool:
-    if delimiter != ",":
-        field = field.replace(",", ".")
-    try:
-        value = float(field)
-    except ValueError:
-        return False
-    return "_" not in field and (bool(np.isfinite(value)) or not finite)
+def _is_number(field: str) -> bool:
+    return NUMBER.fullmatch(field) is not None
 
 
 # Heads --------------------------------------------------------------------------------------------------------------------
