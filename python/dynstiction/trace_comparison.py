@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
 import numpy as np
 
@@ -16,15 +16,7 @@ from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Chain, Trace
-from .trace_cycles import (
-    TraceCycles,
-    Waveform,
-    find_cycles,
-    fine_enough,
-    mean_lateral,
-    mean_slip,
-    mean_waveform,
-)
+from .trace_cycles import TraceCycles, Waveform, find_cycles, fine_enough, mean_waveform
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,12 +91,9 @@ class TraceComparison:
         Their cycles.
     statistics : tuple of Statistic
         Means, scatter and differences, one for each column of the cycles.
-    measured_waveform, simulated_waveform : Waveform
-        Mean force over the phase from slip to slip.
-    measured_slip, simulated_slip : Waveform
-        Mean force around the middle of a slip.
-    measured_lateral, simulated_lateral : Waveform, optional
-        Mean lateral force over the phase, if the trace has one.
+    waveforms : dict of str to (Waveform, Waveform)
+        Of both, the mean force over the phase from slip to slip, ``cycle``, and around the middle of a slip, ``slip``; if the trace
+        has a lateral force, its mean over the phase, ``lateral``.
     """
 
     trace: Trace
@@ -113,12 +102,7 @@ class TraceComparison:
     measured: TraceCycles
     simulated: TraceCycles
     statistics: tuple[Statistic, ...]
-    measured_waveform: Waveform
-    simulated_waveform: Waveform
-    measured_slip: Waveform
-    simulated_slip: Waveform
-    measured_lateral: Waveform | None = None
-    simulated_lateral: Waveform | None = None
+    waveforms: dict[str, tuple[Waveform, Waveform]]
 
     def __getitem__(self, name: str) -> Statistic:
         for statistic in self.statistics:
@@ -129,8 +113,8 @@ class TraceComparison:
     @property
     def waveform_rms(self) -> float:
         """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
-        difference = self.simulated_waveform.force - self.measured_waveform.force
-        return float(np.sqrt(np.mean(difference**2))) / self["swing"].measured
+        measured, simulated = self.waveforms["cycle"]
+        return float(np.sqrt(np.mean((simulated.force - measured.force) ** 2))) / self["swing"].measured
 
     @property
     def differing(self) -> tuple[str, ...]:
@@ -246,20 +230,15 @@ def compared(
     )
     period = min(measured.means()["period"], simulated.means()["period"])
     before, after = min(6.0 * fall, 0.4 * period), min(8.0 * fall, 0.5 * period)
-    return TraceComparison(
-        trace,
-        run,
-        scene,
-        measured,
-        simulated,
-        _statistics(measured, simulated),
-        mean_waveform(trace, measured, POINTS),
-        mean_waveform(run, simulated, POINTS),
-        mean_slip(trace, measured, before, after),
-        mean_slip(run, simulated, before, after),
-        mean_lateral(trace, measured, POINTS),
-        mean_lateral(run, simulated, POINTS),
-    )
+    kinds: dict[str, dict[str, Any]] = {"cycle": {}, "slip": {"around": (before, after)}}
+    if trace.lateral_force is not None and run.lateral_force is not None:
+        kinds["lateral"] = {"lateral": True}
+    sides = ((trace, measured), (run, simulated))
+    waveforms = {
+        kind: tuple(mean_waveform(*side, POINTS, **how) for side in sides) for kind, how in kinds.items()
+    }
+    statistics = _statistics(measured, simulated)
+    return TraceComparison(trace, run, scene, measured, simulated, statistics, cast(Any, waveforms))
 
 
 def _without_cycles(scene: Scene, fault: FileError) -> UsageError:

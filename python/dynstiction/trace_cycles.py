@@ -26,8 +26,6 @@ __all__ = [
     "Waveform",
     "find_cycles",
     "fine_enough",
-    "mean_lateral",
-    "mean_slip",
     "mean_waveform",
     "noise_level",
 ]
@@ -252,8 +250,15 @@ def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
     return coarse, cycles
 
 
-def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
-    """Mean of the force over the phase, from the middle of a slip to the middle of the next one.
+def mean_waveform(
+    trace: Trace,
+    cycles: TraceCycles,
+    points: int = 200,
+    *,
+    around: tuple[float, float] | None = None,
+    lateral: bool = False,
+) -> Waveform:
+    """Mean of the force over the phase, from the middle of a slip to the middle of the next one, or around the slips.
 
     Parameters
     ----------
@@ -262,76 +267,36 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
     cycles : TraceCycles
         Its cycles, from `find_cycles`.
     points : int
-        Number of phases, from 0 to 1.
+        Number of phases, from 0 to 1, or of times.
+    around : (float, float), optional
+        Times before and after the middle of the slip [s]: the mean of the slips that have all these times in the trace.
+    lateral : bool
+        Whether the lateral force is meant.
 
     Returns
     -------
     Waveform
-        Phases, mean force and its standard error.
+        Phases, or times from the middle of the slip, mean force and its standard error.
 
     Raises
     ------
     UsageError
-        If the arguments are not a trace and its cycles, or there are too few points.
+        If the arguments are not a trace and its cycles, there are too few points or such slips, or the trace has no lateral force.
     """
-    _refuse_others(trace, cycles)
-    return _over_phase(trace, trace.force, cycles, points)
-
-
-def mean_lateral(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform | None:
-    """As `mean_waveform`, for the lateral force; None if the trace has none."""
-    return None if trace.lateral_force is None else _over_phase(trace, trace.lateral_force, cycles, points)
-
-
-def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, points: int = 200) -> Waveform:
-    """Mean of the force around the slips.
-
-    Parameters
-    ----------
-    trace : Trace
-        The trace.
-    cycles : TraceCycles
-        Its cycles, from `find_cycles`.
-    before, after : float
-        Times before and after the middle of the slip [s].
-    points : int
-        Number of times.
-
-    Returns
-    -------
-    Waveform
-        Times from the middle of the slip, mean force and its standard error, from the slips that have all these times in the trace.
-
-    Raises
-    ------
-    UsageError
-        If the trace has fewer than two such slips, or the arguments are not a trace and its cycles.
-    """
-    _refuse_others(trace, cycles)
-    low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
-    time = np.linspace(-low, high, whole("points", points, least=2))
-    inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
-    if np.count_nonzero(inside) < 2:
-        raise UsageError(
-            f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
-        )
-    return _mean(trace, trace.force, cycles.slips[inside][:, np.newaxis] + time, time)
-
-
-def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
     instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
-    instance("cycles", cycles, TraceCycles, "give what find_cycles returns")
-
-
-def _over_phase(trace: Trace, values: _Floats, cycles: TraceCycles, points: int) -> Waveform:
+    slips = instance("cycles", cycles, TraceCycles, "give what find_cycles returns").slips
+    values = trace.lateral_force if lateral else trace.force
+    if values is None:
+        raise UsageError(f"{trace.name}: has no lateral force: leave lateral out")
     phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
-    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
-    return _mean(trace, values, at, phase)
-
-
-def _mean(trace: Trace, values: _Floats, at: _Floats, phase: _Floats) -> Waveform:
-    force = np.interp(at, trace.time, values)
-    n = len(force)
+    at = slips[:-1, np.newaxis] + phase * np.diff(slips)[:, np.newaxis]
+    if around is not None:
+        before, after = (number("around", each, above=0.0, units="s") for each in around)
+        phase = phase * (before + after) - before
+        at = slips[(slips - before >= trace.time[0]) & (slips + after <= trace.time[-1]), np.newaxis] + phase
+        if len(at) < 2:
+            raise UsageError(f"around = {around}: the trace has fewer than two slips with such times around")
+    force, n = np.interp(at, trace.time, values), len(at)
     error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
     return Waveform(phase, np.mean(force, axis=0), error, n)
 

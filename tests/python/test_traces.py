@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from dynstiction.trace_comparison import simulate_like
-from dynstiction.trace_cycles import mean_lateral, noise_level
+from dynstiction.trace_cycles import noise_level
 from dynstiction.trace_file import UNITS
 from programs import Program
 from scipy.io import savemat
@@ -526,18 +526,17 @@ def test_mean_waveforms_follow_the_trace() -> None:
     deviation = ((wave.force - line) / wave.error)[inside]
     assert np.abs(np.mean(deviation)) < 0.5
     assert 0.7 < np.std(deviation) < 1.5
-    slip = ds.mean_slip(trace, cycles, 0.1, 0.2, 50)
+    slip = ds.mean_waveform(trace, cycles, 50, around=(0.1, 0.2))
     assert slip.phase[0] == -0.1 and slip.phase[-1] == pytest.approx(0.2)
     assert slip.force[0] > slip.force[25] < slip.force[-1]
-    for function, more in ((ds.mean_waveform, ()), (ds.mean_slip, (0.1, 0.1))):
-        with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace"):
-            function(1, cycles, *more)
-        with pytest.raises(ds.UsageError, match="cycles = 1: cycles must be a TraceCycles"):
-            function(trace, 1, *more)
+    with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace"):
+        ds.mean_waveform(1, cycles)
+    with pytest.raises(ds.UsageError, match="cycles = 1: cycles must be a TraceCycles"):
+        ds.mean_waveform(trace, 1)
     with pytest.raises(ds.UsageError, match="points = 1: points must be a whole number from 2 on"):
         ds.mean_waveform(trace, cycles, 1)
     with pytest.raises(ds.UsageError, match="fewer than two slips"):
-        ds.mean_slip(trace, cycles, 1e3, 0.1)
+        ds.mean_waveform(trace, cycles, around=(1e3, 0.1))
 
 
 # Runs ---------------------------------------------------------------------------------------------------------------------
@@ -692,15 +691,14 @@ def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured
     # Over a cycle the object goes as far as the drive: what it does not slip it creeps.
     assert cycles.means()["slip_length"] < 2.0e-3 * cycles.means()["period"] * np.cos(np.radians(3.0))
     # Friction turns across the pull in slip and back towards it in creep.
-    lateral = mean_lateral(measured, cycles)
-    assert lateral is not None
+    lateral = ds.mean_waveform(measured, cycles, lateral=True)
     assert -np.ptp(lateral.force) < cycles.means()["lateral_change"] < -0.5 * np.ptp(lateral.force)
     assert ds.compare(SCENE, measured).differing == ()
     comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.5})
     assert "slip_length" in comparison.differing
     axes = comparison.plot().axes
     assert len(axes) == 3
-    np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.measured_lateral.force)
+    np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.waveforms["lateral"][0].force)
     mirrored = ds.compare(SCENE, measured, system={"misalignment_deg": -3.0})
     assert mirrored.differing == ("lateral_change",)
 
@@ -708,7 +706,7 @@ def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured
 def test_without_them_they_are_not_compared(measured: ds.Trace) -> None:
     comparison = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
     assert {each.name for each in comparison.statistics}.isdisjoint({"slip_length", "lateral_change"})
-    assert comparison.measured_lateral is None
+    assert "lateral" not in comparison.waveforms
     assert len(comparison.plot().axes) == 2
 
 

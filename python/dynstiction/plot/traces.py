@@ -61,16 +61,15 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
     Bands are two standard errors wide to either side.
     """
-    longest = float(np.max(np.abs(comparison.measured_slip.phase)))
+    longest = float(np.max(np.abs(comparison.waveforms["slip"][0].phase)))
     scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
     around, over_cycle = f"time from the middle of the slip [{unit}]", "phase from slip to slip"
-    lateral = "lateral force [N]"
-    rows = [
-        (1.0, over_cycle, FORCE, (comparison.measured_waveform, comparison.simulated_waveform)),
-        (scale, around, FORCE, (comparison.measured_slip, comparison.simulated_slip)),
-    ]
-    if comparison.measured_lateral is not None and comparison.simulated_lateral is not None:
-        rows.append((1.0, over_cycle, lateral, (comparison.measured_lateral, comparison.simulated_lateral)))
+    labels = {
+        "cycle": (1.0, over_cycle, FORCE),
+        "slip": (scale, around, FORCE),
+        "lateral": (1.0, over_cycle, "lateral force [N]"),
+    }
+    rows = [(*labels[kind], forms) for kind, forms in comparison.waveforms.items()]
     axes = panels(figure, len(rows), 54.0 * len(rows))
     for axis, (factor, xlabel, ylabel, forms) in zip(axes, rows, strict=True):
         # Where both lines are the same, the wider one is visible beneath the other.
