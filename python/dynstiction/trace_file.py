@@ -65,11 +65,11 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
 }
 """Column names by which these are found if the user gives none."""
 
-WORDS_OF_A_NAME = re.compile(r"[\s_,\[\](){}<>]+")
+WORDS_OF_A_NAME = re.compile(r"[\s_,:;\-\[\](){}<>]+")
 UNIT_TOLD = re.compile(r"\S\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]|\S\s*/\s*(\S+)|\S\s+in\s+(\S+)")
 """How a head names any unit of a column: F [mN], F (mN), F/mN, F in mN."""
-NO_UNIT = {"s", "N", "h", "m", "min", "1", "-", "%"}
-"""Words of a preamble that need not be units, or are those of SI."""
+NO_UNIT = {"s", "N", "h", "m", "1", "-", "%"}
+"""Words above the data that need not be units, or are those of SI."""
 NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?")
 """With a decimal point or a decimal comma."""
 EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -193,7 +193,7 @@ def _read(
             factors[quantity] = _factor(quantity, unit, place) if unit else 1.0
     values, lines = file.values(at)
     if not {*required} <= {*values}:
-        raise UsageError(f"{name}: which column is time? Name it: {file.about()}")
+        raise UsageError(f"{name}: which column is time? Name it, or give the interval: {file.about()}")
     for quantity in at:
         values[quantity] *= factors[quantity]
     words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in at)
@@ -274,7 +274,8 @@ class _Named:
     def about(self) -> str:
         """The columns, for a message."""
         if not self.names:
-            return f"there are {self.width} columns without names, 0 to {self.width - 1}"
+            count = f"{self.width} columns without names, 0 to {self.width - 1}" if self.width else "none"
+            return f"there are {count}"
         named = [f"{i} {shown(each[0])}" for i, each in enumerate(self.names[:MOST_NAMED])]
         return "the columns are " + ", ".join(named) + ", …" * (len(self.names) > MOST_NAMED)
 
@@ -362,8 +363,8 @@ class _Table(_Named):
 
     def _head(self, row: Sequence[str], line: int, text: str, is_comment: bool) -> _Head | None:
         """A line as words, one for each column, also between other delimiters if it names units."""
-        for mark in (self.delimiter, *(DELIMITERS[:-1] if _names_units(text) else ())):
-            fields = _fields(text, mark)
+        for mark in (self.delimiter, *((*DELIMITERS[:-1], "  ") if _names_units(text) else ())):
+            fields = re.split(r"\s\s+", text.strip()) if mark == "  " else _fields(text, mark)
             # LabVIEW names a last column that is mostly empty.
             if len(fields) > len(row) and fields[-1] == "Comment":
                 fields.pop()
@@ -572,7 +573,7 @@ def _short_names(name: str) -> tuple[str, str]:
 
 def _is_label(field: str) -> bool:
     """Whether this is no unit, but says that units follow."""
-    return re.search("unit|einheit", field, re.IGNORECASE) is not None
+    return re.search(r"(\b|_)units?(\b|_)|einheit", field, re.IGNORECASE) is not None
 
 
 def _are_units(fields: Sequence[str], share: float = 0.5) -> bool:
@@ -583,10 +584,8 @@ def _are_units(fields: Sequence[str], share: float = 0.5) -> bool:
 
 
 def _names_units(text: str) -> bool:
-    """Whether a line of a preamble names units, in brackets or behind a word that says so."""
-    words = re.split(r"[\s:;=,()\[\]\"']+", text) if _is_label(text) else []
-    words += re.findall(r"[\[(]([^\[\]()]*)[\])]", text)
-    return any(_unit_name(word) in UNITS_OF_ALL - NO_UNIT for word in words)
+    """Whether a line above the data has a word that is a unit."""
+    return any(_unit_name(word) in UNITS_OF_ALL - NO_UNIT for word in re.split(r"[\W_]+", text))
 
 
 # Files of other kinds -----------------------------------------------------------------------------------------------------
@@ -604,8 +603,9 @@ class _Binary(_Named):
 
     def chosen(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, int]:
         """As for any file; a waveform has its own times if no column has."""
-        if self.steps and wanted["time"] is None and not any(map(self.called, ALTERNATIVES["time"])):
-            required = ["force"]
+        is_told = wanted.get("time") is not None or any(map(self.called, ALTERNATIVES["time"]))
+        if self.steps and not is_told:
+            required = [quantity for quantity in required if quantity != "time"]
         return super().chosen(wanted, required)
 
     def unit(self, quantity: str, column: int) -> tuple[str, str]:
@@ -627,8 +627,8 @@ class _Binary(_Named):
                     "in one dimension; otherwise read it yourself and give the arrays to Trace"
                 )
             found[quantity] = item.astype(np.float64).reshape(-1)
-        if "time" not in at and (step := self.steps.get(self.names[at["force"]][0])) is not None:
-            found["time"] = step * np.arange(found["force"].size)
+        if "time" not in at and "force" in at and (path := self.names[at["force"]][0]) in self.steps:
+            found["time"] = self.steps[path] * np.arange(found["force"].size)
         return found, None
 
 
@@ -649,16 +649,14 @@ def _hdf5(name: str) -> _Binary:
         with open_file(name) as file:
             dataset: Any = dataset_in(file, path)
             values = np.asarray(dataset[()])
+            if values.dtype.kind not in "biuf":
+                return values
             # Conventions of netCDF.
             missing, scale, shift = (
-                float(np.ravel(dataset.attrs[key])[0]) if key in dataset.attrs else None
-                for key in ("_FillValue", "scale_factor", "add_offset")
+                float(np.ravel(dataset.attrs.get(key, usual))[0])
+                for key, usual in (("_FillValue", np.nan), ("scale_factor", 1.0), ("add_offset", 0.0))
             )
-        if missing is not None:
-            values = np.where(values == missing, np.nan, values)
-        return (
-            values if scale is shift is None else values * (1.0 if scale is None else scale) + (shift or 0.0)
-        )
+            return np.where(values == missing, np.nan, values) * scale + shift
 
     with open_file(name) as file:
         file.visititems(visit)
@@ -688,15 +686,19 @@ def _tdms(name: str) -> _Binary:
         from nptdms import TdmsFile  # type: ignore[import-untyped]  # noqa: PLC0415
     except ImportError as error:
         raise PackageError(f"{name}: TDMS needs npTDMS ({error}): pip install dynstiction[tdms]") from None
-    groups = TdmsFile.read(name).groups()
-    channels = {f"{each.name}/{one.name}": one for each in groups for one in each.channels()}
-    units = {path: str(one.properties.get("unit_string", "")) for path, one in channels.items()}
-    steps = {
-        path: one.properties["wf_increment"]
-        for path, one in channels.items()
-        if "wf_increment" in one.properties
-    }
-    return _Binary(name, units, lambda path: channels[path][:], steps)
+
+    def read(path: str) -> Any:
+        with TdmsFile.open(name) as file:
+            group, channel = places[path]
+            return file[group][channel][:]
+
+    with TdmsFile.open(name) as file:
+        channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
+        places = {path: (one.group_name, one.name) for path, one in channels.items()}
+        told = {path: one.properties for path, one in channels.items()}
+    units = {path: str(each.get("unit_string", "")) for path, each in told.items()}
+    steps = {path: each["wf_increment"] for path, each in told.items() if "wf_increment" in each}
+    return _Binary(name, units, read, steps)
 
 
 BINARY = {b"\x89HDF\r\n\x1a\n": _hdf5, b"MATLAB 5.0 MAT": _matlab, b"TDSm": _tdms}
