@@ -72,7 +72,6 @@ from .tangents import derivatives as derivatives
 from .tangents import sensitivity as sensitivity
 from .trace import Chain as Chain
 from .trace import Trace as Trace
-from .trace_comparison import Statistic as Statistic
 from .trace_comparison import TraceComparison as TraceComparison
 from .trace_comparison import compare as compare
 from .trace_cycles import TraceCycles as TraceCycles

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from .trace import Chain, Trace
 from .trace_cycles import TraceCycles, Waveform, find_cycles, fine_enough, mean_waveform
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
     from matplotlib.figure import Figure
 
-__all__ = ["Statistic", "TraceComparison", "compare", "simulate_like"]
+__all__ = ["TraceComparison", "compare", "simulate_like"]
 
 FEWEST, MOST = 12, 60
 """Number of cycles of a run that are compared: the least, and the largest unless the trace has more."""
@@ -43,36 +44,21 @@ SURE = 1e-6
 """Least standard error, relative to the value: roundoff of runs and files."""
 FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
 """Columns of a run that a trace needs."""
+FORMS = {
+    "measured": "{:.5g}",
+    "measured_scatter": "{:.2g}",
+    "measured_error": "{:.2g}",
+    "simulated": "{:.5g}",
+    "simulated_scatter": "{:.2g}",
+    "simulated_error": "{:.2g}",
+    "difference": "{:+.2g}",
+    "deviation": "{:+.1f}",
+}
+"""Columns of the table, and how they are written."""
 HEAD = ("", "measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
-"""Columns of the table."""
+"""Their names."""
 SEED = 20201209
 """Seed of the noise that a run gets, so that a comparison gives the same result each time."""
-
-
-class Statistic(NamedTuple):
-    """One line of a comparison."""
-
-    name: str
-    units: str
-    long_name: str
-    measured: float
-    """Mean over the cycles of the trace."""
-    measured_scatter: float
-    """Its standard deviation from cycle to cycle."""
-    measured_error: float
-    """Standard error of the mean."""
-    simulated: float
-    simulated_scatter: float
-    simulated_error: float
-    difference: float
-    """Simulated minus measured."""
-    deviation: float
-    """The difference over the standard error of both together; NaN where one of them is not known."""
-
-    @property
-    def differs(self) -> bool:
-        """Whether the means are more than three standard errors apart."""
-        return abs(self.deviation) > DIFFERENT
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -89,8 +75,10 @@ class TraceComparison:
         The scene of the run.
     measured, simulated : TraceCycles
         Their cycles.
-    statistics : tuple of Statistic
-        Means, scatter and differences, one for each column of the cycles.
+    statistics : pandas.DataFrame
+        A row for each column of the cycles: ``units``; mean over the cycles, standard deviation from cycle to cycle and standard error
+        of the mean of both, ``measured``, ``measured_scatter``, ``measured_error``, ``simulated``, ...; ``difference``, simulated minus
+        measured, and ``deviation``, the difference over the standard error of both together. NaN where one is not known.
     waveforms : dict of str to (Waveform, Waveform)
         Of both, the mean force over the phase from slip to slip, ``cycle``, and around the middle of a slip, ``slip``; if the trace
         has a lateral force, its mean over the phase, ``lateral``.
@@ -101,25 +89,25 @@ class TraceComparison:
     scene: Scene
     measured: TraceCycles
     simulated: TraceCycles
-    statistics: tuple[Statistic, ...]
+    statistics: pandas.DataFrame
     waveforms: dict[str, tuple[Waveform, Waveform]]
 
-    def __getitem__(self, name: str) -> Statistic:
-        for statistic in self.statistics:
-            if statistic.name == name:
-                return statistic
-        raise UsageError(f"no statistic {name!r}, only {', '.join(each.name for each in self.statistics)}")
+    def __getitem__(self, name: str) -> pandas.Series:
+        """A row of the statistics."""
+        if name not in self.statistics.index:
+            raise UsageError(f"no statistic {name!r}, only {', '.join(self.statistics.index)}")
+        return self.statistics.loc[name]
 
     @property
     def waveform_rms(self) -> float:
         """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
         measured, simulated = self.waveforms["cycle"]
-        return float(np.sqrt(np.mean((simulated.force - measured.force) ** 2))) / self["swing"].measured
+        return float(np.sqrt(np.mean((simulated.force - measured.force) ** 2)) / self["swing"].measured)
 
     @property
     def differing(self) -> tuple[str, ...]:
         """Names of the statistics whose means are more than three standard errors apart."""
-        return tuple(each.name for each in self.statistics if each.differs)
+        return tuple(self.statistics.index[self.statistics["deviation"].abs() > DIFFERENT])
 
     def report(self) -> str:
         """The table as text, with the notes."""
@@ -129,7 +117,7 @@ class TraceComparison:
             f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample{units}",
             f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise",
             "",
-            *aligned([HEAD, *map(_row, self.statistics)]),
+            *aligned([HEAD, *self._rows()]),
             "",
             f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
             f"{'differ' if told else 'nothing differs'} by more than {DIFFERENT:g} standard errors{told and f': {told}'}",
@@ -155,16 +143,22 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        title = f"{self.trace.name} and {self.scene.name}"
-        return page_table(title, HEAD, [_row(each) for each in self.statistics])
+        return page_table(f"{self.trace.name} and {self.scene.name}", HEAD, self._rows())
 
-
-def _row(each: Statistic) -> tuple[str, ...]:
-    values = each[3:10]
-    forms = ("{:.5g}", "{:.2g}", "{:.2g}", "{:.5g}", "{:.2g}", "{:.2g}", "{:+.2g}")
-    texts = ["–" if np.isnan(v) else form.format(v) for form, v in zip(forms, values, strict=True)]
-    deviation = "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}"
-    return (headed(each.name, each.units), *texts, deviation)
+    def _rows(self) -> list[tuple[str, ...]]:
+        shown = zip(
+            self.statistics.index, self.statistics["units"], self.statistics[[*FORMS]].to_numpy(), strict=True
+        )
+        return [
+            (
+                headed(name, units),
+                *(
+                    "–" if np.isnan(v) else form.format(v)
+                    for v, form in zip(values, FORMS.values(), strict=True)
+                ),
+            )
+            for name, units, values in shown
+        ]
 
 
 def compare(
@@ -250,17 +244,22 @@ def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
     )
 
 
-def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statistic, ...]:
-    sides = [(each.means(), each.scatter(), each.errors()) for each in (measured, simulated)]
-    found = []
-    for info, _ in sides[0][0].info():
-        mine, theirs = (tuple(table[info.name] for table in side) for side in sides)
-        difference = theirs[0] - mine[0]
-        sure = SURE * max(abs(mine[0]), abs(theirs[0]))
-        error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
-        deviation = difference / error if error > 0.0 else 0.0
-        found.append(Statistic._make((*info, *mine, *theirs, difference, deviation)))
-    return tuple(found)
+def _statistics(measured: TraceCycles, simulated: TraceCycles) -> pandas.DataFrame:
+    import pandas  # noqa: PLC0415  (slow to import)
+
+    table = pandas.DataFrame({"units": measured.means().units})
+    for side, cycles in (("measured", measured), ("simulated", simulated)):
+        for what, values in (
+            ("", cycles.means()),
+            ("_scatter", cycles.scatter()),
+            ("_error", cycles.errors()),
+        ):
+            table[f"{side}{what}"] = pandas.Series(dict(values))
+    table["difference"] = table["simulated"] - table["measured"]
+    sure = SURE * table[["measured", "simulated"]].abs().max(axis=1)
+    error = (table["measured_error"] ** 2 + table["simulated_error"] ** 2 + sure**2) ** 0.5
+    table["deviation"] = (table["difference"] / error).where(error != 0.0, 0.0)
+    return table
 
 
 def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:

@@ -710,12 +710,12 @@ def verdict(found: Fit) -> tuple[bool, str]:
         of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
         for name, one in (("fitted", each), ("given", replace(each, scene=each.given))):
             try:
-                statistics = one.comparison.statistics
+                deviations = one.comparison.statistics["deviation"]
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            off = [f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit]
+            off = [f"{which} by {by:.1f}" for which, by in deviations.items() if abs(by) > limit]
             agree[name] &= not off
             differs = f"differs from the trace{of}: {', '.join(off)} standard errors"
             lines.append(f"the run of the {name} deck {differs if off else f'agrees with the trace{of}'}")

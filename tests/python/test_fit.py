@@ -140,7 +140,7 @@ def test_the_fitted_scene_runs_and_repeats_what_was_measured(found: ds.Fit, trac
     for name in TRUE:
         group, _, key = name.partition(".")
         assert deck.groups()[group][key] == pytest.approx(found[name], rel=1e-15)
-    assert not any(statistic.differs for statistic in ds.compare(deck, trace).statistics)
+    assert not ds.compare(deck, trace).differing
     run = ds.run(deck, scene={"t_end": 30.0, "settle": 1e-7}, output={"interval": 1.0})
     assert run.summary["period"] == pytest.approx(found.waveform.period, abs=5.0 * found.waveform.period_error)
     assert run.summary["period"] == pytest.approx(found.period, rel=1e-5)
