@@ -99,7 +99,6 @@ def test_a_fit_shows_its_cycles_and_its_parameters(found: ds.Fit) -> None:
     assert np.ptp(x) == pytest.approx(2.0 * found.parameters[ALL[0]].error, rel=0.02)
     for arguments, message in (
         ({"kind": "pie"}, "waveform, time, cycles, corner"),
-        ({"trace": 1}, "the fit has 1 traces"),
         ({"start": 1.0}, "only the figure 'time'"),
     ):
         with pytest.raises(ds.UsageError, match=message):
@@ -112,13 +111,10 @@ def test_a_report_has_all_figures_of_a_fit(found: ds.Fit, trace: ds.Trace) -> No
     assert re.findall(r'<img alt="(\w+): \w', page) == ["time", "waveform", "cycles", "comparison", "corner"]
     assert "the fit explains the trace" in page and "nothing differs" in page
     above, below = found.plot("time", start=10.0, end=14.0).axes
-    measured, model = above.lines
-    np.testing.assert_array_equal(measured.get_xdata(), trace.part(10.0, 14.0).time)
+    np.testing.assert_array_equal(above.lines[0].get_xdata(), trace.part(10.0, 14.0).time)
     difference = below.lines[0].get_ydata()
     assert np.isfinite(difference).mean() > 0.95 and np.nanstd(difference) < 1.5 * found.cycles.noise
-    assert np.nanmax(model.get_ydata()) == pytest.approx(found.fitted.max(), rel=0.01)
-    _, period, peak, *_ = found.plot("cycles").axes
-    for axis in (period, peak):
+    for axis in found.plot("cycles").axes[1:3]:
         assert axis.get_legend_handles_labels()[1] == ["measured, 21 cycles", "simulated, 42 cycles"]
 
 

@@ -87,8 +87,7 @@ HEADS = {
     "units behind a sign above names": "# t [ms], F [mN]\ntime;force\n",
     "units alone": "ms;mN\n",
     "a rule": "t [ms];F [mN]\n------;------\n",
-    "units within names": "Time ms raw;[mN] Force\n",
-    "two brackets": "t {ms} (raw);F <mN> (filtered)\n",
+    "units within names": "Time {ms} (raw);[mN] Force\n",
 }
 MISREAD = {
     "unknown in round brackets": ("t (ms);F (pound)\n", "1600;1600", r"trace.csv:1: force is in 'pound', which is unknown"),
@@ -267,9 +266,7 @@ def test_matlab_and_tdms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     waveform = {"unit_string": "mN", "wf_increment": ROWS[1][0]}
     with nptdms.TdmsWriter(file) as writer:
         writer.write_segment([nptdms.ChannelObject("rig", name, 1e3 * force, waveform) for name in ("Force", "b", "c")])
-    for column in (None, "c", "rig/b"):
-        reads.append(ds.read_trace(file, force=column))
-    for read in reads:
+    for read in (*reads, *(ds.read_trace(file, force=column) for column in (None, "c", "rig/b"))):
         np.testing.assert_allclose((read.time, read.force), (time, force), rtol=1e-14)
     monkeypatch.setitem(sys.modules, "nptdms", None)
     with pytest.raises(ds.PackageError, match=r"pip install dynstiction\[tdms\]"):
@@ -281,9 +278,8 @@ def test_a_long_table_needs_little_more_memory_than_its_numbers(tmp_path: Path) 
     file.write_text("t [us];F\n" + "".join(f"{i};1.5\n" for i in range(200_000)))
     tracemalloc.start()
     ds.read_trace(file)
-    _, peak = tracemalloc.get_traced_memory()
+    assert tracemalloc.get_traced_memory()[1] < 200_000 * 80 + 10e6
     tracemalloc.stop()
-    assert peak < 200_000 * 80 + 10e6
 
 
 def test_the_file_of_a_run_is_a_trace(tmp_path: Path) -> None:
@@ -658,7 +654,6 @@ def test_the_run_is_as_long_as_it_must_be(measured: ds.Trace) -> None:
 
 
 def test_a_run_has_no_more_samples_than_its_slips_need(measured: ds.Trace) -> None:
-    """Of a trace sampled finely it has as many as of a coarser one; with a wrong unit of time it would have millions."""
     wrong = ds.Trace(1e-3 * measured.time, measured.force)
     with pytest.raises(ds.UsageError, match=r"a period of 0\.96. s, and the trace one of 0\.000964 s: .*the unit of time"):
         ds.compare(SCENE, wrong)
@@ -700,13 +695,8 @@ def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured
     np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.waveforms["lateral"][0].force)
     mirrored = ds.compare(SCENE, measured, system={"misalignment_deg": -3.0})
     assert mirrored.differing == ("lateral_change",)
-
-
-def test_without_them_they_are_not_compared(measured: ds.Trace) -> None:
-    comparison = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
-    assert {"slip_length", "lateral_change"}.isdisjoint(comparison.statistics.index)
-    assert "lateral" not in comparison.waveforms
-    assert len(comparison.plot().axes) == 2
+    without = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
+    assert {"slip_length", "lateral_change"}.isdisjoint(without.statistics.index) and len(without.plot().axes) == 2
 
 
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
