@@ -350,17 +350,25 @@ def _pairs(
 
 
 def _figure(
-    options: argparse.Namespace, name: str, inputs: Sequence[Any], outputs: Sequence[Path] = ()
-) -> Callable[[Figure], None]:
-    """Check the file of a figure and other outputs before anything is computed; what writes the figure, and says so."""
+    options: argparse.Namespace,
+    name: str,
+    inputs: Sequence[Any],
+    outputs: Sequence[Path] = (),
+    pages: Sequence[str] = (),
+) -> Callable[[Figure | str], None]:
+    """Check the file of a figure, or of a page where there are some, and other outputs before anything is computed; what writes the figure, and says so."""
     from .plot.style import format_of, write  # noqa: PLC0415
 
     path = options.output or Path(name)
-    format_of(path)
+    if path.suffix.lower() not in pages:
+        format_of(path)
     check_outputs([*outputs, path], inputs, overwrite=options.overwrite)
 
-    def put_figure(figure: Figure) -> None:
-        write(figure, path, overwrite=options.overwrite)
+    def put_figure(figure: Figure | str) -> None:
+        if isinstance(figure, str):
+            put(path, figure.encode(), overwrite=options.overwrite)
+        else:
+            write(figure, path, overwrite=options.overwrite)
         _say(printable(str(path)))
 
     return put_figure
@@ -384,7 +392,7 @@ def _fit(options: argparse.Namespace) -> int:
     stem, kind = _stem(options.traces[0]), options.kind or "waveform"
     deck = options.fitted or Path(f"{stem}_fitted.nml")
     check_fit_kind(kind)
-    write = _figure(options, f"{stem}_fitted.png", [options.deck, *options.traces], [deck])
+    write = _figure(options, f"{stem}_fitted.png", [options.deck, *options.traces], [deck], PAGES)
     with warnings.catch_warnings():
         # The notes of the fit are printed with it.
         warnings.simplefilter("ignore", FitWarning)
@@ -410,7 +418,8 @@ def _fit(options: argparse.Namespace) -> int:
     _say(found)
     put(deck, found.scene.to_deck().encode(), overwrite=options.overwrite)
     _say(printable(str(deck)))
-    write(found.plot(kind))
+    is_page = options.output is not None and options.output.suffix.lower() in PAGES
+    write(found.report() if is_page else found.plot(kind))
     return 0 if explains else UNEXPLAINED
 
 

@@ -134,7 +134,7 @@ $ cycles my.nml --along drive.velocity=1e-4:1e-1
 compare DECK TRACE  compare a measured trace with a scene
 Compare a measured trace of the force along the pull with the run of a deck: period, peak, valley, slip time
 and creep before slip of both, cycle by cycle, with their scatter, and the mean force over a cycle. TRACE is a
-table of text or an HDF5 file with time and force. Prints a table, draws a figure.
+table of text, or an HDF5, MATLAB or TDMS file. Prints a table, draws a figure.
 :trace
 --lateral COLUMN  the same for the lateral force, if it was measured
 --output FIGURE  default: TRACE with _compared.png, in the current folder; also .pdf, .svg
@@ -158,10 +158,11 @@ compare.
 --bound KEY=LEAST:LARGEST...  least and largest value of a free parameter; may be repeated
 --starts N  number of the slow model's starts that are completed (2)
 --seed N  seed of the random starts (0): the same seed gives the same bits
---kind KIND  the figure: waveform (default), cycles (each by itself, distributions of period and peak), corner
-  (the parameters two by two)
+--kind KIND  the figure: waveform (default), time (over time), cycles (each by itself, distributions of period and
+  peak), corner (the parameters two by two)
 --fitted NML  the fitted deck; default: TRACE with _fitted.nml, in the current folder
---output FIGURE  default: TRACE with _fitted.png, in the current folder; also .pdf, .svg
+--output FIGURE  default: TRACE with _fitted.png, in the current folder; also .pdf, .svg, and .html, a report with all
+  figures
 $ fit my.nml trace.csv --free system.misalignment_deg,friction.mu_0
 $ fit my.nml slow.csv fast.csv --with drive.velocity=1e-3,5e-3 --free friction.mu_0,friction.mu_inf,friction.v_f
 $ fit my.nml trace.csv --free system.mass,chain.tare --known system.mass=0.4:0.01
@@ -174,7 +175,7 @@ ARGUMENTS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "N": (int, ()),
     "COLUMN": (lambda text: int(text) if text.isdecimal() else text, ()),
     "DECK": (str, ("*.nml",)),
-    "TRACE": (str, ("*.csv", "*.h5")),
+    "TRACE": (str, ("*.csv", "*.h5", "*.mat", "*.tdms")),
     "FILE.h5": (Path, ("*.h5",)),
     "FILE": (str, ("*.h5",)),
     "NML": (Path, ("*.nml",)),

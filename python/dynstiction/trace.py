@@ -90,7 +90,7 @@ class Trace:
             lines = np.asarray(self.lines)
             if lines.shape != (n,) or lines.dtype.kind not in "iu":
                 raise UsageError("lines must be whole numbers, one a sample")
-            object.__setattr__(self, "lines", lines.astype(np.int64))
+            object.__setattr__(self, "lines", lines.astype(np.int64, copy=False))
         if n < NEEDED:
             raise FileError(f"{self.name}: has {n} samples: at least {NEEDED} are needed")
         self._check_numbers()
@@ -195,6 +195,21 @@ class Trace:
         if interval is None and np.allclose(np.diff(self.time), step, rtol=1e-3, atol=0.0):
             return self
         columns: Any = _at_interval(self._columns(), step)
+        return replace(self, **columns, lines=None)
+
+    def averaged(self, count: int) -> Trace:
+        """The trace with one sample in place of so many, their mean.
+
+        Parameters
+        ----------
+        count : int
+            Number of samples of each mean; a rest at the end is left out.
+        """
+        whole_parts = self.time.size // whole("count", count, least=1) * count
+        columns: Any = {
+            quantity: values[:whole_parts].reshape(-1, count).mean(axis=1)
+            for quantity, values in self._columns().items()
+        }
         return replace(self, **columns, lines=None)
 
     def with_noise(self, deviation: float, rng: int | np.random.Generator | None = None) -> Trace:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import numpy as np
 
 from ._arguments import instance
+from ._run import run_sampled
 from .errors import FileError, UsageError, printable
 from .groups import Changes
 from .html import aligned, page_table
@@ -15,22 +16,25 @@ from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Chain, Trace
-from .trace_cycles import TraceCycles, Waveform, find_cycles, mean_lateral, mean_slip, mean_waveform
+from .trace_cycles import TraceCycles, Waveform, find_cycles, fine_enough, mean_waveform
 
 if TYPE_CHECKING:
+    import pandas  # type: ignore[import-untyped]
     from matplotlib.figure import Figure
 
-__all__ = ["Statistic", "TraceComparison", "compare", "simulate_like"]
+__all__ = ["TraceComparison", "compare", "simulate_like"]
 
 FEWEST, MOST = 12, 60
 """Number of cycles of a run that are compared: the least, and the largest unless the trace has more."""
 FACTOR = 2
 """Cycles of the run for each cycle of the trace: so many that the run adds little to the uncertainty."""
-CHUNK = 10.0
-"""A run continues for this many measured periods at a time; then its cycles are counted."""
-LONGEST = 100.0
-"""Measured periods after which a run without enough cycles ends, if `t_end` of the deck is not later."""
-MOST_SAMPLES = 50_000_000
+SETTLED, LONGEST = 1e-6, 100.0
+"""The period of a run is known when two cycles agree to this, or after so many measured periods, if `t_end` of the deck is not later."""
+BEGINNING = 4.0
+"""Periods of a run before the cycles that are counted."""
+OTHER_UNIT = 100.0
+"""Ratio of the periods of trace and run above which one of them is in another unit."""
+MOST_SAMPLES = 10_000_000
 """Largest number of samples of a run."""
 POINTS = 500
 """Phases of the mean waveforms."""
@@ -40,36 +44,21 @@ SURE = 1e-6
 """Least standard error, relative to the value: roundoff of runs and files."""
 FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
 """Columns of a run that a trace needs."""
+FORMS = {
+    "measured": "{:.5g}",
+    "measured_scatter": "{:.2g}",
+    "measured_error": "{:.2g}",
+    "simulated": "{:.5g}",
+    "simulated_scatter": "{:.2g}",
+    "simulated_error": "{:.2g}",
+    "difference": "{:+.2g}",
+    "deviation": "{:+.1f}",
+}
+"""Columns of the table, and how they are written."""
 HEAD = ("", "measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
-"""Columns of the table."""
+"""Their names."""
 SEED = 20201209
 """Seed of the noise that a run gets, so that a comparison gives the same result each time."""
-
-
-class Statistic(NamedTuple):
-    """One line of a comparison."""
-
-    name: str
-    units: str
-    long_name: str
-    measured: float
-    """Mean over the cycles of the trace."""
-    measured_scatter: float
-    """Its standard deviation from cycle to cycle."""
-    measured_error: float
-    """Standard error of the mean."""
-    simulated: float
-    simulated_scatter: float
-    simulated_error: float
-    difference: float
-    """Simulated minus measured."""
-    deviation: float
-    """The difference over the standard error of both together; NaN where one of them is not known."""
-
-    @property
-    def differs(self) -> bool:
-        """Whether the means are more than three standard errors apart."""
-        return abs(self.deviation) > DIFFERENT
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -86,14 +75,13 @@ class TraceComparison:
         The scene of the run.
     measured, simulated : TraceCycles
         Their cycles.
-    statistics : tuple of Statistic
-        Means, scatter and differences, one for each column of the cycles.
-    measured_waveform, simulated_waveform : Waveform
-        Mean force over the phase from slip to slip.
-    measured_slip, simulated_slip : Waveform
-        Mean force around the middle of a slip.
-    measured_lateral, simulated_lateral : Waveform, optional
-        Mean lateral force over the phase, if the trace has one.
+    statistics : pandas.DataFrame
+        A row for each column of the cycles: ``units``; mean over the cycles, standard deviation from cycle to cycle and standard error
+        of the mean of both, ``measured``, ``measured_scatter``, ``measured_error``, ``simulated``, ...; ``difference``, simulated minus
+        measured, and ``deviation``, the difference over the standard error of both together. NaN where one is not known.
+    waveforms : dict of str to (Waveform, Waveform)
+        Of both, the mean force over the phase from slip to slip, ``cycle``, and around the middle of a slip, ``slip``; if the trace
+        has a lateral force, its mean over the phase, ``lateral``.
     """
 
     trace: Trace
@@ -101,30 +89,25 @@ class TraceComparison:
     scene: Scene
     measured: TraceCycles
     simulated: TraceCycles
-    statistics: tuple[Statistic, ...]
-    measured_waveform: Waveform
-    simulated_waveform: Waveform
-    measured_slip: Waveform
-    simulated_slip: Waveform
-    measured_lateral: Waveform | None = None
-    simulated_lateral: Waveform | None = None
+    statistics: pandas.DataFrame
+    waveforms: dict[str, tuple[Waveform, Waveform]]
 
-    def __getitem__(self, name: str) -> Statistic:
-        for statistic in self.statistics:
-            if statistic.name == name:
-                return statistic
-        raise UsageError(f"no statistic {name!r}, only {', '.join(each.name for each in self.statistics)}")
+    def __getitem__(self, name: str) -> pandas.Series:
+        """A row of the statistics."""
+        if name not in self.statistics.index:
+            raise UsageError(f"no statistic {name!r}, only {', '.join(self.statistics.index)}")
+        return self.statistics.loc[name]
 
     @property
     def waveform_rms(self) -> float:
         """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
-        difference = self.simulated_waveform.force - self.measured_waveform.force
-        return float(np.sqrt(np.mean(difference**2))) / self["swing"].measured
+        measured, simulated = self.waveforms["cycle"]
+        return float(np.sqrt(np.mean((simulated.force - measured.force) ** 2)) / self["swing"].measured)
 
     @property
     def differing(self) -> tuple[str, ...]:
         """Names of the statistics whose means are more than three standard errors apart."""
-        return tuple(each.name for each in self.statistics if each.differs)
+        return tuple(self.statistics.index[self.statistics["deviation"].abs() > DIFFERENT])
 
     def report(self) -> str:
         """The table as text, with the notes."""
@@ -134,7 +117,7 @@ class TraceComparison:
             f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample{units}",
             f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise",
             "",
-            *aligned([HEAD, *map(_row, self.statistics)]),
+            *aligned([HEAD, *self._rows()]),
             "",
             f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
             f"{'differ' if told else 'nothing differs'} by more than {DIFFERENT:g} standard errors{told and f': {told}'}",
@@ -160,16 +143,22 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        title = f"{self.trace.name} and {self.scene.name}"
-        return page_table(title, HEAD, [_row(each) for each in self.statistics])
+        return page_table(f"{self.trace.name} and {self.scene.name}", HEAD, self._rows())
 
-
-def _row(each: Statistic) -> tuple[str, ...]:
-    values = each[3:10]
-    forms = ("{:.5g}", "{:.2g}", "{:.2g}", "{:.5g}", "{:.2g}", "{:.2g}", "{:+.2g}")
-    texts = ["–" if np.isnan(v) else form.format(v) for form, v in zip(forms, values, strict=True)]
-    deviation = "–" if np.isnan(each.deviation) else f"{each.deviation:+.1f}"
-    return (headed(each.name, each.units), *texts, deviation)
+    def _rows(self) -> list[tuple[str, ...]]:
+        shown = zip(
+            self.statistics.index, self.statistics["units"], self.statistics[[*FORMS]].to_numpy(), strict=True
+        )
+        return [
+            (
+                headed(name, units),
+                *(
+                    "–" if np.isnan(v) else form.format(v)
+                    for v, form in zip(values, FORMS.values(), strict=True)
+                ),
+            )
+            for name, units, values in shown
+        ]
 
 
 def compare(
@@ -216,7 +205,7 @@ def compare(
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    return compared(scene, trace, find_cycles(trace), chain, noise)
+    return compared(scene, *fine_enough(trace), chain, noise)
 
 
 def compared(
@@ -235,20 +224,15 @@ def compared(
     )
     period = min(measured.means()["period"], simulated.means()["period"])
     before, after = min(6.0 * fall, 0.4 * period), min(8.0 * fall, 0.5 * period)
-    return TraceComparison(
-        trace,
-        run,
-        scene,
-        measured,
-        simulated,
-        _statistics(measured, simulated),
-        mean_waveform(trace, measured, POINTS),
-        mean_waveform(run, simulated, POINTS),
-        mean_slip(trace, measured, before, after),
-        mean_slip(run, simulated, before, after),
-        mean_lateral(trace, measured, POINTS),
-        mean_lateral(run, simulated, POINTS),
-    )
+    kinds: dict[str, dict[str, Any]] = {"cycle": {}, "slip": {"around": (before, after)}}
+    if trace.lateral_force is not None and run.lateral_force is not None:
+        kinds["lateral"] = {"lateral": True}
+    sides = ((trace, measured), (run, simulated))
+    waveforms = {
+        kind: tuple(mean_waveform(*side, POINTS, **how) for side in sides) for kind, how in kinds.items()
+    }
+    statistics = _statistics(measured, simulated)
+    return TraceComparison(trace, run, scene, measured, simulated, statistics, cast(Any, waveforms))
 
 
 def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
@@ -260,58 +244,70 @@ def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
     )
 
 
-def _statistics(measured: TraceCycles, simulated: TraceCycles) -> tuple[Statistic, ...]:
-    sides = [(each.means(), each.scatter(), each.errors()) for each in (measured, simulated)]
-    found = []
-    for info, _ in sides[0][0].info():
-        mine, theirs = (tuple(table[info.name] for table in side) for side in sides)
-        difference = theirs[0] - mine[0]
-        sure = SURE * max(abs(mine[0]), abs(theirs[0]))
-        error = float(np.hypot(np.hypot(mine[2], theirs[2]), sure))
-        deviation = difference / error if error > 0.0 else 0.0
-        found.append(Statistic._make((*info, *mine, *theirs, difference, deviation)))
-    return tuple(found)
+def _statistics(measured: TraceCycles, simulated: TraceCycles) -> pandas.DataFrame:
+    import pandas  # noqa: PLC0415  (slow to import)
+
+    table = pandas.DataFrame({"units": measured.means().units})
+    for side, cycles in (("measured", measured), ("simulated", simulated)):
+        for what, values in (
+            ("", cycles.means()),
+            ("_scatter", cycles.scatter()),
+            ("_error", cycles.errors()),
+        ):
+            table[f"{side}{what}"] = pandas.Series(dict(values))
+    table["difference"] = table["simulated"] - table["measured"]
+    sure = SURE * table[["measured", "simulated"]].abs().max(axis=1)
+    error = (table["measured_error"] ** 2 + table["simulated_error"] ** 2 + sure**2) ** 0.5
+    table["deviation"] = (table["difference"] / error).where(error != 0.0, 0.0)
+    return table
 
 
 def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
     """The force of a settled run of a scene, sampled like a trace, without noise, from somewhat before the first slip.
 
-    With a constant drive velocity the run continues until it has four times as many cycles as the trace, at least 24 and at most 120
-    unless the trace has more, whatever the deck's `t_end` is, and the later half is returned. With another drive the run ends at `t_end`,
-    and the later half of its cycles is returned.
+    With a constant drive velocity the run has four times as many cycles as the trace, at least 24 and at most 120 unless the trace has
+    more, whatever the deck's `t_end` is, and the later half is returned. With another drive the run ends at `t_end`, and the later half
+    of its cycles is returned.
 
     Raises
     ------
     DeckError, SolverError
         As for `dynstiction.run`.
     UsageError
-        If the run has no stick-slip, or too few cycles.
+        If the run has no stick-slip, or too few cycles, or its period is not of the size of the trace's.
     """
-    n = len(cycles)
+    n, measured = len(cycles), cycles.means()["period"]
     wanted = max(FEWEST, min(FACTOR * n, MOST), n)
-    period = cycles.means()["period"]
-    values = scene.replace(
-        scene={"settle": None}, output={"interval": trace.interval, "wall_limit": None, "fields": FIELDS}
+    with Simulation(scene) as asked:
+        end = asked.t_end
+    if np.unique(scene.groups().get("drive", {}).get("velocity", 0.0)).size == 1:
+        longest = max(end, LONGEST * measured)
+        quick = {"interval": longest, "fields": ["u_x"], "wall_limit": None}
+        summary = run_sampled(
+            scene, progress=False, scene={"settle": SETTLED, "t_end": longest}, output=quick
+        ).summary
+        period = summary.get("period", np.nan)
+        if not 1.0 / OTHER_UNIT < period / measured < OTHER_UNIT:
+            told = "no period" if np.isnan(period) else f"a period of {period:.3g} s"
+            raise UsageError(
+                f"{scene.name}: its run has no cycles to compare with the trace: it has {told}, and the trace one of {measured:.3g} s: change the "
+                "deck, or the unit of time (--unit time=ms); dynstiction stability shows where a deck has stick-slip"
+            )
+        end = (2.0 * wanted + BEGINNING) * period
+    if end / trace.interval > MOST_SAMPLES:
+        raise UsageError(
+            f"{trace.name}: a run to {end:.3g} s with a sample every {trace.interval:.3g} s would have more than {MOST_SAMPLES:.0e} samples: "
+            "give a trace with fewer samples a cycle"
+        )
+    output = {"interval": trace.interval, "fields": FIELDS, "wall_limit": None}
+    run = Trace.of(
+        run_sampled(scene, progress=False, scene={"settle": None, "t_end": end}, output=output),
+        trace.interval,
     )
-    steady = np.unique(scene.groups().get("drive", {}).get("velocity", 0.0)).size == 1
-    with Simulation(values) as asked:
-        t_end = asked.t_end
-    longest = max(t_end, LONGEST * period, 4.0 * wanted * period) if steady else t_end
-    longest = min(longest, max(MOST_SAMPLES * trace.interval, t_end))
-    with Simulation(values, scene={"t_end": longest}) as simulation:
-        until = max(CHUNK, 2.0 * wanted) * period if steady else longest
-        while True:
-            simulation.step_to(min(until, longest))
-            run = Trace.of(simulation.result, trace.interval)
-            try:
-                found = find_cycles(run)
-            except FileError as error:
-                if until >= longest:
-                    raise _without_cycles(scene, error) from None
-            else:
-                if len(found) >= 2 * wanted or until >= longest:
-                    break
-            until *= 1.5
+    try:
+        found = find_cycles(run)
+    except FileError as error:
+        raise _without_cycles(scene, error) from None
     # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept

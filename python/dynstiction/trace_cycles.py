@@ -25,8 +25,7 @@ __all__ = [
     "TraceCycles",
     "Waveform",
     "find_cycles",
-    "mean_lateral",
-    "mean_slip",
+    "fine_enough",
     "mean_waveform",
     "noise_level",
 ]
@@ -37,6 +36,10 @@ FEWEST_CYCLES = 3
 """Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
 """Least number of samples in a cycle."""
+ENOUGH_SAMPLES, ENOUGH_IN_FALL = 20_000, 100
+"""Numbers of samples in a cycle and in its fall above which a trace is averaged."""
+MANY = 1_000_000
+"""Number of samples in which cycles are found at first."""
 THRESHOLD = 0.3
 """Share of the usual fall by which the force must turn to count."""
 QUIET = 0.02
@@ -226,8 +229,36 @@ def find_cycles(trace: Trace) -> TraceCycles:
     )
 
 
-def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform:
-    """Mean of the force over the phase, from the middle of a slip to the middle of the next one.
+def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
+    """A trace with no more samples than its slips need, so that runs need no more, and its cycles."""
+    # Cycles are found faster in a part of very many samples, if it has enough for them.
+    for count in (trace.time.size // MANY, 1):
+        coarse = trace if count < 2 else trace.averaged(count)
+        try:
+            cycles = find_cycles(coarse)
+        except FileError:
+            if count < 2:
+                raise
+            continue
+        fall = 2.0 * float(np.mean(cycles.slips - cycles.onsets))
+        spare = min(cycles.means()["period"] / ENOUGH_SAMPLES, fall / ENOUGH_IN_FALL) / coarse.interval
+        if spare >= 2.0:
+            coarse = coarse.averaged(int(spare))
+            return coarse, find_cycles(coarse)
+        if spare >= 1.0 or count < 2:
+            break
+    return coarse, cycles
+
+
+def mean_waveform(
+    trace: Trace,
+    cycles: TraceCycles,
+    points: int = 200,
+    *,
+    around: tuple[float, float] | None = None,
+    lateral: bool = False,
+) -> Waveform:
+    """Mean of the force over the phase, from the middle of a slip to the middle of the next one, or around the slips.
 
     Parameters
     ----------
@@ -236,76 +267,36 @@ def mean_waveform(trace: Trace, cycles: TraceCycles, points: int = 200) -> Wavef
     cycles : TraceCycles
         Its cycles, from `find_cycles`.
     points : int
-        Number of phases, from 0 to 1.
+        Number of phases, from 0 to 1, or of times.
+    around : (float, float), optional
+        Times before and after the middle of the slip [s]: the mean of the slips that have all these times in the trace.
+    lateral : bool
+        Whether the lateral force is meant.
 
     Returns
     -------
     Waveform
-        Phases, mean force and its standard error.
+        Phases, or times from the middle of the slip, mean force and its standard error.
 
     Raises
     ------
     UsageError
-        If the arguments are not a trace and its cycles, or there are too few points.
+        If the arguments are not a trace and its cycles, there are too few points or such slips, or the trace has no lateral force.
     """
-    _refuse_others(trace, cycles)
-    return _over_phase(trace, trace.force, cycles, points)
-
-
-def mean_lateral(trace: Trace, cycles: TraceCycles, points: int = 200) -> Waveform | None:
-    """As `mean_waveform`, for the lateral force; None if the trace has none."""
-    return None if trace.lateral_force is None else _over_phase(trace, trace.lateral_force, cycles, points)
-
-
-def mean_slip(trace: Trace, cycles: TraceCycles, before: float, after: float, points: int = 200) -> Waveform:
-    """Mean of the force around the slips.
-
-    Parameters
-    ----------
-    trace : Trace
-        The trace.
-    cycles : TraceCycles
-        Its cycles, from `find_cycles`.
-    before, after : float
-        Times before and after the middle of the slip [s].
-    points : int
-        Number of times.
-
-    Returns
-    -------
-    Waveform
-        Times from the middle of the slip, mean force and its standard error, from the slips that have all these times in the trace.
-
-    Raises
-    ------
-    UsageError
-        If the trace has fewer than two such slips, or the arguments are not a trace and its cycles.
-    """
-    _refuse_others(trace, cycles)
-    low, high = number("before", before, above=0.0, units="s"), number("after", after, above=0.0, units="s")
-    time = np.linspace(-low, high, whole("points", points, least=2))
-    inside = (cycles.slips - low >= trace.time[0]) & (cycles.slips + high <= trace.time[-1])
-    if np.count_nonzero(inside) < 2:
-        raise UsageError(
-            f"before = {low:g} s, after = {high:g} s: the trace has fewer than two slips with such times around"
-        )
-    return _mean(trace, trace.force, cycles.slips[inside][:, np.newaxis] + time, time)
-
-
-def _refuse_others(trace: Trace, cycles: TraceCycles) -> None:
     instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
-    instance("cycles", cycles, TraceCycles, "give what find_cycles returns")
-
-
-def _over_phase(trace: Trace, values: _Floats, cycles: TraceCycles, points: int) -> Waveform:
+    slips = instance("cycles", cycles, TraceCycles, "give what find_cycles returns").slips
+    values = trace.lateral_force if lateral else trace.force
+    if values is None:
+        raise UsageError(f"{trace.name}: has no lateral force: leave lateral out")
     phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
-    at = cycles.slips[:-1, np.newaxis] + phase * np.diff(cycles.slips)[:, np.newaxis]
-    return _mean(trace, values, at, phase)
-
-
-def _mean(trace: Trace, values: _Floats, at: _Floats, phase: _Floats) -> Waveform:
-    force = np.interp(at, trace.time, values)
-    n = len(force)
+    at = slips[:-1, np.newaxis] + phase * np.diff(slips)[:, np.newaxis]
+    if around is not None:
+        before, after = (number("around", each, above=0.0, units="s") for each in around)
+        phase = phase * (before + after) - before
+        at = slips[(slips - before >= trace.time[0]) & (slips + after <= trace.time[-1]), np.newaxis] + phase
+        if len(at) < 2:
+            raise UsageError(f"around = {around}: the trace has fewer than two slips with such times around")
+    force, n = np.interp(at, trace.time, values), len(at)
     error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
     return Waveform(phase, np.mean(force, axis=0), error, n)
 
@@ -329,9 +320,9 @@ def _falls(trace: Trace, noise: float) -> list[tuple[int, int, int, int]]:
         window = min(window | 1, max(1, int(WHOLE_PART * force.size)) | 1)
         smooth = _smoothed(force, window)
         left = noise / np.sqrt(window)
-        least = max(0.5 * ABOVE_NOISE * left, 0.5 * QUIET * usual)
+        least = max(ABOVE_NOISE * left, 0.5 * QUIET * usual)
         usual = _usual_size(np.array([smooth[p] - smooth[v] for _, p, v, _ in _pairs(smooth, least)]))
-        if usual < ABOVE_NOISE * left or usual == 0.0:
+        if usual == 0.0:
             raise FileError(
                 f"{trace.name}: no stick-slip above the noise: the force has no falls beyond {ABOVE_NOISE * left:.3g} N, with a noise "
                 f"of {noise:.3g} N a sample: name the column of the force, or give a trace with stick-slip"

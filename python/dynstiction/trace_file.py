@@ -1,33 +1,29 @@
-"""Measured traces and friction coefficients in files: tables of text, HDF5."""
+"""Measured traces and friction coefficients in files: tables of text, HDF5, MATLAB, TDMS."""
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import os
 import re
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import islice
 from statistics import mode
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import number, path_name, shown
-from .errors import FileError, UsageError
+from .errors import Error, FileError, PackageError, UsageError
 from .trace import Trace
-
-if TYPE_CHECKING:
-    import h5py  # type: ignore[import-untyped]
 
 __all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace"]
 
 _Floats = NDArray[np.float64]
-
-_Found: TypeAlias = tuple[_Floats, str, str]
-"""Values of a column as the file has it, its unit, '' if none is named, and where the unit stands, for a message."""
 
 Column: TypeAlias = int | str
 """A column of a table by its number, from 0, or its name; a dataset of an HDF5 file by its path."""
@@ -55,37 +51,46 @@ UNITS: dict[str, dict[str, float]] = {
 """Names of the units in the file of a trace or of friction coefficients, and their factors to SI."""
 UNITS["lateral_force"] = UNITS["force"]
 
-SYNONYMS = {"sec": "s", "msec": "ms", "usec": "us"}
+OTHER_UNITS = {"V", "mV", "A", "mA", "K", "°C", "Hz", "bar", "Pa", "g", "kg", "°", "deg"}
+"""Units of columns that are no trace, in a line of units."""
+
+SYNONYMS = {"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "Newton": "N", "Newtons": "N"}
 """Other names of units."""
 
 ALTERNATIVES: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "time_series/time"),
+    "time": ("time", "t", "time_series/time", "x_value"),
     "force": ("force", "f", "pull_force", "friction_force"),
     "speed": ("speed", "velocity", "v", "table_speed"),
     "mu": ("mu", "friction", "friction_coefficient", "table_mu"),
 }
 """Column names by which these are found if the user gives none."""
 
-STYLES = tuple(
-    re.compile(f".*\\S{style}")
-    for style in (r"\s*\[([^\[]*)\]", r"\s*\(([^(]*)\)", r"\s*/\s*(\S+)", r"\s+in\s+(\S+)")
-)
-"""How a head names the unit of a column: F [mN], F (mN), F/mN, F in mN."""
+WORDS_OF_A_NAME = re.compile(r"[\s_,:;\-\[\](){}<>]+")
+UNIT_TOLD = re.compile(r"\S\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]|\S\s*/\s*(\S+)|\S\s+in\s+(\S+)")
+"""How a head names any unit of a column: F [mN], F (mN), F/mN, F in mN."""
+NO_UNIT = {"s", "N", "h", "m", "1", "-", "%"}
+"""Words above the data that need not be units, or are those of SI."""
+NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+"""With a decimal point or a decimal comma."""
 EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number of which nobody knows whether its comma is a decimal one or separates thousands."""
 BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
+CLOCK = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}.*|\d+:\d+.*")
+"""A date, or a time of day."""
+BEGINS_DATA = re.compile(f"({NUMBER.pattern})|{CLOCK.pattern}")
 
-HDF5_BEGINNING = b"\x89HDF\r\n\x1a\n"
 GZIP_BEGINNING = b"\x1f\x8b"
-HDF5_PLACES = (0, 512, 1024, 2048)
 DELIMITERS = (";", "\t", ",", " ")
+TOP = 10_000
+"""Number of lines from which heads and delimiter are found."""
 SNIFFED = 20
-"""Number of lines from which the delimiter is found."""
+"""Number of lines, the last of these, from which the delimiter is found."""
 MOST_LINES = 0.6
 """Least share of these lines that a delimiter splits into the same columns."""
-MOST_HEADS = 2
-"""Largest number of lines with names and units at the beginning of a table."""
+MOST_NAMED = 20
+"""Largest number of columns that a message names."""
 WORDS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
+FORMATS = "a table of text, or an HDF5, MATLAB or TDMS file"
 
 
 def read_trace(
@@ -99,24 +104,24 @@ def read_trace(
     delimiter: str | None = None,
     interval: float | None = None,
 ) -> Trace:
-    """Read a trace from a table of text or from an HDF5 file.
+    """Read a trace from a table of text, or from an HDF5, MATLAB or TDMS file.
 
     A table has one sample in each line, with commas, semicolons, tabs or blanks between the columns. It may begin with a line of
     names, ``force [mN]`` or ``force``, and a line of units. Empty lines and text after a ``#`` are ignored. If the delimiter is
-    not a comma, a number may have a decimal comma.
+    not a comma, a number may have a decimal comma. TDMS needs npTDMS, ``pip install dynstiction[tdms]``.
 
     Parameters
     ----------
     path : str or PathLike
         The file.
     time, force : int or str, optional
-        Columns of time and force, by number from 0 or by name; in an HDF5 file the paths of the datasets. By default the columns
-        named ``time`` and ``force``, else the first and the second.
+        Columns of time and force, by number from 0 or by name: in HDF5 the path of a dataset, in TDMS ``group/channel``. By default
+        those named ``time`` and ``force``, else, of a table, the first and the second. A waveform of TDMS has its own times.
     displacement, lateral_force : int or str, optional
         Columns of the object's displacement along the pull and of the force across it.
     units : mapping, optional
         Units, ``{"time": "ms", "force": "mN"}``, or factors to SI, ``{"force": 9.81e-3}``; a negative factor reverses the sign.
-        By default the units in brackets after the names, or in the attribute ``units`` of a dataset, else SI.
+        By default the units beside or below the names, or in the attribute ``units`` or ``unit_string``, else SI.
     delimiter : str, optional
         The delimiter between the columns; by default it is detected.
     interval : float, optional
@@ -149,11 +154,9 @@ def read_trace(
 def read_friction(
     path: str | os.PathLike[str], *, units: Units | None = None, delimiter: str | None = None
 ) -> tuple[_Floats, _Floats]:
-    """Slip speeds [m/s] and friction coefficients from a table of text; arguments and errors as for `read_trace`."""
-    wanted, name = {"speed": None, "mu": None}, path_name(path)
-    if _is_hdf5(name, "a table of friction"):
-        raise FileError(f"{name}: is an HDF5 file: give a table of text, or arrays")
-    values, *_ = _read(name, "a table of friction", wanted, tuple(wanted), units, delimiter)
+    """Slip speeds [m/s] and friction coefficients from a file; arguments and errors as for `read_trace`."""
+    wanted = {"speed": None, "mu": None}
+    values, *_ = _read(path, "a table of friction", wanted, tuple(wanted), units, delimiter)
     return values["speed"], values["mu"]
 
 
@@ -167,7 +170,7 @@ def _read(
 ) -> tuple[dict[str, _Floats], str, NDArray[np.int64] | None]:
     """Columns of a file in SI units, the units in the file, in words, and the lines of the samples; None of an HDF5 file.
 
-    A required column that is not named is the one with a usual name, in a table else that at its place.
+    A required column that is not named is the one with a usual name, else that at its place.
     """
     name = path_name(path)
     if not isinstance(units, Mapping | None):
@@ -182,20 +185,19 @@ def _read(
                 f"{quantity} = {shown(column)}: a column is given by its number, from 0, or its name"
             )
     factors = {quantity: _factor(quantity, unit) for quantity, unit in (units or {}).items()}
-    lines = None
-    if _is_hdf5(name, what):
-        if delimiter is not None:
-            raise UsageError(f"{name}: is an HDF5 file, which has no delimiter: leave it out")
-        found = _hdf5_columns(name, wanted, required)
-    else:
-        table = _Table(name, delimiter, " and ".join(required))
-        found = table.columns(wanted, required)
-        lines = np.array([line for line, _ in table.rows], dtype=np.int64)
-    for quantity, (_, unit, place) in found.items():
+    file = _file_of(name, what, required, delimiter)
+    at = file.chosen(wanted, required)
+    for quantity, column in at.items():
         if quantity not in factors:
+            unit, place = file.unit(quantity, column)
             factors[quantity] = _factor(quantity, unit, place) if unit else 1.0
-    words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in found)
-    return {quantity: values * factors[quantity] for quantity, (values, *_) in found.items()}, words, lines
+    values, lines = file.values(at)
+    if not {*required} <= {*values}:
+        raise UsageError(f"{name}: which column is time? Name it, or give the interval: {file.about()}")
+    for quantity in at:
+        values[quantity] *= factors[quantity]
+    words = ", ".join(f"{q.replace('_', ' ')} in {_name_of(q, factors[q])}" for q in at)
+    return values, words, lines
 
 
 def _factor(quantity: str, unit: str | float, place: str = "") -> float:
@@ -230,229 +232,275 @@ def _name_of(quantity: str, factor: float) -> str:
     return next((name for name, each in known.items() if each == factor), f"{factor:g} {next(iter(known))}")
 
 
-def _is_hdf5(name: str, what: str) -> bool:
+def _file_of(name: str, what: str, required: Sequence[str], delimiter: str | None) -> _File:
+    """The file, by how it begins."""
     if os.path.exists(name) and not os.path.isfile(name):
-        raise FileError(f"{name}: is not a regular file: give a file with a table, or an HDF5 file")
+        raise FileError(f"{name}: is not a regular file: give {FORMATS}")
     try:
         with open(name, "rb") as stream:
-            beginning = stream.read(HDF5_PLACES[-1] + len(HDF5_BEGINNING))
+            beginning = stream.read(4096)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{name}: cannot be read: {reason}: give the file of {what}") from error
-    return any(beginning.startswith(HDF5_BEGINNING, place) for place in HDF5_PLACES)
+    for mark, binary in BINARY.items():
+        # HDF5 may begin later.
+        if beginning.find(mark) % 512 == 0:
+            if delimiter is not None:
+                raise UsageError(f"{name}: is no text, and has no delimiter: leave it out")
+            with _reading(name):
+                return binary(name)
+    return _Table(name, delimiter, " and ".join(required))
+
+
+@contextmanager
+def _reading(name: str) -> Iterator[None]:
+    """What fails while a file is read is a `FileError`; damaged files cause exceptions of any kind."""
+    try:
+        yield
+    except Error:
+        raise
+    except Exception as error:
+        raise FileError(f"{name}: cannot be read: {error}") from error
+
+
+class _Named:
+    """The columns of a file: of each its names, in the order in which they count."""
+
+    def __init__(
+        self, name: str, names: Sequence[tuple[str, ...]], width: int, in_order: bool = True
+    ) -> None:
+        self.name, self.names, self.width, self.in_order = name, names, width, in_order
+
+    def about(self) -> str:
+        """The columns, for a message."""
+        if not self.names:
+            count = f"{self.width} columns without names, 0 to {self.width - 1}" if self.width else "none"
+            return f"there are {count}"
+        named = [f"{i} {shown(each[0])}" for i, each in enumerate(self.names[:MOST_NAMED])]
+        return "the columns are " + ", ".join(named) + ", …" * (len(self.names) > MOST_NAMED)
+
+    def called(self, name: str) -> list[int]:
+        """Columns of a name: as it stands, else without unit or group, else in small letters."""
+        for same in (str, str.lower):
+            for level in range(3):
+                found = [i for i, each in enumerate(self.names) if same(each[level]) == same(name)]
+                if found:
+                    return found
+        return []
+
+    def chosen(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, int]:
+        """The wanted columns; a required one that is not named is the one with a usual name, else that at its place."""
+        at = {
+            quantity: self._find(quantity, column, [*required, quantity].index(quantity))
+            for quantity, column in wanted.items()
+            if column is not None or quantity in required
+        }
+        twice = [q for q in at if list(at.values()).count(at[q]) > 1]
+        if twice:
+            raise UsageError(
+                f"{self.name}: {' and '.join(twice)} are the same column, {at[twice[0]]}: {self.about()}"
+            )
+        return at
+
+    def _find(self, quantity: str, column: Column | None, place: int) -> int:
+        if column is None:
+            usual = (self.called(name) for name in ALTERNATIVES[quantity])
+            others = [place] if place < self.width and self.in_order else []
+            found = next((each for each in usual if len(each) == 1), others)
+            what = f"which column is {quantity}? Name it"
+        else:
+            found = self.called(column) if isinstance(column, str) else [column] * (0 <= column < self.width)
+            what = f"{quantity} is to be column {shown(column)}"
+            if len(found) > 1:
+                what = f"{len(found)} columns are called {shown(column)}: give its number"
+        if len(found) != 1:
+            raise UsageError(f"{self.name}: {what}: {self.about()}")
+        return found[0]
 
 
 # Tables -------------------------------------------------------------------------------------------------------------------
 
 
-class _Table:
-    """A table of text: heads with names and units, and rows of data, each with the number of its line."""
+_Head: TypeAlias = tuple[int, list[str], bool]
+"""A line above the data with a word for each column: its number, the words, and whether it is a comment."""
+
+
+class _Table(_Named):
+    """A table of text: heads with names and units, and rows of data."""
 
     def __init__(self, name: str, delimiter: str | None, sample: str) -> None:
-        comments: list[tuple[int, str]] = []
-        lines: list[tuple[int, str]] = []
-        for i, line in enumerate(_text_of(name).split("\n"), 1):
-            before, mark, after = line.partition("#")
-            if before.strip() and not BEGINS_WITH_NUMBER.match(before):
-                # A sign in a name.
-                before = line
-            if before.strip():
-                lines.append((i, before.rstrip("\r")))
-            elif mark and not lines:
-                comments.append((i, after.strip().lstrip("#").strip()))
+        with _text(name) as stream:
+            top = [(i, *_parts(line)) for i, line in enumerate(islice(stream, TOP), 1)]
+        if any("\0" in before for _, before, _ in top):
+            raise FileError(f"{name}: is not text: give {FORMATS}")
+        lines = [(i, before) for i, before, _ in top if before.strip()]
         if not lines:
             raise FileError(f"{name}: has no samples: a table has one a line, {sample}")
         if delimiter is None:
             delimiter = _sniff(name, lines, sample)
         elif not isinstance(delimiter, str) or len(delimiter) != 1 or delimiter in '\r\n"#.+-0123456789':
             raise UsageError(f"delimiter = {shown(delimiter)}: it is one character, like ',' or ';'")
-        self.name, self.delimiter = name, delimiter
-        rows = [(i, _fields(line, delimiter)) for i, line in lines]
-        # Empty columns from delimiters at the ends of all lines.
-        empty = min(len(fields) - max(1, _filled(fields)) for _, fields in rows)
-        rows = [(i, fields[: len(fields) - empty]) for i, fields in rows]
-        # Data begin with a number, if any line does.
-        by_first = (i for i, (_, fields) in enumerate(rows) if _is_number(fields[0], delimiter))
-        by_any = (i for i, (_, fields) in enumerate(rows) if self._has_number(fields))
-        begin = next(by_first, next(by_any, len(rows)))
-        above, self.rows = rows[:begin], rows[begin:]
-        if not self.rows:
+        self.delimiter = delimiter
+        rows = {i: _fields(line, delimiter) for i, line in lines}
+        with_numbers = [i for i, fields in rows.items() if any(map(_is_number, fields))]
+        if not with_numbers:
             raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
-        heads = [(i, fields) for i, fields in above if any(fields) and self._are_names(fields, delimiter)]
-        # Of a longer preamble the last line is a head; of two lines, and before a line of units, there are names above it.
-        has_two = len(heads) > 1 and (len(above) == len(heads) == MOST_HEADS or _are_units(heads[-1][1]))
-        self.heads = heads[-2:] if has_two and not _name_units(heads[-1][1]) else heads[-1:]
+        # Data begin with a number, a time of day or nothing, if any line does.
+        first = (i for i in with_numbers if not rows[i][0] or BEGINS_DATA.fullmatch(rows[i][0]))
+        begin = next(first, with_numbers[0])
+        above = [(i, before or after, not before.strip()) for i, before, after in top if i < begin]
+        heads = [head for each in above if (head := self._head(rows[begin], *each))]
+        names, names_at = self._read_heads(heads)
         # A line with numbers below the names is damaged, which is reported later.
-        last = self.heads[-1][0] if self.heads else 0
-        self.rows = [each for each in above if each[0] > last and self._has_number(each[1])] + self.rows
-        self.heads = self.heads or self._commented_head(comments)
-        self._refuse_either()
+        self.begin = next(i for i in with_numbers if i > names_at)
+        used = {names_at, *(line for line, _ in self.units)}
+        self.doubt = next((i for i, text, _ in above if i not in used and _names_units(text)), 0)
+        # Empty columns from delimiters at the ends of all lines.
+        empty = min(len(fields) - max(1, _filled(fields)) for fields in rows.values())
+        super().__init__(name, [(each, *_short_names(each)) for each in names], len(rows[begin]) - empty)
+        named = len(_fields(above[-1][1], ",")) if above else 0
+        self._refuse_either([(i, line) for i, line in lines if i >= self.begin], named)
 
-    def _has_number(self, fields: Sequence[str]) -> bool:
-        return any(_is_number(field, self.delimiter) for field in fields)
+    def _head(self, row: Sequence[str], line: int, text: str, is_comment: bool) -> _Head | None:
+        """A line as words, one for each column, also between other delimiters if it names units."""
+        for mark in (self.delimiter, *((*DELIMITERS[:-1], "  ") if _names_units(text) else ())):
+            fields = re.split(r"\s\s+", text.strip()) if mark == "  " else _fields(text, mark)
+            # LabVIEW names a last column that is mostly empty.
+            if len(fields) > len(row) and fields[-1] == "Comment":
+                fields.pop()
+            fits = len(fields) == len(row) or _filled(fields) == _filled(row)
+            has_words = any(letter.isalnum() for letter in text)
+            if fits and has_words and not any(map(_is_number, fields)):
+                return line, fields, is_comment
+        return None
 
-    def _are_names(self, fields: Sequence[str], delimiter: str) -> bool:
-        """Whether fields are words, one for each column."""
-        row = self.rows[0][1]
-        fits = len(fields) == len(row) or _filled(fields) == _filled(row)
-        return fits and not any(_is_number(field, delimiter) for field in fields)
+    def _read_heads(self, heads: Sequence[_Head]) -> tuple[list[str], int]:
+        """Names of the columns and their line; units are in the last line of units, the names, or the last other line that has some."""
+        units = [each for each in heads if _are_units(each[1])]
+        if len(units) == len(heads):
+            units = [each for each in units if _are_units(each[1], share=1.0)]
+        others = [each for each in heads if each not in units]
+        told = [each for each in others if any(_unit_in(field, UNITS_OF_ALL, sure=True) for field in each[1])]
+        names = [each for each in others if not each[2]] or others
+        names = [each for each in names if each in told] or names
+        if units and not any(map(_is_label, units[-1][1])):
+            names = [each for each in names if each[0] < units[-1][0]] or names
+        self.units = [(line, fields) for line, fields, _ in (*units[-1:], *names[-1:], *told[-1:])]
+        self.units_at = units[-1][0] if units else 0
+        return (names[-1][1], names[-1][0]) if names else ([], 0)
 
-    def _commented_head(self, comments: Sequence[tuple[int, str]]) -> list[tuple[int, list[str]]]:
-        """The last comment before the data that has a word for each column, or, between other delimiters, a name with a unit."""
-        known = {*UNITS["time"], *UNITS["force"]} - {"s", "N", "h", "min"}
-        in_brackets = re.compile(r"[\[(]([^\[\]()]*)[\])]")
-        names_unit = {
-            line for line, text in comments if known & {*map(_unit_name, in_brackets.findall(text))}
-        }
-        for line, text in reversed(comments):
-            for mark in (self.delimiter, *(DELIMITERS[:-1] if line in names_unit else ())):
-                if self._are_names(fields := _fields(text, mark), mark):
-                    return [(line, fields)]
-        if names_unit:
-            raise UsageError(
-                f"{self.name}:{min(names_unit)}: names units, but not {_filled(self.rows[0][1])} columns: name the units, like --unit "
-                "force=mN, units={'force': 'mN'}"
-            )
-        return []
-
-    def _refuse_either(self) -> None:
-        """Refuse a table in which every comma may separate thousands."""
-        fields = ((line, field) for line, fields in self.rows for field in fields)
-        doubtful = [(line, field) for line, field in fields if "," in field and "." not in field]
-        if self.delimiter != "," and doubtful and all(EITHER.fullmatch(field) for _, field in doubtful):
-            raise FileError(
-                f"{self.name}:{doubtful[0][0]}: the comma in all numbers may be a decimal one or separate thousands: write them with points, "
-                "or without separators"
-            )
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the columns; empty if there are none."""
-        return self.heads[0][1] if self.heads else []
-
-    @property
-    def width(self) -> int:
-        return len(self.rows[0][1])
-
-    def about(self) -> str:
-        """The columns, for a message."""
-        if self.names:
-            return "the columns are " + ", ".join(f"{i} {shown(each)}" for i, each in enumerate(self.names))
-        return f"there are {self.width} columns without names, 0 to {self.width - 1}"
-
-    def columns(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, _Found]:
-        """The wanted columns; a required one that is not named is the one with a usual name, else that at its place."""
-        found = {
-            quantity: self._find(quantity, each) for quantity, each in wanted.items() if each is not None
-        }
-        for place, quantity in enumerate(required):
-            if quantity not in found:
-                found[quantity] = self._usual(quantity, place, set(found.values()))
-        twice = [q for q in found if list(found.values()).count(found[q]) > 1]
-        if twice:
-            raise UsageError(
-                f"{self.name}: {' and '.join(twice)} are the same column, {found[twice[0]]}: {self.about()}"
-            )
-        line = self.heads[0][0] if self.heads else 0
-        return {
-            q: (self._numbers(q, i), self._unit(q, i), f"{self.name}:{line}: {q}") for q, i in found.items()
-        }
-
-    def _find(self, quantity: str, column: Column) -> int:
-        found: list[int] = []
-        if isinstance(column, int):
-            found = [column] if 0 <= column < self.width else []
+    def _refuse_either(self, rows: Sequence[tuple[int, str]], named: int) -> None:
+        """Refuse a table in which every comma may separate thousands, or be a decimal one."""
+        fields = [_fields(text, self.delimiter) for _, text in rows]
+        told = [field for each in fields for field in each]
+        if self.delimiter == ",":
+            is_mixed = all(re.search(r",\s.*,\S|,\S.*,\s", text) for _, text in rows)
+            has_zeros = any(re.fullmatch(r"[+-]?0\d+", field) for field in told)
+            is_doubtful = 1 < named < len(fields[0]) or has_zeros or is_mixed
+            is_doubtful = is_doubtful and not any("." in field for field in told)
+            what = "may be a decimal one or separate columns"
         else:
-            for form in (str, _bare, lambda each: _bare(each).lower()):
-                found = found or [i for i, each in enumerate(self.names) if form(each) == form(column)]
-        if len(found) > 1:
-            raise UsageError(
-                f"{self.name}: {len(found)} columns are called {shown(column)}: give its number; {self.about()}"
+            doubtful = [field for field in told if "," in field and "." not in field]
+            is_doubtful = bool(doubtful) and all(map(EITHER.fullmatch, doubtful))
+            what = "in all numbers may be a decimal one or separate thousands"
+        if is_doubtful:
+            raise FileError(
+                f"{self.name}:{rows[0][0]}: the comma {what}: write numbers with points, or without separators"
             )
-        if found:
-            return found[0]
-        raise UsageError(f"{self.name}: {quantity} is to be column {shown(column)}: {self.about()}")
 
-    def _usual(self, quantity: str, place: int, taken: set[int]) -> int:
-        bare = [_bare(each).lower() for each in self.names]
-        for name in ALTERNATIVES[quantity]:
-            if bare.count(name) == 1 and bare.index(name) not in taken:
-                return bare.index(name)
-        if place >= self.width or place in taken:
-            raise UsageError(f"{self.name}: which column is {quantity}? Name it: {self.about()}")
-        return place
+    def unit(self, quantity: str, column: int) -> tuple[str, str]:
+        """Unit of a column, '' if none is named, and where it stands, for a message."""
+        for line, fields in self.units:
+            field = fields[column] if column < len(fields) else ""
+            unit = _unit_in(field, UNITS[quantity])
+            if line == self.units_at and not _is_label(field):
+                unit = field.strip("[](){}<> ")
+            if unit:
+                return unit, f"{self.name}:{line}: {quantity}"
+        if self.doubt:
+            raise UsageError(
+                f"{self.name}:{self.doubt}: names units, but not {self.width} columns: name the units, like --unit force=mN, "
+                "units={'force': 'mN'}"
+            )
+        return "", ""
 
-    def _unit(self, quantity: str, column: int) -> str:
-        """Unit of a column in the head, '' if none: in a line of units, in brackets, after a slash or 'in', or, if it is one of the
-        quantity, after a blank or an underscore.
-        """
-        if len(self.heads) > 1 and column < len(self.heads[1][1]):
-            below = self.heads[1][1][column].strip("[]() ")
-            if below:
-                return below
-        name = self.names[column].strip() if column < len(self.names) else ""
-        words = name.split()
-        if len(words) > 1 and _unit_name(words[-1]) in UNITS[quantity]:
-            return words[-1]
-        for style in STYLES:
-            if (found := style.fullmatch(name)) and (unit := found[1].strip()):
-                return unit
-        before, _, unit = name.rpartition("_")
-        return unit if before and _unit_name(unit) in UNITS[quantity] else ""
+    def values(self, at: Mapping[str, int]) -> tuple[dict[str, _Floats], NDArray[np.int64] | None]:
+        """Values of columns as they are in the file, and the lines of the samples."""
+        lines, row, has_commas, blank = array("q"), "", self.delimiter != ",", self.delimiter + " \t\n"
 
-    def _numbers(self, quantity: str, column: int) -> _Floats:
-        values = np.empty(len(self.rows))
-        for k, (line, fields) in enumerate(self.rows):
+        def rows() -> Iterator[str]:
+            nonlocal row
+            with _text(self.name) as stream:
+                for i, line in enumerate(islice(stream, self.begin - 1, None), self.begin):
+                    row = line.partition("#")[0]
+                    if row.strip(blank):
+                        lines.append(i)
+                        yield row.replace(",", ".") if has_commas else row
+
+        try:
+            found = np.loadtxt(
+                rows(),
+                delimiter=None if self.delimiter == " " else self.delimiter,
+                usecols=list(at.values()),
+                comments=None,
+                quotechar='"',
+                ndmin=2,
+            )
+        except ValueError as error:
+            if isinstance(error, Error):
+                raise
+            raise self._fault(at, lines[-1], row, error) from None
+        return dict(zip(at, found.T, strict=True)), np.frombuffer(lines, dtype=np.int64)
+
+    def _fault(self, at: Mapping[str, int], line: int, row: str, error: ValueError) -> FileError:
+        """What is wrong with a row, and what to do."""
+        fields = _fields(row, self.delimiter)
+        for quantity, column in at.items():
             if column >= len(fields):
-                raise FileError(
-                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or "
-                    f"take it out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
+                return FileError(
+                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or take it "
+                    f"out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
                 )
             field = fields[column]
-            try:
-                values[k] = _value(field, self.delimiter)
-            except ValueError:
-                what = f"is {shown(field)}, no number" if field else "is empty"
-                raise FileError(
-                    f"{self.name}:{line}: {quantity} (column {column}) {what}: correct the line or take it out, or name another "
-                    f"column; {self.about()}"
-                ) from None
-        return values
+            if _is_number(field):
+                continue
+            what = f"is {shown(field)}, no number" if field else "is empty"
+            remedy = "correct the line or take it out, or name another column"
+            if quantity == "time" and (not field or CLOCK.fullmatch(field)):
+                remedy = "name a column of seconds, or give the time between two samples (interval)"
+            return FileError(
+                f"{self.name}:{line}: {quantity} (column {column}) {what}: {remedy}; {self.about()}"
+            )
+        return FileError(f"{self.name}:{line}: {error}")
 
 
-def _filled(fields: Sequence[str]) -> int:
-    """Number of fields up to the last one that is not empty."""
-    return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
+# Bytes that are no UTF-8, as older programs write them.
+codecs.register_error(
+    "dynstiction.latin_1",
+    lambda error: (error.object[error.start : error.end].decode("latin-1"), error.end),  # type: ignore[attr-defined]
+)
 
 
-def _name_units(fields: Sequence[str]) -> bool:
-    """Whether one of the words is a name with a unit."""
-    return any(style.fullmatch(field) for style in STYLES for field in fields)
+@contextmanager
+def _text(name: str) -> Iterator[TextIO]:
+    """The lines of a file."""
+    with _reading(name):
+        with open(name, "rb") as raw:
+            opened: Callable[..., Any] = gzip.open if raw.read(2) == GZIP_BEGINNING else open
+        with opened(name, "rb") as binary:
+            wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")
+        encoding = "utf-16" if wide else "utf-8-sig"
+        with opened(name, "rt", encoding=encoding, errors="dynstiction.latin_1") as stream:
+            yield stream
 
 
-def _are_units(fields: Sequence[str]) -> bool:
-    """Whether one of the words is a unit."""
-    every = {unit for units in UNITS.values() for unit in units}
-    return any(_unit_name(field.strip("[]() ")) in every for field in fields)
-
-
-def _text_of(name: str) -> str:
-    data = Path(name).read_bytes()
-    if data.startswith(GZIP_BEGINNING):
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError) as error:
-            raise FileError(f"{name}: cannot be decompressed: {error}") from error
-    wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "latin-1"):
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" in text:
-            break
-        return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise FileError(f"{name}: is not text: give a table of text, or an HDF5 file")
+def _parts(line: str) -> tuple[str, str]:
+    """What is before a comment, and the comment."""
+    before, _, after = line.rstrip("\n").partition("#")
+    if before.strip() and not BEGINS_WITH_NUMBER.match(before):
+        # A sign in a name.
+        return line.rstrip("\n"), ""
+    return before, after.strip("# ")
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
@@ -464,13 +512,18 @@ def _fields(line: str, delimiter: str) -> list[str]:
     return [field.strip() for field in split]
 
 
+def _filled(fields: Sequence[str]) -> int:
+    """Number of fields up to the last one that is not empty."""
+    return next((i for i in range(len(fields), 0, -1) if fields[i - 1] != ""), 0)
+
+
 def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
     """The delimiter that splits the last lines, from the first row of numbers on, into the same columns, at least two of them numbers."""
     last = [line for _, line in lines[-SNIFFED:]]
 
     def share(delimiter: str) -> float:
         fields = [_fields(line, delimiter) for line in last]
-        widths = [len(each) if _is_row(each, delimiter) else 0 for each in fields]
+        widths = [len(each) if _is_row(each) else 0 for each in fields]
         usual = mode(filter(None, widths)) if any(widths) else 0
         # What stands above the first row of this width is a preamble or a head.
         below = widths[widths.index(usual) :]
@@ -480,98 +533,175 @@ def _sniff(name: str, lines: Sequence[tuple[int, str]], sample: str) -> str:
     best = max(DELIMITERS, key=share)
     if share(best) >= MOST_LINES:
         return best
-    alone = [_is_number(line.strip(), " ") for line in last]
+    alone = [_is_number(line.strip()) for line in last]
     if any(alone) and all(alone[alone.index(True) :]):
         return " "
     raise FileError(
-        f"{name}:{lines[-1][0]}: no columns of numbers are found: name the delimiter, or give a table with one sample a "
-        f"line, {sample}"
+        f"{name}:{lines[-1][0]}: no columns of numbers are found, as in {shown(last[-1])}: name the delimiter, or give a table "
+        f"with one sample a line, {sample}"
     )
 
 
-def _is_row(fields: Sequence[str], delimiter: str) -> bool:
-    several = any(
-        len(parts := field.split()) > 1 and all(_is_number(p, " ") for p in parts) for field in fields
-    )
-    return sum(_is_number(field, delimiter) for field in fields) >= 2 and not several
+def _is_row(fields: Sequence[str]) -> bool:
+    """Whether fields are those of a sample: at least two numbers, or one and a time of day, and no field with several."""
+    numbers = sum(map(_is_number, fields))
+    several = any(len(field.split()) > 1 and all(map(_is_number, field.split())) for field in fields)
+    return not several and (numbers > 1 or (numbers == 1 and any(map(CLOCK.fullmatch, fields))))
 
 
-def _value(field: str, delimiter: str) -> float:
-    if delimiter != "," and "," in field and "." not in field:
-        field = field.replace(",", ".", 1)
-    if "_" in field:
-        raise ValueError(field)
-    return float(field)
+def _is_number(field: str) -> bool:
+    return NUMBER.fullmatch(field) is not None
 
 
-def _is_number(field: str, delimiter: str) -> bool:
-    try:
-        _value(field, delimiter)
-    except ValueError:
-        return False
-    return field.strip().lower().lstrip("+-") not in ("nan", "inf", "infinity")
+# Heads --------------------------------------------------------------------------------------------------------------------
+
+UNITS_OF_ALL = {unit for units in UNITS.values() for unit in units}
 
 
-def _bare(name: str) -> str:
-    """The name of a column without its unit."""
-    for bracket in "[(":
-        before = name.partition(bracket)[0].strip()
-        if before:
-            name = before
-    return name.strip()
+def _unit_in(name: str, known: Iterable[str], *, sure: bool = False) -> str:
+    """Unit in the name of a column, '' if none: a known one behind the first word, else, if not `sure`, what stands where units do."""
+    words = [word for word in WORDS_OF_A_NAME.split(name.strip())[1:] if _unit_name(word) in known]
+    told = [next(filter(None, each)).strip("[](){}<> ") for each in UNIT_TOLD.findall(name)]
+    told = [unit for unit in told if not sure or _unit_name(unit) in known]
+    return [*told, *words][-1] if words or told else ""
 
 
-# HDF5 ---------------------------------------------------------------------------------------------------------------------
+def _short_names(name: str) -> tuple[str, str]:
+    """The name of a column without its unit, and its first word."""
+    return re.split(r"(?<=\S)\s*[\[({<]", name)[0].strip(), re.split(r"(?<=\S)[\s_,/\[({<]", name)[0]
 
 
-def _hdf5_columns(
-    name: str, wanted: Mapping[str, Column | None], required: Sequence[str]
-) -> dict[str, _Found]:
-    """The wanted datasets of a file."""
-    import h5py  # noqa: PLC0415
+def _is_label(field: str) -> bool:
+    """Whether this is no unit, but says that units follow."""
+    return re.search(r"(\b|_)units?(\b|_)|einheit", field, re.IGNORECASE) is not None
 
-    from ._hdf5 import dataset_in, open_file  # noqa: PLC0415  (h5py is slow to import)
 
-    found, there = {}, list[str]()
-    with open_file(name) as file:
-        for quantity, column in wanted.items():
-            if column is None and quantity not in required:
-                continue
-            paths = ALTERNATIVES[quantity] if column is None else (column,)
-            sets = [
-                each
-                for path in paths
-                if isinstance(path, str) and (each := dataset_in(file, path)) is not None
-            ]
-            if not sets:
-                file.visititems(
-                    lambda path, item: there.append(path) if isinstance(item, h5py.Dataset) else None
-                )
+def _are_units(fields: Sequence[str], share: float = 0.5) -> bool:
+    """Whether at least a share of the words are units."""
+    filled = [field.strip("[](){}<> ") for field in fields if field and not _is_label(field)]
+    count = sum(_unit_name(field) in UNITS_OF_ALL | OTHER_UNITS for field in filled)
+    return count > 0 and count >= share * len(filled)
+
+
+def _names_units(text: str) -> bool:
+    """Whether a line above the data has a word that is a unit."""
+    return any(_unit_name(word) in UNITS_OF_ALL - NO_UNIT for word in re.split(r"[\W_]+", text))
+
+
+# Files of other kinds -----------------------------------------------------------------------------------------------------
+
+
+class _Binary(_Named):
+    """Columns with paths and units, and how they are read."""
+
+    def __init__(
+        self, name: str, units: Mapping[str, str], read: Callable[[str], Any], steps: Mapping[str, float]
+    ) -> None:
+        self.units, self.read, self.steps = list(units.values()), read, steps
+        names = [(path, path, path.rpartition("/")[2]) for path in units]
+        super().__init__(name, names, len(names), in_order=len(names) <= 2)
+
+    def chosen(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, int]:
+        """As for any file; a waveform has its own times if no column has."""
+        is_told = wanted.get("time") is not None or any(map(self.called, ALTERNATIVES["time"]))
+        if self.steps and not is_told:
+            required = [quantity for quantity in required if quantity != "time"]
+        return super().chosen(wanted, required)
+
+    def unit(self, quantity: str, column: int) -> tuple[str, str]:
+        """Unit of a column, '' if none is named, and where it stands, for a message."""
+        unit = self.units[column]
+        return "" if unit == "1" else unit, f"{self.name}: {self.names[column][0]}: {quantity}"
+
+    def values(self, at: Mapping[str, int]) -> tuple[dict[str, _Floats], None]:
+        """Values of columns as they are in the file."""
+        found = {}
+        for quantity, column in at.items():
+            path = self.names[column][0]
+            with _reading(self.name):
+                item = self.read(path)
+            # MATLAB writes columns as matrices.
+            if item.ndim == 0 or max(item.shape) != item.size or item.dtype.kind not in "biuf":
                 raise UsageError(
-                    f"{name}: no dataset {' or '.join(map(shown, paths))} for {quantity}: name one of "
-                    f"{', '.join(there[:12]) or 'none: the file is empty'}{', …' if len(there) > 12 else ''}"
+                    f"{self.name}: {path} has the shape {item.shape} and the type {item.dtype}: {quantity} must be real numbers "
+                    "in one dimension; otherwise read it yourself and give the arrays to Trace"
                 )
-            found[quantity] = _dataset_values(sets[0], name, quantity)
-    return found
+            found[quantity] = item.astype(np.float64).reshape(-1)
+        if "time" not in at and "force" in at and (path := self.names[at["force"]][0]) in self.steps:
+            found["time"] = self.steps[path] * np.arange(found["force"].size)
+        return found, None
 
 
-def _dataset_values(dataset: h5py.Dataset, name: str, quantity: str) -> _Found:
-    """Values of a dataset, and its unit."""
-    # MATLAB writes columns as matrices.
-    if dataset.ndim == 0 or max(dataset.shape) != dataset.size or dataset.dtype.kind not in "biuf":
-        raise UsageError(
-            f"{name}: {dataset.name} has the shape {dataset.shape} and the type {dataset.dtype}: {quantity} must be real numbers in "
-            "one dimension; otherwise read it yourself and give the arrays to Trace"
-        )
-    values = np.asarray(dataset[()], dtype=np.float64).reshape(-1)
-    # Conventions of netCDF.
-    if (missing := dataset.attrs.get("_FillValue")) is not None:
-        values = np.where(values == float(np.ravel(missing)[0]), np.nan, values)
-    scale, shift = (
-        float(np.ravel(dataset.attrs.get(key, usual))[0])
-        for key, usual in (("scale_factor", 1.0), ("add_offset", 0.0))
-    )
-    units = dataset.attrs.get("units", dataset.attrs.get("unit", ""))
-    (unit,) = np.asarray(units).reshape(-1)[:1].tolist() or [""]
-    unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
-    return values * scale + shift, "" if unit == "1" else unit, f"{name}: {dataset.name}"
+def _hdf5(name: str) -> _Binary:
+    """An HDF5 file, also of MATLAB 7.3."""
+    import h5py  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    from ._hdf5 import dataset_in, open_file  # noqa: PLC0415
+
+    units: dict[str, str] = {}
+
+    def visit(path: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and not path.startswith("#"):
+            (unit,) = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))[:1].tolist() or [""]
+            units[path] = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+
+    def read(path: str) -> Any:
+        with open_file(name) as file:
+            dataset: Any = dataset_in(file, path)
+            values = np.asarray(dataset[()])
+            if values.dtype.kind not in "biuf":
+                return values
+            # Conventions of netCDF.
+            missing, scale, shift = (
+                float(np.ravel(dataset.attrs.get(key, usual))[0])
+                for key, usual in (("_FillValue", np.nan), ("scale_factor", 1.0), ("add_offset", 0.0))
+            )
+            return np.where(values == missing, np.nan, values) * scale + shift
+
+    with open_file(name) as file:
+        file.visititems(visit)
+    return _Binary(name, units, read, {})
+
+
+def _matlab(name: str) -> _Binary:
+    """A file of MATLAB up to version 7."""
+    from scipy.io import loadmat  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    arrays: dict[str, NDArray[Any]] = {}
+
+    def add(path: str, item: object) -> None:
+        if isinstance(item, dict):
+            for key, value in item.items():
+                add(f"{path}/{key}".lstrip("/"), value)
+        elif isinstance(item, np.ndarray):
+            arrays[path] = item
+
+    add("", loadmat(name, simplify_cells=True))
+    return _Binary(name, dict.fromkeys(arrays, ""), arrays.__getitem__, {})
+
+
+def _tdms(name: str) -> _Binary:
+    """A TDMS file: channels are columns."""
+    try:
+        from nptdms import TdmsFile  # type: ignore[import-untyped]  # noqa: PLC0415
+    except ImportError as error:
+        raise PackageError(f"{name}: TDMS needs npTDMS ({error}): pip install dynstiction[tdms]") from None
+
+    def read(path: str) -> Any:
+        with TdmsFile.open(name) as file:
+            group, channel = places[path]
+            return file[group][channel][:]
+
+    with TdmsFile.open(name) as file:
+        channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
+        places = {path: (one.group_name, one.name) for path, one in channels.items()}
+        told = {path: one.properties for path, one in channels.items()}
+    units = {path: str(each.get("unit_string", "")) for path, each in told.items()}
+    steps = {path: each["wf_increment"] for path, each in told.items() if "wf_increment" in each}
+    return _Binary(name, units, read, steps)
+
+
+BINARY = {b"\x89HDF\r\n\x1a\n": _hdf5, b"MATLAB 5.0 MAT": _matlab, b"TDSm": _tdms}
+"""What reads a file, by what it begins with."""
+
+_File: TypeAlias = _Table | _Binary

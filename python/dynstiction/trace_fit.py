@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
@@ -22,8 +23,8 @@ from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Chain, Trace
-from .trace_comparison import compared
-from .trace_cycles import find_cycles
+from .trace_comparison import TraceComparison, compared
+from .trace_cycles import fine_enough
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,18 +93,36 @@ class FittedTrace(Recording):
         The trace, its scene and measuring chain with the fitted values, its cycles, and their mean with its errors.
     given : Scene
         The scene with the values with which the fit began.
-    fitted : ndarray, shape (n,)
-        Force of the model in the bins of the waveform [N].
-    ahead : ndarray, shape (k,)
-        How far the object of the model is ahead of the drive in the creep [m]; empty without a measured displacement.
+    fitted_rows : ndarray, shape (cycles, n + k)
+        The `rows` of the waveform as the model explains each; one row if cycles repeat.
     period : float
         The model's period [s].
     """
 
     given: Scene
-    fitted: _Floats
-    ahead: _Floats
+    fitted_rows: _Floats
     period: float
+
+    @property
+    def fitted(self) -> _Floats:
+        """Mean force of the model in the bins of the waveform [N], shape (n,)."""
+        return np.asarray(self.fitted_rows.mean(axis=0)[: self.waveform.time.size])
+
+    @property
+    def ahead(self) -> _Floats:
+        """How far the object of the model is ahead of the drive in the creep [m], shape (k,); empty without a measured displacement."""
+        return np.asarray(self.fitted_rows.mean(axis=0)[self.waveform.time.size :])
+
+    @cached_property
+    def comparison(self) -> TraceComparison:
+        """A run with the fitted values beside the trace.
+
+        Raises
+        ------
+        UsageError, SolverError
+            As for `compare`.
+        """
+        return compared(self.scene, self.trace.regular(), self.cycles, self.chain)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -232,14 +251,20 @@ class Fit:
         low, high = sorted(math.copysign(size, self[name]) for size in sizes)
         return low, high
 
-    def plot(self, kind: str = "waveform") -> Figure:
+    def plot(
+        self, kind: str = "waveform", *, trace: int = 0, start: float | None = None, end: float | None = None
+    ) -> Figure:
         """Figure of the fit.
 
         Parameters
         ----------
         kind : str
-            ``waveform``: measured and that of the model, and the residuals; ``cycles``: residuals of each cycle, distributions of
-            period and peak; ``corner``: the parameters two by two, with their errors.
+            ``waveform``: measured and that of the model, and the residuals; ``time``: the same over time; ``cycles``: residuals of each
+            cycle, distributions of period and peak of the trace and of a run; ``corner``: the parameters two by two, with their errors.
+        trace : int
+            Number of the trace, from 0.
+        start, end : float, optional
+            Times that ``time`` shows [s]; by default the first cycles.
 
         Returns
         -------
@@ -248,7 +273,13 @@ class Fit:
         """
         from .plot.traces import fit_figure  # noqa: PLC0415  (slow to import)
 
-        return fit_figure(self, kind)
+        return fit_figure(self, kind, trace, start, end)
+
+    def report(self) -> str:
+        """The fit as one HTML page, with all figures; it needs neither network nor other files."""
+        from .report import fit_report  # noqa: PLC0415  (slow to import)
+
+        return fit_report(self)
 
     def __repr__(self) -> str:
         return "\n  ".join([f"<Fit: {len(self.waveform.cycles)} cycles, {self.model}", *self._lines()]) + ">"
@@ -429,10 +460,14 @@ def _told(
     fitted = []
     for k, (record, given) in enumerate(zip(problem.recordings, own.recordings, strict=True)):
         cycles = problem.cycles(best.z, k)
-        force, ahead = np.split(record.explained(cycles), [record.waveform.time.size])
         here = replace(own.at_values(given, best.z[:p]), waveform=record.waveform)
         fitted.append(
-            FittedTrace(**vars(here), given=given.scene, fitted=force, ahead=ahead, period=cycles.period)
+            FittedTrace(
+                **vars(here),
+                given=given.scene,
+                fitted_rows=record.explained(cycles),
+                period=cycles.period,
+            )
         )
     begun = problem.logarithms(problem.coordinates(problem.begin))
     logarithms = np.array([np.where(told, z, begun), error])
@@ -581,8 +616,8 @@ def problem_of(
             raise UsageError(
                 "free: drive.velocity cannot be free with a displacement, which contains it: leave one of them out"
             )
-        cycles = find_cycles(one)
-        recordings.append(Recording(rig, chain, one, cycles, waveform_of(one, cycles, abs(velocity))))
+        fine, cycles = fine_enough(one)
+        recordings.append(Recording(rig, chain, fine, cycles, waveform_of(fine, cycles, abs(velocity))))
     return Problem(names, begin, known, bounds, ties, tuple(recordings))
 
 
@@ -673,14 +708,14 @@ def verdict(found: Fit) -> tuple[bool, str]:
     limit = float(norm.isf(0.5 * BY_CHANCE / (MEANS * len(found.traces))))
     for each in found.traces:
         of = f" of {each.trace.name}" if len(found.traces) > 1 else ""
-        for name, scene in (("fitted", each.scene), ("given", each.given)):
+        for name, one in (("fitted", each), ("given", replace(each, scene=each.given))):
             try:
-                statistics = compared(scene, each.trace.regular(), each.cycles, each.chain).statistics
+                deviations = one.comparison.statistics["deviation"]
             except Error as error:
                 agree[name] = False
                 lines.append(f"the run of the {name} deck cannot be compared with the trace{of}: {error}")
                 continue
-            off = [f"{one.name} by {one.deviation:.1f}" for one in statistics if abs(one.deviation) > limit]
+            off = [f"{which} by {by:.1f}" for which, by in deviations.items() if abs(by) > limit]
             agree[name] &= not off
             differs = f"differs from the trace{of}: {', '.join(off)} standard errors"
             lines.append(f"the run of the {name} deck {differs if off else f'agrees with the trace{of}'}")

@@ -71,7 +71,7 @@ test_bounds() { # test_bounds lowest|newest PYTHON
     tail -n 40 "$scratch/collected.txt" >&2
     die 'without the extras not every test is collected: pytest.importorskip("PACKAGE", reason="pip install PACKAGE")'
   }
-  mapfile -t extras < <(requirements "['project']['optional-dependencies']['netcdf'] + project['project']['optional-dependencies']['progress']")
+  mapfile -t extras < <(requirements "['project']['optional-dependencies']['netcdf'] + project['project']['optional-dependencies']['progress'] + project['project']['optional-dependencies']['tdms']")
   pip -c "$scratch/lowest.txt" "${extras[@]}" pytest-xdist
   run_pytest -m 'not full' -k 'not any_damage_is_read and not damaged_comparison' -n auto --dist loadfile "${tests[@]/#/tests/python/}"
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,8 +97,25 @@ def test_a_fit_shows_its_cycles_and_its_parameters(found: ds.Fit) -> None:
     x, y = pair.lines[0].get_data()
     assert np.corrcoef(x, y)[0, 1] == pytest.approx(found.correlation[0, -1], abs=0.02)
     assert np.ptp(x) == pytest.approx(2.0 * found.parameters[ALL[0]].error, rel=0.02)
-    with pytest.raises(ds.UsageError, match="waveform, cycles, corner"):
-        found.plot("pie")
+    for arguments, message in (
+        ({"kind": "pie"}, "waveform, time, cycles, corner"),
+        ({"start": 1.0}, "only the figure 'time'"),
+    ):
+        with pytest.raises(ds.UsageError, match=message):
+            found.plot(**arguments)
+
+
+def test_a_report_has_all_figures_of_a_fit(found: ds.Fit, trace: ds.Trace) -> None:
+    """Data, model and difference over any time, and distributions of the trace and of a run."""
+    page = found.report()
+    assert re.findall(r'<img alt="(\w+): \w', page) == ["time", "waveform", "cycles", "comparison", "corner"]
+    assert "the fit explains the trace" in page and "nothing differs" in page
+    above, below = found.plot("time", start=10.0, end=14.0).axes
+    np.testing.assert_array_equal(above.lines[0].get_xdata(), trace.part(10.0, 14.0).time)
+    difference = below.lines[0].get_ydata()
+    assert np.isfinite(difference).mean() > 0.95 and np.nanstd(difference) < 1.5 * found.cycles.noise
+    for axis in found.plot("cycles").axes[1:3]:
+        assert axis.get_legend_handles_labels()[1] == ["measured, 21 cycles", "simulated, 42 cycles"]
 
 
 def test_what_hangs_on_the_law_is_said(found: ds.Fit) -> None:
@@ -118,7 +136,7 @@ def test_the_fitted_scene_runs_and_repeats_what_was_measured(found: ds.Fit, trac
     for name in TRUE:
         group, _, key = name.partition(".")
         assert deck.groups()[group][key] == pytest.approx(found[name], rel=1e-15)
-    assert not any(statistic.differs for statistic in ds.compare(deck, trace).statistics)
+    assert not ds.compare(deck, trace).differing
     run = ds.run(deck, scene={"t_end": 30.0, "settle": 1e-7}, output={"interval": 1.0})
     assert run.summary["period"] == pytest.approx(found.waveform.period, abs=5.0 * found.waveform.period_error)
     assert run.summary["period"] == pytest.approx(found.period, rel=1e-5)

@@ -111,12 +111,6 @@ def test_faults_of_tables(tmp_path: Path, text: str, told: str) -> None:
         ds.fit_friction_law(path)
 
 
-def test_an_hdf5_file_is_named(tmp_path: Path) -> None:
-    ds.run(INPUTS / "fig3.nml", t_end=0.01).save(tmp_path / "run.h5")
-    with pytest.raises(ds.FileError, match="is an HDF5 file: give a table of text"):
-        ds.fit_friction_law(tmp_path / "run.h5")
-
-
 def test_wrong_use() -> None:
     with pytest.raises(ds.UsageError, match="each with both"):
         ds.fit_friction_law(SPEEDS, SPEEDS[1:])

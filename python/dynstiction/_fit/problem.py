@@ -102,12 +102,12 @@ class Recording:
         return math.hypot(self.waveform.period_error, coarse * self.waveform.period)
 
     def explained(self, model: Cycles) -> _Floats:
-        """Mean of the model's rows as they explain the cycles."""
+        """The model's rows as they explain each cycle; one row if cycles repeat."""
         wave = self.waveform
         if wave.repeats:
-            return np.asarray(model.rows.mean(axis=0))
+            return np.asarray(model.rows.mean(axis=0, keepdims=True))
         weights = wave.weights(0.0) + 1e-12
-        return np.asarray((wave.rows - explained_by_each(wave, model, weights) / weights).mean(axis=0))
+        return np.asarray(wave.rows - explained_by_each(wave, model, weights) / weights)
 
     def misfit(self, model: Cycles, parameters: int) -> tuple[float, float]:
         """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
@@ -116,7 +116,7 @@ class Recording:
         wave = self.waveform
         n = len(wave.rows)
         weights = wave.weights(0.0)
-        residual = (wave.rows.mean(axis=0) - self.explained(model)) * weights
+        residual = (wave.rows.mean(axis=0) - self.explained(model).mean(axis=0)) * weights
         scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
         used = int(np.count_nonzero(wave.used))

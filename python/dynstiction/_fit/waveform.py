@@ -50,6 +50,8 @@ class Waveform:
     ----------
     edges : ndarray, shape (n + 1,)
         Edges of the bins, time since the slip [s].
+    slips : ndarray, shape (cycles,)
+        Times of the slips [s].
     rows : ndarray, shape (cycles, n + k)
         What is fitted, of each cycle: mean force of each bin [N]; then, if the displacement was measured, its mean over each of the first
         k bins, the creep, minus that of the drive, minus the mean over these bins [m]. How the object slips is in the force.
@@ -68,6 +70,7 @@ class Waveform:
     """
 
     edges: _Floats
+    slips: _Floats
     rows: _Floats
     error: _Floats
     used: NDArray[np.bool_]
@@ -161,12 +164,12 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     fall = _fall(time, force, slips, period)
     repeats = _true_changes(periods)[1] <= (ALIKE * period) ** 2
     edges = _edges(period if repeats else float(np.quantile(periods, SHORT)), fall, interval)
-    whole = [slip for slip in slips if slip + edges[0] >= time[0] and slip + edges[-1] <= time[-1]]
+    whole = slips[(slips + edges[0] >= time[0]) & (slips + edges[-1] <= time[-1])]
     if len(whole) < FEWEST:
         raise UsageError(
             f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: a fit needs at least {FEWEST}"
         )
-    at = edges + np.array(whole)[:, np.newaxis]
+    at = edges + whole[:, np.newaxis]
     rows = bin_means(time, force, at)
     error = _error(rows, noise, edges, interval, repeats)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -182,7 +185,7 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
         way_noise = float(np.median(np.abs(np.diff(way, 2)))) / NORMAL_MEDIAN / np.sqrt(6.0)
         error = np.append(error, _error(ahead, way_noise, creep, interval, repeats))
         rows, used = np.hstack([rows, ahead]), np.append(used, np.full(creep.size - 1, True))
-    return Waveform(edges, rows, error, used, period, _period_error(periods), fall, interval, repeats)
+    return Waveform(edges, whole, rows, error, used, period, _period_error(periods), fall, interval, repeats)
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats: bool) -> _Floats:

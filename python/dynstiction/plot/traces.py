@@ -4,28 +4,34 @@ two.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from .._fit.problem import explained_by_each, unit_of
-from ..errors import UsageError
-from .notation import Floats, prefixed
-from .style import BLACK, BLUE, VERMILION, new_figure, panels, sized
+from .._fit.models import steady_velocity
+from .._fit.problem import unit_of
+from ..errors import Error, UsageError
+from ..record import headed
+from .notation import prefixed
+from .style import BLACK, BLUE, VERMILION, legend_above, new_figure, panels, sized
 
 if TYPE_CHECKING:
     from ..trace_comparison import TraceComparison
-    from ..trace_fit import Fit
+    from ..trace_fit import Fit, FittedTrace
 
 __all__ = [
     "FIT_KINDS",
     "check_fit_kind",
     "draw_corner",
     "draw_cycles",
-    "draw_fit",
+    "draw_time",
     "draw_trace_comparison",
+    "draw_waveform",
     "fit_figure",
 ]
 
@@ -42,6 +48,9 @@ SPAN = 3.2
 SIDE = 24.0
 """Width of a panel of two parameters [mm]."""
 
+FIRST = 4
+"""Number of cycles that are shown over time if no times are given."""
+FORCE = "force along the pull [N]"
 AROUND = 2.5
 """Time that is shown before and after the middle of the slip, in durations of the fall."""
 DOTS: Any = {"marker": ".", "linestyle": "", "color": BLUE, "markersize": 2.5}
@@ -52,16 +61,15 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
     Bands are two standard errors wide to either side.
     """
-    longest = float(np.max(np.abs(comparison.measured_slip.phase)))
+    longest = float(np.max(np.abs(comparison.waveforms["slip"][0].phase)))
     scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
     around, over_cycle = f"time from the middle of the slip [{unit}]", "phase from slip to slip"
-    force, lateral = "force along the pull [N]", "lateral force [N]"
-    rows = [
-        (1.0, over_cycle, force, (comparison.measured_waveform, comparison.simulated_waveform)),
-        (scale, around, force, (comparison.measured_slip, comparison.simulated_slip)),
-    ]
-    if comparison.measured_lateral is not None and comparison.simulated_lateral is not None:
-        rows.append((1.0, over_cycle, lateral, (comparison.measured_lateral, comparison.simulated_lateral)))
+    labels = {
+        "cycle": (1.0, over_cycle, FORCE),
+        "slip": (scale, around, FORCE),
+        "lateral": (1.0, over_cycle, "lateral force [N]"),
+    }
+    rows = [(*labels[kind], forms) for kind, forms in comparison.waveforms.items()]
     axes = panels(figure, len(rows), 54.0 * len(rows))
     for axis, (factor, xlabel, ylabel, forms) in zip(axes, rows, strict=True):
         # Where both lines are the same, the wider one is visible beneath the other.
@@ -76,7 +84,7 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
         axis.margins(y=0.08)
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.set_xlim(factor * forms[0].phase[[0, -1]] if xlabel == around else (0.0, 1.0))
-    figure.axes[0].legend(loc="lower right")
+    legend_above(figure, axes[0].get_lines())
 
 
 def check_fit_kind(kind: str) -> None:
@@ -85,63 +93,85 @@ def check_fit_kind(kind: str) -> None:
         raise UsageError(f"kind = {kind!r}: a fit has the figures {', '.join(FIT_KINDS)}")
 
 
-def fit_figure(fit: Fit, kind: str = "waveform") -> Figure:
-    """Figure of a fit, of one of `FIT_KINDS`."""
+def fit_figure(
+    fit: Fit, kind: str, trace: int = 0, start: float | None = None, end: float | None = None
+) -> Figure:
+    """Figure of one trace of a fit, of one of `FIT_KINDS`; `start` and `end` are of the kind ``time``."""
     check_fit_kind(kind)
-    return new_figure(lambda figure: FIT_KINDS[kind](fit, figure))
+    if not 0 <= trace < len(fit.traces):
+        raise UsageError(f"trace = {trace}: the fit has {len(fit.traces)} traces, from 0 on")
+    if kind != "time" and (start, end) != (None, None):
+        raise UsageError("start and end: only the figure 'time' has them")
+    more = (start, end) if kind == "time" else ()
+    return new_figure(lambda figure: FIT_KINDS[kind](fit, fit.traces[trace], figure, *more))
 
 
-def draw_fit(fit: Fit, figure: Figure) -> None:
+def draw_waveform(fit: Fit, each: FittedTrace, figure: Figure) -> None:
     """Mean force over a cycle and around the slip, displacement in the creep if it was measured, residuals in standard errors."""
-    wave = fit.waveform
+    wave = each.waveform
     has_way = wave.ahead.size > 0
-    ratios = (3.0, 3.0, *([3.0] * has_way), 2.0)
-    sized(figure, 170.0 if has_way else 130.0)
-    axes = figure.subplots(len(ratios), 1, height_ratios=ratios)
+    ratios = (3.0, 3.0, *([3.0] * has_way), 2.4)
+    axes = panels(figure, len(ratios), 180.0 if has_way else 140.0, height_ratios=ratios)
     cycle, slip, residual = axes[0], axes[1], axes[-1]
     if has_way:
-        time = wave.time[: fit.ahead.size]
-        drive = abs(float(np.ravel(fit.scene.drive.velocity or 0.0)[0])) * (time - time[0]) - fit.ahead[0]
+        time = wave.time[: each.ahead.size]
+        drive = abs(steady_velocity(each.scene)) * (time - time[0]) - each.ahead[0]
         axes[2].plot(time, 1e6 * (wave.ahead.mean(axis=0) + drive), **DOTS)
-        axes[2].plot(time, 1e6 * (fit.ahead + drive), color=VERMILION)
-        axes[2].set(xlabel="time from the slip [s]", ylabel="creep along the pull [µm]")
-        axes[2].margins(y=0.08)
-    _draw(cycle, fit, wave.time)
-    cycle.set(xlim=wave.edges[[0, -1]], xlabel="time from the slip [s]")
-    cycle.legend(loc="upper left")
-    _draw(slip, fit, 1e3 * wave.time)
+        axes[2].plot(time, 1e6 * (each.ahead + drive), color=VERMILION)
+        axes[2].set(xlabel="time from the slip [s]", ylabel="creep [µm]")
+    for axis, scale, unit in ((cycle, 1.0, "s"), (slip, 1e3, "ms")):
+        axis.plot(scale * wave.time, wave.mean, label=f"mean of {len(wave.rows)} cycles", **DOTS)
+        axis.plot(scale * wave.time, each.fitted, color=VERMILION, label=f"fitted, {fit.model}")
+        axis.set(ylabel="force [N]", xlabel=f"time from the slip [{unit}]")
+    cycle.set_xlim(wave.edges[[0, -1]])
     near = AROUND * wave.fall
     slip.set_xlim(1e3 * max(-near, wave.edges[0]), 1e3 * min(near, wave.edges[-1]))
-    slip.set_xlabel("time from the slip [ms]")
-    off = (wave.rows.mean(axis=0) - np.append(fit.fitted, fit.ahead)) / wave.errors
+    off = (wave.rows.mean(axis=0) - each.fitted_rows.mean(axis=0)) / wave.errors
     residual.plot(np.arange(off.size), np.where(wave.used, off, np.nan), **DOTS)
-    for level in (-2.0, 0.0, 2.0):
-        residual.axhline(level, color=BLACK, linewidth=0.4, linestyle="-" if level == 0.0 else ":")
     order = "bin, in the order of time" + (", force and displacement" if has_way else "")
-    residual.set(xlim=(0, off.size), xlabel=order, ylabel="residual / error")
-    for axis, letter in zip(axes, "abcd", strict=False):
-        axis.set_title(f"({letter})", loc="left", fontsize=8.0, fontweight="bold")
+    residual.set(xlim=(0, off.size), xlabel=order)
+    _about_zero(residual, "residual/error")
+    legend_above(figure, cycle.get_lines())
 
 
-def _draw(axis: Axes, fit: Fit, time: Floats) -> None:
-    cycles = len(fit.waveform.cycles)
-    axis.plot(time, fit.waveform.mean, label=f"measured, mean of {cycles} cycles", **DOTS)
-    axis.plot(time, fit.fitted, color=VERMILION, label=f"fitted, {fit.model}")
-    axis.set_ylabel("force along the pull [N]")
-    axis.margins(y=0.08)
+def draw_time(
+    fit: Fit, each: FittedTrace, figure: Figure, start: float | None = None, end: float | None = None
+) -> None:
+    """The force and what the model makes of each cycle, and their difference; of the first cycles, or between two times [s]."""
+    wave, trace = each.waveform, each.trace
+    slips = wave.slips
+    begin = float(slips[0] + wave.edges[0]) if start is None else start
+    stop = float(slips[min(FIRST, slips.size) - 1] + wave.edges[-1]) if end is None else end
+    part = trace.part(begin, stop)
+    model = np.full(part.time.size, np.nan)
+    n = wave.time.size
+    for slip, force in zip(slips, np.broadcast_to(each.fitted_rows, wave.rows.shape)[:, :n], strict=True):
+        i, j = np.searchsorted(part.time, slip + wave.edges[[0, -1]])
+        model[i:j] = np.interp(part.time[i:j], slip + wave.time, force)
+    above, below = panels(figure, 2, 95.0, sharex=True, height_ratios=(3.0, 2.0))
+    above.plot(part.time, part.force, label="measured", **DOTS)
+    above.plot(part.time, model, color=VERMILION, label=f"fitted, {fit.model}")
+    above.set(ylabel=FORCE, xlim=part.time[[0, -1]])
+    below.plot(part.time, part.force - model, **DOTS)
+    below.set_xlabel("time [s]")
+    _about_zero(below, "difference [N]", ERRORS * each.cycles.noise)
+    legend_above(figure, above.get_lines())
 
 
-def draw_cycles(fit: Fit, figure: Figure) -> None:
-    """Residuals of every cycle, and how the periods and peaks of the cycles are distributed, with the values of the fit."""
-    wave = fit.waveform
+def _about_zero(axis: Axes, name: str, level: float = ERRORS) -> None:
+    """Lines at 0 and at two errors to either side."""
+    for height in (-level, 0.0, level):
+        axis.axhline(height, color=BLACK, linewidth=0.4, linestyle="-" if height == 0.0 else ":")
+    axis.set_ylabel(name)
+
+
+def draw_cycles(_: Fit, each: FittedTrace, figure: Figure) -> None:
+    """Residuals of every cycle, and how periods and peaks of the cycles are distributed, in the trace and in a run."""
+    wave = each.waveform
     image, *below = panels(figure, 3, 130.0, height_ratios=(3.0, 1.4, 1.4))
     n = wave.time.size
-    weights = 1.0 / (wave.errors * np.sqrt(len(wave.cycles)))
-    if wave.repeats:
-        off = (wave.cycles - fit.fitted) * weights[:n]
-    else:
-        off = explained_by_each(wave, fit.problem.cycles(fit.coordinates, 0), weights)[:, :n]
-    off = np.where(wave.used[:n], off, np.nan)
+    off = (wave.rows - each.fitted_rows) / (wave.errors * np.sqrt(len(wave.rows)))
+    off = np.where(wave.used, off, np.nan)[:, :n]
     number = np.arange(len(off) + 1) + 0.5
     mesh = image.pcolormesh(
         np.arange(n + 1), number, off, cmap="RdBu_r", vmin=-LIMIT, vmax=LIMIT, rasterized=True
@@ -150,20 +180,23 @@ def draw_cycles(fit: Fit, figure: Figure) -> None:
     image.axvline(float(np.searchsorted(wave.edges, 0.0)), color=BLACK, linewidth=0.5, linestyle=":")
     image.yaxis.get_major_locator().set_params(integer=True)
     image.figure.colorbar(mesh, ax=image, label="residual / error", extend="both")
-    top = int(np.argmax(fit.fitted))
-    for axis, values, fitted, name in (
-        (below[0], fit.cycles["period"], fit.period, "period [s]"),
-        (below[1], wave.cycles[:, top], float(fit.fitted[top]), "force in the highest bin of the fit [N]"),
-    ):
-        axis.hist(values[np.isfinite(values)], bins=BINS, color=BLUE, alpha=0.5, label="measured")
-        axis.axvline(fitted, color=VERMILION, label="fitted")
-        axis.set(xlabel=name, ylabel="cycles")
-        axis.yaxis.get_major_locator().set_params(integer=True)
-        axis.margins(y=0.3)
-    below[0].legend(loc="upper left", ncols=2)
+    sides = {"measured": (each.cycles, BLUE)}
+    # Without stick-slip of a run there is the trace alone.
+    with suppress(Error):
+        sides["simulated"] = (each.comparison.simulated, VERMILION)
+    for axis, column in zip(below, ("period", "peak_force"), strict=True):
+        values = [cycles[column] for cycles, _ in sides.values()]
+        bins = np.histogram_bin_edges(np.concatenate(values), BINS)
+        for name, (cycles, colour) in sides.items():
+            how: Any = {"color": colour, "label": f"{name}, {len(cycles)} cycles"}
+            axis.hist(cycles[column], bins, weights=np.full(len(cycles), 1.0 / len(cycles)), alpha=0.5, **how)
+        info = each.cycles.columns
+        axis.locator_params("x", nbins=5)
+        axis.set(xlabel=headed(column.replace("_", " "), info.units[column]), ylabel="share")
+    legend_above(figure, below[0].get_legend_handles_labels()[0])
 
 
-def draw_corner(fit: Fit, figure: Figure) -> None:
+def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
     """The parameters two by two: ellipses of one and two standard errors, and of the other values that explain the traces."""
     names = list(fit.parameters)
     p = len(names)
@@ -211,6 +244,9 @@ def draw_corner(fit: Fit, figure: Figure) -> None:
                 for sigma in SIGMAS:
                     way = sigma * root @ circle
                     axis.plot(middle[j] + width[j] * way[1], middle[i] + width[i] * way[0], color=colour)
+    if len(places) > 1:
+        told = {"best values": BLUE, "others that explain the traces": VERMILION}
+        legend_above(figure, [Line2D([], [], color=colour, label=name) for name, colour in told.items()])
     figure.align_labels(axes[p - 1])
 
 
@@ -220,5 +256,10 @@ def _short(name: str) -> str:
     return name.partition(".")[2] + (f"\n[{unit}]" if unit not in ("", "1") else "")
 
 
-FIT_KINDS = {"waveform": draw_fit, "cycles": draw_cycles, "corner": draw_corner}
-"""The figures of a fit."""
+FIT_KINDS: dict[str, Callable[..., None]] = {
+    "waveform": draw_waveform,
+    "time": draw_time,
+    "cycles": draw_cycles,
+    "corner": draw_corner,
+}
+"""The figures of a fit, of one of its traces; the last is of all together."""

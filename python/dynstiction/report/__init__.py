@@ -1,14 +1,16 @@
-"""One HTML page with the content of a result file; it needs neither network nor other files."""
+"""One HTML page with the content of a result file, or with a fit; it needs neither network nor other files."""
 
 from __future__ import annotations
 
 import base64
 import os
 import re
+from collections.abc import Mapping
+from contextlib import suppress
 from html import escape
 from importlib.resources import files
 from string import Template
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +24,14 @@ from ..record import Described, headed, number_shown, rows_of, unit_shown
 from ..result import Result
 from ..scene import Scene
 from ..stick_slip import stick_slip_statistics
+from ..trace_fit import verdict
 
-__all__ = ["report", "write_report"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..trace_fit import Fit
+
+__all__ = ["fit_report", "report", "write_report"]
 
 DOTS_PER_INCH = 220
 """Resolution for screens with two dots for each pixel."""
@@ -58,6 +66,13 @@ CAPTIONS = {
     "columns": "The columns of the file.",
 }
 
+FIT_CAPTIONS = {
+    "time": "Force of the first cycles, what the fit makes of each, and the difference; dotted, two standard deviations of the noise.",
+    "waveform": "Mean of the cycles and that of the fit, over a cycle and around the slip, and the residuals over their errors.",
+    "cycles": "Residuals of each cycle over their errors; periods and peaks of the trace, and of a run with the fitted values.",
+}
+"""Figures of each trace of a fit."""
+
 
 def report(result: Result, name: str) -> str:
     """HTML page of a run: summary, figures, parameters, statistics, provenance.
@@ -76,14 +91,58 @@ def report(result: Result, name: str) -> str:
         "Deck": f"<pre>{escape(result.deck)}</pre>"
         + _folded("every key as used", f"<pre>{escape(result.resolved_deck)}</pre>"),
     }
+    title = str(result.parameters.get("title", "")) or name
+    return _page(title, name, _heading(result), "complete" if result.complete else "incomplete", sections)
+
+
+def fit_report(fit: Fit) -> str:
+    """HTML page of a fit: what it says, parameters, every figure, and the traces beside runs with its values."""
+    explains, words = verdict(fit)
+    names = [each.trace.name for each in fit.traces]
+    rows = []
+    for one in fit.parameters.values():
+        low, high = fit.interval(one.name)
+        values = (one.value, one.error, low, high) if one.told else ()
+        texts = [f"{value:.6g}" for value in values] or ["not determined", "", "", ""]
+        rows.append((one.name, *texts, unit_shown(one.unit)))
+    sections = {
+        "Parameters": table(("", "value", "standard error", "from", "to (95 %)", "unit"), rows)
+        + f"<pre>{escape(words)}\n{escape(str(fit))}</pre>"
+    }
+    for k, each in enumerate(fit.traces):
+        figures = [_figure(fit.plot(kind, trace=k), kind, caption) for kind, caption in FIT_CAPTIONS.items()]
+        text = ""
+        with suppress(Error):
+            caption = "Mean force of the trace and of a run with the fitted values."
+            figures.append(_figure(each.comparison.plot(), "comparison", caption))
+            text = f"<pre>{escape(each.comparison.report())}</pre>"
+        title = f"Trace {k + 1}: {escape(names[k])}"
+        sections[title] = f'<div class="figures">{"".join(figures)}</div>{text}'
+    corner = _figure(
+        fit.plot("corner"), "corner", "The parameters two by two, with one and two standard errors."
+    )
+    sections["All parameters together"] = f'<div class="figures">{corner}</div>'
+    sections["The fitted deck"] = f"<pre>{escape(fit.scene.to_deck())}</pre>"
+    heading = f"{fit.scene.name} fitted to {len(names)} traces, {sum(len(each.waveform.rows) for each in fit.traces)} cycles"
+    state = "explains" if explains else "does not explain"
+    return _page(f"Fit to {names[0]}", ", ".join(names), heading, state, sections)
+
+
+def _page(title: str, name: str, heading: str, state: str, sections: Mapping[str, str]) -> str:
     page = Template(files(__name__).joinpath("page.html").read_text(encoding="utf-8"))
     return page.substitute(
-        title=escape(str(result.parameters.get("title", "")) or name),
+        title=escape(title),
         name=escape(name),
-        heading=escape(_heading(result)),
-        state="complete" if result.complete else "incomplete",
+        heading=escape(heading),
+        state=state,
+        good="complete" if state in ("complete", "explains") else "incomplete",
         sections="\n".join(f"<section><h2>{title}</h2>{body}</section>" for title, body in sections.items()),
     )
+
+
+def _figure(figure: Figure, kind: str, caption: str) -> str:
+    data = base64.b64encode(image_of(figure, "png", DOTS_PER_INCH)).decode("ascii")
+    return f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
 
 
 def _folded(title: str, content: str) -> str:
@@ -153,14 +212,9 @@ def _figures(result: Result) -> str:
         if kind == "columns" and drawn:
             continue
         try:
-            picture = image_of(plot.draw(result, kind), "png", DOTS_PER_INCH)
+            drawn.append(_figure(plot.draw(result, kind), kind, caption))
         except UsageError as error:
             missing.append(f"<li><b>{kind}</b>: {escape(str(error))}</li>")
-            continue
-        data = base64.b64encode(picture).decode("ascii")
-        drawn.append(
-            f'<figure><img alt="{kind}: {caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
-        )
     why = f"<p>Figures that this run does not have, and why:</p><ul>{''.join(missing)}</ul>"
     figures = "".join(drawn) or "<p>Too few samples for a figure.</p>"
     return f'<div class="figures">{figures}</div>' + (why if missing else "")
