@@ -6,7 +6,7 @@ module dst_cycle_return
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: measures
   use dst_errors, only: error_t
-  use dst_full_cycles, only: map_of, steady, measure_cycle, most_repeats
+  use dst_full_cycles, only: map_of, steady, go_around, most_repeats
   use dst_kinds, only: wp
   use dst_limit_cycles, only: check_model, slow_rtol
   use dst_passage, only: passage_t
@@ -57,17 +57,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(release_map_t) :: map
     type(passage_t) :: whole
-    real(wp) :: release(most_repeats)
+    real(wp) :: release(most_repeats), measured(measures)
     logical :: found
 
     call map_of(steady(scene, velocity), map, error)
     if (allocated(error)) return
     map%slips_expected = 2.0_wp*real(slow_cycles, wp)
     map%longest = patience*map%longest
-    call map%power(alpha, slow_cycles, whole, found, error)
+    release(1) = alpha
+    call go_around(map, slow_cycles, release, whole, found, error, measured)
     if (allocated(error) .or. .not. found) return
-    call measure_cycle(map, alpha, slow_cycles, release, value(log_slope + 1:), found, error)
-    if (allocated(error) .or. .not. found) return
+    value(log_slope + 1:) = measured
     value(to) = whole%to
     if (whole%has_slope) value([slope, log_slope]) = [whole%slope, whole%log_slope]
   end subroutine from_release

@@ -90,11 +90,14 @@ module dst_release_map
     !> The motion that runs passages; its last passage; and how it begins each of them.
     class(slip_stick_t), allocatable :: steps
     type(recording_t) :: recording
+    real(wp) :: ran = huge(1.0_wp)                !! where that begins, rad
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: velocity = 0.0_wp                 !! V, m/s
     real(wp), private :: rtol = 0.0_wp
     !> No passage takes longer [s]; and how many slips `next` is expected to give, negative if nobody knows.
     real(wp) :: longest = huge(1.0_wp), slips_expected = without_end
+    !> Sticks are known to end above this angle [rad].
+    real(wp) :: lowest_end = 0.0_wp
     !> An unstable fixed point at the end of sticks [rad], if there is one.
     logical :: has_fixed = .false.
     real(wp) :: fixed = 0.0_wp
@@ -114,7 +117,6 @@ module dst_release_map
     procedure :: learn
     procedure :: come_back
     procedure :: is_spent
-    procedure :: power
     procedure :: theta
     procedure :: elongation
     procedure :: work
@@ -236,6 +238,7 @@ contains
     self%steps%stepper%count = count
     call self%steps%place_at_release(self%theta(alpha), state_t())
     call step_to_release(self, longest, steps, found, error)
+    self%ran = alpha
     passage%from = alpha
     if (found) passage = passage_of(alpha, self%recording, self%steps%slider, self%velocity)
   end subroutine run
@@ -347,8 +350,8 @@ contains
             known%slips >= first_passages .and. slips >= profit*real(points(self), wp)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
-        else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
-          if (left >= enough) call part(self, 0.0_wp, passage, before, error)
+        else if (known%row >= merge(2, first_passages, self%lowest_end > 0.0_wp) .and. passage%is_plain .and. before%is_plain) then
+          if (left >= enough) call part(self, self%lowest_end, passage, before, error)
         end if
       end if
     end associate
@@ -461,6 +464,7 @@ contains
     end do
     end = rounded(end)
     near = max(nearest, rounded(near))
+    self%lowest_end = end - near
     call self%run(last%from + near, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
     call new_branch(end, 1.0_wp, near, top - end, is_grazing, self%branch(1))
@@ -690,25 +694,6 @@ contains
     is_spent = max(real(self%learned%passages, wp)/most, real(self%steps%stepper%count%newton, wp)/most_work) > limit
     if (.not. is_spent .and. associated(self%watch)) is_spent = self%watch(self%learned%passages)
   end function is_spent
-
-  !> So many slow cycles, with their slope.
-  subroutine power(self, alpha, slow_cycles, whole, found, error)
-    class(release_map_t), intent(inout) :: self
-    real(wp), intent(in) :: alpha
-    integer, intent(in) :: slow_cycles
-    type(passage_t), intent(out) :: whole
-    logical, intent(out) :: found
-    type(error_t), allocatable, intent(out) :: error
-    type(passage_t) :: one, slip
-    integer :: i
-
-    whole = beginning(alpha)
-    do i = 1, slow_cycles
-      call self%come_back(whole%to, one, slip, found, error)
-      if (allocated(error) .or. .not. found) return
-      call whole%go_on(one)
-    end do
-  end subroutine power
 
   !> The work done in passages that were run.
   pure function work(self)
