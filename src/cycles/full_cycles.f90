@@ -180,7 +180,7 @@ contains
     if (allocated(error)) return
     exact%slips_expected = unknown
     exact%watch => map%watch
-    exact%lowest_end = map%lowest_end
+    call exact%part_as(map, maxval(cycles%release(1), cycles%release(1) <= pi) + alike)
     do i = 1, size(cycles)
       if (cycles(i)%release(1) > pi) cycle
       found = cycles(i)%repeats == 1 .or. cycles(i)%is_stable()
@@ -520,13 +520,13 @@ contains
   logical function is_flat(map, orbit)
     type(release_map_t), intent(in) :: map
     type(orbit_t), intent(in) :: orbit
-    !> How much larger the slope of slips may be elsewhere, and the turn of laps; and where a lap is just above the end. Conventions.
-    real(wp), parameter :: steeper = 4.0_wp, longer = 1.1_wp, just_above = -0.999_wp
+    !> How much larger the slope of slips may be elsewhere, and the turn of laps. Conventions.
+    real(wp), parameter :: steeper = 4.0_wp, longer = 1.1_wp
     type(passage_t) :: lap
     integer :: i
 
-    is_flat = orbit%repeats == 1 .and. size(orbit%slope) > 1 .and. map%branch(1)%has_root()
-    if (is_flat) call map%look_up(map%branch(1)%angle(1, just_above), lap, is_flat)
+    call map%last_lap(lap, is_flat)
+    is_flat = is_flat .and. orbit%repeats == 1 .and. size(orbit%slope) > 1
     if (.not. is_flat) return
     associate (slip => orbit%slip, room => longer*abs(lap%measure(turn)))
       is_flat = all(slip%has_slope .and. [(abs(map%branch(1)%distance(slip(i)%from)), i=1, 2)] <= room) &

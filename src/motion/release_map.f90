@@ -96,8 +96,6 @@ module dst_release_map
     real(wp), private :: rtol = 0.0_wp
     !> No passage takes longer [s]; and how many slips `next` is expected to give, negative if nobody knows.
     real(wp) :: longest = huge(1.0_wp), slips_expected = without_end
-    !> Sticks are known to end above this angle [rad].
-    real(wp) :: lowest_end = 0.0_wp
     !> An unstable fixed point at the end of sticks [rad], if there is one.
     logical :: has_fixed = .false.
     real(wp) :: fixed = 0.0_wp
@@ -112,6 +110,8 @@ module dst_release_map
     procedure :: next
     procedure :: run
     procedure :: look_up
+    procedure :: last_lap
+    procedure :: part_as
     procedure :: describe
     procedure :: count
     procedure :: learn
@@ -282,6 +282,34 @@ contains
     end do
   end subroutine look_up
 
+  !> A lap just above the end of sticks, if they end by grazing and it is in a table.
+  subroutine last_lap(self, lap, found)
+    class(release_map_t), intent(in) :: self
+    type(passage_t), intent(out) :: lap
+    logical, intent(out) :: found
+    !> Place in the table, of which the end has a rounding error.
+    real(wp), parameter :: beginning_of_table = -0.999_wp
+
+    found = self%branch(1)%has_root()
+    if (found) call self%look_up(self%branch(1)%angle(1, beginning_of_table), lap, found)
+  end subroutine last_lap
+
+  !> Part the branches where the map of the same motion at a larger tolerance has parted them, for laps up to an angle [rad]. Where
+  !> sticks end by grazing, they are not known to end there so well that a table could begin nearer than a good part of a lap.
+  subroutine part_as(self, other, highest)
+    class(release_map_t), intent(inout) :: self
+    type(release_map_t), intent(in) :: other
+    real(wp), intent(in) :: highest
+    real(wp), parameter :: part_of_lap = 0.3_wp
+    type(passage_t) :: lap
+    logical :: found
+
+    call other%last_lap(lap, found)
+    self%learned%is_parted = other%learned%is_parted
+    self%branch(1) = other%branch(1)%without_tables(part_of_lap*abs(lap%measure(turn)), highest)
+    self%branch(2) = other%branch(2)%without_tables(0.0_wp, highest)
+  end subroutine part_as
+
   !> The motion of a passage: from its table if that has it, else by steps. In slips, and in laps at tight tolerances, the motion
   !> between the ends of steps is not accurate enough for a table.
   subroutine describe(self, passage, recording, found)
@@ -350,8 +378,8 @@ contains
             known%slips >= first_passages .and. slips >= profit*real(points(self), wp)) .and. &
             before%is_plain .and. before%from > passage%from .and. .not. before%turns_back()) &
             call part(self, passage%from, before, before, error)
-        else if (known%row >= merge(2, first_passages, self%lowest_end > 0.0_wp) .and. passage%is_plain .and. before%is_plain) then
-          if (left >= enough) call part(self, self%lowest_end, passage, before, error)
+        else if (known%row >= first_passages .and. passage%is_plain .and. before%is_plain) then
+          if (left >= enough) call part(self, 0.0_wp, passage, before, error)
         end if
       end if
     end associate
@@ -464,7 +492,6 @@ contains
     end do
     end = rounded(end)
     near = max(nearest, rounded(near))
-    self%lowest_end = end - near
     call self%run(last%from + near, self%longest, here, found, error)
     if (allocated(error) .or. .not. found) return
     call new_branch(end, 1.0_wp, near, top - end, is_grazing, self%branch(1))
