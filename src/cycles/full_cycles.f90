@@ -143,7 +143,8 @@ contains
     if (map%has_fixed) then
       release = map%fixed
       call go_around(map, 1, release, whole, are_all, error)
-      if (are_all .and. .not. allocated(error) .and. abs(whole%to - map%fixed) <= missed) call take(release(:1), whole, cycles)
+      if (are_all .and. .not. allocated(error) .and. abs(whole%to - map%fixed) <= missed) &
+        call take(release, whole, cycles, map)
       if (allocated(error)) deallocate (error)
     end if
     do n = 1, most_repeats
@@ -151,10 +152,10 @@ contains
       if (.not. are_all) exit
       regularity%searched = n
     end do
-    ! The cycle to which it settles determines its regularity.
-    n = place_of_end(orbit, cycles)
     call sharpen(steady(scene, velocity), cycles, map, error)
     if (allocated(error)) return
+    ! The cycle to which it settles determines its regularity.
+    n = place_of_end(orbit, cycles)
     if (n > 0) then
       regularity%verdict = regular
       regularity%repeats = cycles(n)%repeats
@@ -165,11 +166,11 @@ contains
     end if
   end subroutine find_full_cycles
 
-  !> Find cycles once more, in an accurate map, which replaces that of the search, and measure them. Unstable ones of several slow
-  !> cycles, of which there may be very many, and others where the accurate map has none nearby, are measured in that of the search.
+  !> Find cycles once more, in an accurate map, which replaces that of the search, but for unstable ones of several slow cycles, of
+  !> which there may be very many. One which that map does not have nearby is that of the search, measured there.
   subroutine sharpen(scene, cycles, map, error)
     type(scene_t), intent(in) :: scene
-    type(full_cycle_t), intent(inout) :: cycles(:)
+    type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(release_map_t), intent(inout) :: map
     type(error_t), allocatable, intent(out) :: error
     type(release_map_t) :: exact
@@ -183,10 +184,11 @@ contains
     call exact%part_as(map, maxval(cycles%release(1), cycles%release(1) <= pi) + alike)
     do i = 1, size(cycles)
       if (cycles(i)%release(1) > pi) cycle
-      found = cycles(i)%repeats == 1 .or. cycles(i)%is_stable()
-      if (found) call improve(exact, cycles(i), found)
-      if (.not. found) call improve(map, cycles(i), found)
+      if (cycles(i)%repeats > 1 .and. .not. cycles(i)%is_stable()) cycle
+      call improve(exact, cycles(i), found)
+      if (.not. (found .or. cycles(i)%measure(period) > 0.0_wp)) call improve(map, cycles(i), found)
     end do
+    cycles = pack(cycles, cycles%measure(period) > 0.0_wp)
     map = exact
   end subroutine sharpen
 
@@ -601,7 +603,7 @@ contains
           x = bracket%newton(x, side*f, side*(whole%slope - 1.0_wp))
         end do
       end associate
-      if (abs(f) <= missed) call take(release(:n), whole, cycles)
+      if (abs(f) <= missed) call take(release(:n), whole, cycles, map)
     end subroutine refine
   end subroutine find_between
 
@@ -619,12 +621,15 @@ contains
     end associate
   end subroutine take_end
 
-  !> The cycle of so many slow cycles, which begin with these releases [rad] and are a passage as a whole, unless it is known.
-  pure subroutine take(release, whole, cycles)
+  !> The cycle of so many slow cycles, which begin with these releases [rad] and are a passage as a whole, unless it is known; with a
+  !> map, if it has this cycle, measured there.
+  subroutine take(release, whole, cycles, map)
     real(wp), intent(in) :: release(:)
     type(passage_t), intent(in) :: whole
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
+    type(release_map_t), intent(inout), optional :: map
     type(full_cycle_t) :: cycle
+    logical :: found
     integer :: i, m
 
     ! It may be one of fewer.
@@ -637,7 +642,9 @@ contains
     if (any([(abs(cycles(i)%release(1) - cycle%release(1)) <= alike, i=1, size(cycles))])) return
     cycle%has_multiplier = whole%has_slope
     if (cycle%has_multiplier) cycle%log_multiplier = whole%log_slope*real(m, wp)/real(size(release), wp)
-    cycles = [cycles, cycle]
+    found = .true.
+    if (present(map)) call improve(map, cycle, found)
+    if (found) cycles = [cycles, cycle]
   end subroutine take
 
   !> So many slow cycles, the first one from `release(1)`, as one passage, with the releases [rad] that begin them; and their measures.
@@ -649,7 +656,7 @@ contains
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
     real(wp), intent(out), optional :: value(measures)
-    type(passage_t) :: one, slip
+    type(passage_t) :: one, slip, again
     type(extremum_t) :: high, low
     real(wp) :: each(measures, slow_cycles)
     integer :: i
@@ -658,7 +665,7 @@ contains
       if (i > 1) release(i) = whole%to
       call map%come_back(release(i), one, slip, found, error)
       if (found .and. present(value) .and. .not. allocated(error)) then
-        if (abs(map%ran - slip%from) > 0.0_wp) call map%run(slip%from, map%longest, slip, found, error)
+        if (abs(map%ran - slip%from) > 0.0_wp) call map%run(slip%from, map%longest, again, found, error)
         if (.not. allocated(error)) call measure(map, one%measure(duration), each(:, i), high, low)
       end if
       if (allocated(error) .or. .not. found) return

@@ -114,6 +114,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     procedure(watch_t), optional :: watch
     type(full_cycle_t), allocatable :: found(:)
+    real(wp), allocatable :: swings(:)
     real(wp) :: force(1), slope(1)
     integer :: i, order
 
@@ -126,32 +127,17 @@ contains
     call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error, watch)
     if (allocated(error)) return
     call make_room(cycles, size(found))
+    swings = found%measure(peak) - found%measure(valley)
     do i = 1, size(found)
       associate (cycle => found(i))
-        order = 1 + number_below(found, swing_of(cycle))
-        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
+        order = count(swings < swings(i)) + count(swings(:i) <= swings(i) .and. swings(:i) >= swings(i))
+        cycles%value(:, order) = [cycle%measure, swings(i), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
           cycle%release(1)]
         if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = absent()
         if (cycle%release(1) > pi) cycles%value(release_angle, order) = absent()
         cycles%is_stable(order) = cycle%is_stable()
       end associate
     end do
-
-  contains
-
-    pure real(wp) function swing_of(cycle)
-      type(full_cycle_t), intent(in) :: cycle
-
-      swing_of = cycle%measure(peak) - cycle%measure(valley)
-    end function swing_of
-
-    pure integer function number_below(list, limit)
-      type(full_cycle_t), intent(in) :: list(:)
-      real(wp), intent(in) :: limit
-      integer :: k
-
-      number_below = count([(swing_of(list(k)) < limit, k=1, size(list))])
-    end function number_below
   end subroutine take_full
 
   !> The cycles of the slow motion, and its steady sliding.
