@@ -85,8 +85,6 @@ module dst_full_cycles
     !> The slopes of its slow cycles and their logarithms, NaN if they are not known, and the time that they took [s].
     real(wp), allocatable :: slope(:), log_slope(:)
     real(wp) :: time = 0.0_wp
-    !> The slips that ended the last two.
-    type(passage_t) :: slip(2)
     !> After how many slow cycles it repeats, 0 if it does not; and whether there is always one more.
     integer :: repeats = 0
     logical :: goes_on = .true.
@@ -139,7 +137,9 @@ contains
     if (.not. orbit%goes_on) call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
     if (allocated(error)) return
     orbits = [orbit]
+    map%recalls = searching
     call explore(map, steady(scene, velocity), orbits, cycles)
+    map%recalls = 0.0_wp
     if (map%has_fixed) then
       release = map%fixed
       call go_around(map, 1, release, whole, are_all, error)
@@ -175,7 +175,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(release_map_t) :: exact
     logical :: found
-    integer :: i
+    integer :: i, k
 
     call map_of(scene, exact, error)
     if (allocated(error)) return
@@ -188,7 +188,9 @@ contains
       call improve(exact, cycles(i), found)
       if (.not. (found .or. cycles(i)%measure(period) > 0.0_wp)) call improve(map, cycles(i), found)
     end do
-    cycles = pack(cycles, cycles%measure(period) > 0.0_wp)
+    ! What was found twice came to the same.
+    cycles = pack(cycles, cycles%measure(period) > 0.0_wp .and. [(cycles(i)%release(1) > pi .or. &
+      all([(abs(cycles(k)%release(1) - cycles(i)%release(1)) > alike, k=1, i - 1)]), i=1, size(cycles))])
     map = exact
   end subroutine sharpen
 
@@ -338,7 +340,6 @@ contains
       orbit%slope = [orbit%slope, slow_cycle%slope]
       orbit%log_slope = [orbit%log_slope, slow_cycle%log_slope]
       orbit%time = orbit%time + slow_cycle%measure(duration)
-      orbit%slip = [orbit%slip(2), slip]
       orbit%repeats = repeats_of(orbit)
       if (orbit%repeats > 0 .or. (slow_cycle%to >= range(1) .and. slow_cycle%to <= range(2))) return
       if (any([(cycles(i)%is_stable() .and. any(abs(cycles(i)%release - slow_cycle%to) <= alike), i=1, size(cycles))])) return
@@ -474,7 +475,6 @@ contains
     range = nowhere
     is_endless = orbits(1)%goes_on .and. orbits(1)%repeats == 0
     if (is_endless) range = [minval(orbits(1)%release(2:)), maxval(orbits(1)%release(2:))]
-    if (is_flat(map, orbits(1))) range = [-map%branch(1)%distance(0.0_wp), upright]
     map%longest = long*scene%t_end/lengths
     ! Below, the force on the object decreases as the drive moves.
     pull = abs(map%steps%slider%stiffness*map%steps%slider%along)
@@ -492,15 +492,9 @@ contains
     subroutine begin_between(low, high, starts)
       real(wp), intent(in) :: low, high
       integer, intent(in) :: starts
-      type(passage_t) :: lap
-      real(wp) :: start
-      logical :: is_known
 
       do i = starts, 1, -1
-        start = low + (high - low)*(real(i, wp) - 0.5_wp)/real(starts, wp)
-        call map%look_up(start, lap, is_known)
-        if (is_known .and. start >= range(1) .and. .not. (is_endless .or. lap%turns_back())) cycle
-        call follow(map, start, explored, range, cycles, orbit, error)
+        call follow(map, low + (high - low)*(real(i, wp) - 0.5_wp)/real(starts, wp), explored, range, cycles, orbit, error)
         if (.not. allocated(error)) call take_end(orbit, cycles)
         if (.not. (allocated(error) .or. orbit%goes_on) .and. all(orbits(2:)%goes_on)) then
           other = scene
@@ -516,25 +510,6 @@ contains
       end do
     end subroutine begin_between
   end subroutine explore
-
-  !> Whether all motions with laps come to the cycle to which an orbit comes: they slip from no further below the end of sticks than a
-  !> lap leads, and where sticks end by grazing such slips are smooth, so that where exactly they begin has no effect.
-  logical function is_flat(map, orbit)
-    type(release_map_t), intent(in) :: map
-    type(orbit_t), intent(in) :: orbit
-    !> How much larger the slope of slips may be elsewhere, and the turn of laps. Conventions.
-    real(wp), parameter :: steeper = 4.0_wp, longer = 1.1_wp
-    type(passage_t) :: lap
-    integer :: i
-
-    call map%last_lap(lap, is_flat)
-    is_flat = is_flat .and. orbit%repeats == 1 .and. size(orbit%slope) > 1
-    if (.not. is_flat) return
-    associate (slip => orbit%slip, room => longer*abs(lap%measure(turn)))
-      is_flat = all(slip%has_slope .and. [(abs(map%branch(1)%distance(slip(i)%from)), i=1, 2)] <= room) &
-        .and. maxval(abs(slip%to - slip(1)%to)) <= alike .and. steeper*maxval(abs(slip%slope))*room <= alike
-    end associate
-  end function is_flat
 
   !> The cycles of n slow cycles between releases of orbits. `are_all`: they are not too many for these, or for the time.
   subroutine find_between(map, orbits, n, cycles, are_all)

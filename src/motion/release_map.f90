@@ -18,6 +18,7 @@ module dst_release_map
   use dst_passage_table, only: passage_table_t, new_passage_table, values
   use dst_piece, only: slip_begins, sticks
   use dst_recording, only: recording_t, most_pieces
+  use dst_remembered, only: remembered_t
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
@@ -103,6 +104,9 @@ module dst_release_map
     type(branch_t), allocatable :: branch(:)      !! laps, slips
     logical :: keeps_motion = .false.
     type(learned_t), private :: learned
+    !> Passages that `next` has run; where it may give others by them, and with which error of their end [rad], 0 if not.
+    type(remembered_t), private :: remembered
+    real(wp) :: recalls = 0.0_wp
     !> Who looks on while slow cycles are followed, and may end it.
     procedure(watch_t), pointer, nopass :: watch => null()
   contains
@@ -253,11 +257,22 @@ contains
 
     call self%look_up(alpha, passage, found)
     if (found) return
+    if (self%recalls > 0.0_wp) call self%remembered%recall(alpha, self%recalls, end_of_slips(self), passage, found)
+    if (found) return
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
+    call self%remembered%keep(passage)
     call self%learn(passage, without_end*passage%measure(duration), self%slips_expected, error)
   end subroutine next
+
+  !> The angle [rad] up to which passages are slips that are smooth in the angle, if it is known.
+  pure real(wp) function end_of_slips(self)
+    class(release_map_t), intent(in) :: self
+
+    end_of_slips = -huge(1.0_wp)
+    if (self%branch(1)%has_root()) end_of_slips = -self%branch(1)%distance(0.0_wp)
+  end function end_of_slips
 
   !> The passage that a table has.
   pure subroutine look_up(self, alpha, passage, found)
