@@ -137,7 +137,7 @@ contains
     if (.not. orbit%goes_on) call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
     if (allocated(error)) return
     orbits = [orbit]
-    map%recalls = searching
+    map%recalls = missed
     call explore(map, steady(scene, velocity), orbits, cycles)
     map%recalls = 0.0_wp
     if (map%has_fixed) then

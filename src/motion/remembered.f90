@@ -38,7 +38,7 @@ contains
   end subroutine keep
 
   !> The passage from `alpha` [rad] with an end that is in error by no more than this [rad], but with the times and works of another
-  !> one. It lies between passages of its kind, or below the angle `end` [rad] up to which all are slips.
+  !> one. It lies between passages of its kind or hardly beside one, or below the angle `end` [rad] up to which all are slips.
   subroutine recall(self, alpha, error, end, passage, found)
     class(remembered_t), intent(in) :: self
     real(wp), intent(in) :: alpha, error, end
@@ -52,7 +52,7 @@ contains
 
     found = .false.
     if (.not. allocated(self%passage)) return
-    low = count(self%passage%from < alpha)
+    low = count(self%passage%from < alpha + apart)
     high = low + 1
     if (low == 0) return
     is_slip = self%passage(low)%turns_back()
