@@ -43,9 +43,9 @@ module dst_full_cycles
   integer, parameter :: most_repeats = 8, followed = 400
   !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
   real(wp), parameter :: lengths = 200.0_wp
-  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if it repeats, and if it
-  !> does not; and slow cycles for which such an orbit is followed. Conventions.
-  integer, parameter :: few = 8, many = 128, explored = 60
+  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always shrink
+  !> there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions.
+  integer, parameter :: few = 8, some = 32, many = 128, explored = 60
   !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention.
   real(wp), parameter :: resolved = 0.25_wp
   integer, parameter :: max_iterations = 40
@@ -470,7 +470,7 @@ contains
     type(regularity_t) :: unused
     real(wp) :: range(2), pull(2), lowest
     logical :: is_endless
-    integer :: i
+    integer :: i, starts
 
     range = nowhere
     is_endless = orbits(1)%goes_on .and. orbits(1)%repeats == 0
@@ -483,7 +483,10 @@ contains
     if (size(orbits(1)%release) < 2) return
     associate (seen => orbits(1)%release(2:))
       associate (margin => max(0.05_wp*(maxval(seen) - minval(seen)), 1.0e-3_wp))
-        call begin_between(minval(seen) - margin, maxval(seen) + margin, merge(many, few, is_endless))
+        starts = merge(many, some, is_endless)
+        ! Where differences only shrink, there is no other cycle.
+        if (all(abs(orbits(1)%slope) < 1.0_wp)) starts = few
+        call begin_between(minval(seen) - margin, maxval(seen) + margin, starts)
       end associate
     end associate
 
