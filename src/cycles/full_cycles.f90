@@ -7,7 +7,7 @@
 !> smaller one. Because of rest no motion need be followed backwards. A search is less accurate than the cycles that it finds: these
 !> are found once more, by Newton's method, in an accurate map, and measured there.
 module dst_full_cycles
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: new_motion
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
   use dst_divergence, only: judge, regular, undecided, steady_sliding
@@ -26,7 +26,7 @@ module dst_full_cycles
   use dst_stepping, only: stepping_t
   use dst_summary, only: summary_t, contribution_t, summary_quantities
   use dst_variation, only: steps_of
-  use dst_writer, only: find_quantity
+  use dst_writer, only: absent, find_quantity
   implicit none
   private
 
@@ -55,12 +55,14 @@ module dst_full_cycles
   !> side of the diagonal to the other is none.
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
+  !> Slow cycles that are enough for the mean and the scatter of cycles: so many are kept. Convention.
+  real(wp), parameter :: long_enough = 200.0_wp
   !> The share of what a search may cost after which an orbit is followed no further. Convention.
   real(wp), parameter :: share_of_orbit = 0.4_wp
   !> Nobody knows how many slips a search needs.
   real(wp), parameter :: unknown = -1.0_wp
-  !> No range of releases; and from where on a release is above the stiff axis [rad].
-  real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)], upright = 0.5_wp*pi
+  !> No range of releases.
+  real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
 
   !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the
   !> fast oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the
@@ -82,8 +84,8 @@ module dst_full_cycles
   type :: orbit_t
     !> The first release, and those with which slow cycles end [rad].
     real(wp), allocatable :: release(:)
-    !> The slopes of its slow cycles and their logarithms, NaN if they are not known, and the time that they took [s].
-    real(wp), allocatable :: slope(:), log_slope(:)
+    !> The slopes of its slow cycles, NaN if they are not known, and the time that they took [s].
+    real(wp), allocatable :: slope(:)
     real(wp) :: time = 0.0_wp
     !> After how many slow cycles it repeats, 0 if it does not; and whether there is always one more.
     integer :: repeats = 0
@@ -94,8 +96,6 @@ module dst_full_cycles
   type :: regularity_t
     !> Slow cycles that were followed, and after how many it repeats; 0 if it does not.
     integer :: slow_cycles = 0, repeats = 0
-    !> The time that they took [s].
-    real(wp) :: time = 0.0_wp
     !> Lyapunov exponent for a slow cycle and its standard error, NaN if they are not known, and the verdict.
     real(wp) :: exponent = 0.0_wp, error = 0.0_wp
     integer :: verdict = undecided
@@ -127,8 +127,8 @@ contains
     type(release_map_t) :: map
     type(orbit_t) :: orbit
     type(orbit_t), allocatable :: orbits(:)
-    type(passage_t) :: whole
-    real(wp) :: release(1)
+    type(scene_t) :: long
+    real(wp) :: value(size(summary_quantities))
     logical :: are_all
     integer :: n
 
@@ -140,13 +140,7 @@ contains
     map%recalls = missed
     call explore(map, steady(scene, velocity), orbits, cycles)
     map%recalls = 0.0_wp
-    if (map%has_fixed) then
-      release = map%fixed
-      call go_around(map, 1, release, whole, are_all, error)
-      if (are_all .and. .not. allocated(error) .and. abs(whole%to - map%fixed) <= missed) &
-        call take(release, whole, cycles, map)
-      if (allocated(error)) deallocate (error)
-    end if
+    if (map%has_fixed) call take([map%fixed], 0.0_wp, cycles, map)
     do n = 1, most_repeats
       call find_between(map, orbits, n, cycles, are_all)
       if (.not. are_all) exit
@@ -161,8 +155,10 @@ contains
       regularity%repeats = cycles(n)%repeats
       regularity%exponent = cycles(n)%log_multiplier/real(cycles(n)%repeats, wp)
       regularity%error = 0.0_wp
-    else if (orbit%goes_on .and. orbit%repeats == 0) then
-      call measure_scatter(steady(scene, velocity, searching), regularity, error)
+    else if (orbit%goes_on .and. size(orbit%slope) > 0 .and. orbit%repeats == 0) then
+      long = steady(scene, velocity, searching)
+      long%t_end = orbit%time*min(1.0_wp, long_enough/real(size(orbit%slope), wp))
+      call run(long, regularity, value, error)
     end if
   end subroutine find_full_cycles
 
@@ -220,6 +216,7 @@ contains
       if (abs(step) <= short .or. .not. whole%has_slope) exit
       one%release(1) = one%release(1) + step
     end do
+    one%has_multiplier = whole%has_slope
     if (whole%has_slope) one%log_multiplier = whole%log_slope
     if (one%measure(peak) - one%measure(valley) <= threshold*map%steps%slider%law%kinetic_limit) one%slow_cycles = 0
     cycle = one
@@ -252,24 +249,23 @@ contains
     procedure(watch_t), optional :: watch
     real(wp) :: start
 
-    allocate (cycles(0), orbit%release(0), orbit%slope(0), orbit%log_slope(0))
-    regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
-    regularity%error = regularity%exponent
+    allocate (cycles(0), orbit%release(0), orbit%slope(0))
+    regularity%exponent = absent()
+    regularity%error = absent()
     call map_of(steady(scene, velocity, searching), map, error)
     map%slips_expected = unknown
     if (present(watch)) map%watch => watch
     if (.not. allocated(error)) call map%first(start, orbit%goes_on, error)
     if (.not. allocated(error) .and. orbit%goes_on) call follow(map, start, followed, nowhere, cycles, orbit, error)
     if (allocated(error)) return
-    regularity%slow_cycles = size(orbit%log_slope)
-    regularity%time = orbit%time
+    regularity%slow_cycles = size(orbit%slope)
     regularity%repeats = orbit%repeats
     if (orbit%repeats > 0) then
       regularity%verdict = regular
       call take_end(orbit, cycles)
     else if (orbit%goes_on) then
-      associate (known => pack(orbit%log_slope, .not. ieee_is_nan(orbit%log_slope)))
-        call judge(known(size(known)/2 + 1:), regularity%exponent, regularity%error, regularity%verdict)
+      associate (known => pack(orbit%slope, .not. ieee_is_nan(orbit%slope)))
+        call judge(log_of(known(size(known)/2 + 1:)), regularity%exponent, regularity%error, regularity%verdict)
       end associate
     end if
   end subroutine settle
@@ -325,7 +321,7 @@ contains
     integer :: n, i
 
     orbit%release = [start]
-    allocate (orbit%slope(0), orbit%log_slope(0))
+    allocate (orbit%slope(0))
     do n = 1, most
       if (map%is_spent(share_of_orbit)) return
       call map%come_back(orbit%release(n), slow_cycle, slip, found, error)
@@ -333,12 +329,8 @@ contains
       if (.not. found) orbit%goes_on = map%is_spent()
       if (allocated(error) .or. .not. found) return
       orbit%release = [orbit%release, slow_cycle%to]
-      if (.not. slow_cycle%has_slope) then
-        slow_cycle%slope = ieee_value(slow_cycle%slope, ieee_quiet_nan)
-        slow_cycle%log_slope = slow_cycle%slope
-      end if
+      if (.not. slow_cycle%has_slope) slow_cycle%slope = absent()
       orbit%slope = [orbit%slope, slow_cycle%slope]
-      orbit%log_slope = [orbit%log_slope, slow_cycle%log_slope]
       orbit%time = orbit%time + slow_cycle%measure(duration)
       orbit%repeats = repeats_of(orbit)
       if (orbit%repeats > 0 .or. (slow_cycle%to >= range(1) .and. slow_cycle%to <= range(2))) return
@@ -376,13 +368,14 @@ contains
     end if
   end function way_to_cycle
 
-  !> The motion of a scene, with its summary, until its end.
-  subroutine run(scene, motion, summary, error)
+  !> The motion of a scene until its end: its summary, and mean and scatter of its cycles.
+  subroutine run(scene, regularity, value, error)
     type(scene_t), intent(in) :: scene
-    class(motion_t), allocatable, intent(out) :: motion
-    type(motion_summary_t), intent(out) :: summary
+    type(regularity_t), intent(inout) :: regularity
+    real(wp), intent(out) :: value(size(summary_quantities))
     type(error_t), allocatable, intent(out) :: error
-    class(motion_t), allocatable :: other
+    class(motion_t), allocatable :: motion, other
+    type(motion_summary_t) :: summary
 
     call new_motion(scene, motion, other, error)
     if (allocated(error)) return
@@ -392,25 +385,9 @@ contains
       if (allocated(error)) return
       call summary%follow(motion)
     end do
+    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+    call summary%values(motion, value)
   end subroutine run
-
-  !> Mean and scatter of the cycles of a motion that does not repeat.
-  subroutine measure_scatter(scene, regularity, error)
-    type(scene_t), intent(in) :: scene
-    type(regularity_t), intent(inout) :: regularity
-    type(error_t), allocatable, intent(out) :: error
-    class(motion_t), allocatable :: motion
-    type(motion_summary_t) :: summary
-    type(scene_t) :: shorter
-    !> In slow cycles: as many as are kept count, if so many were followed. Convention.
-    integer, parameter :: long_enough = 200
-
-    if (regularity%slow_cycles == 0) return
-    shorter = scene
-    shorter%t_end = regularity%time*min(1.0_wp, real(long_enough, wp)/real(regularity%slow_cycles, wp))
-    call run(shorter, motion, summary, error)
-    if (.not. allocated(error)) call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-  end subroutine measure_scatter
 
   !> A motion that ceases to rest comes to a cycle without releases, or to steady sliding.
   subroutine look_at_the_end(scene, sliding_is_stable, cycles, regularity, error)
@@ -421,16 +398,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> To what two cycles agree that are the same one. Convention.
     real(wp), parameter :: equal = 1.0e-6_wp
-    class(motion_t), allocatable :: motion
-    type(motion_summary_t) :: summary
     real(wp) :: value(size(summary_quantities))
     logical :: repeats
     integer :: i
 
-    call run(scene, motion, summary, error)
+    call run(scene, regularity, value, error)
     if (allocated(error)) return
-    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-    call summary%values(motion, value)
     repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
     if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
     if (regularity%cycles == 0) then
@@ -479,7 +452,7 @@ contains
     ! Below, the force on the object decreases as the drive moves.
     pull = abs(map%steps%slider%stiffness*map%steps%slider%along)
     lowest = -atan2(pull(1), pull(2))
-    call begin_between(lowest, upright, few)
+    call begin_between(lowest, 0.5_wp*pi, few)
     if (size(orbits(1)%release) < 2) return
     associate (seen => orbits(1)%release(2:))
       associate (margin => max(0.05_wp*(maxval(seen) - minval(seen)), 1.0e-3_wp))
@@ -581,7 +554,7 @@ contains
           x = bracket%newton(x, side*f, side*(whole%slope - 1.0_wp))
         end do
       end associate
-      if (abs(f) <= missed) call take(release(:n), whole, cycles, map)
+      if (abs(f) <= missed) call take(release(:n), whole%log_slope, cycles, map)
     end subroutine refine
   end subroutine find_between
 
@@ -589,21 +562,23 @@ contains
   subroutine take_end(orbit, cycles)
     type(orbit_t), intent(in) :: orbit
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
-    type(passage_t) :: whole
 
     associate (n => size(orbit%slope), m => orbit%repeats)
-      if (m == 0) return
-      whole%log_slope = sum(orbit%log_slope(n - m + 1:))
-      whole%has_slope = .not. ieee_is_nan(whole%log_slope)
-      call take(orbit%release(n + 2 - m:) + way_to_cycle(orbit, m), whole, cycles)
+      if (m > 0) call take(orbit%release(n + 2 - m:) + way_to_cycle(orbit, m), sum(log_of(orbit%slope(n - m + 1:))), cycles)
     end associate
   end subroutine take_end
 
-  !> The cycle of so many slow cycles, which begin with these releases [rad] and are a passage as a whole, unless it is known; with a
-  !> map, if it has this cycle, measured there.
-  subroutine take(release, whole, cycles, map)
-    real(wp), intent(in) :: release(:)
-    type(passage_t), intent(in) :: whole
+  !> The logarithm of the size of a slope, which may be 0.
+  elemental real(wp) function log_of(slope)
+    real(wp), intent(in) :: slope
+
+    log_of = log(abs(slope) + tiny(slope))
+  end function log_of
+
+  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, NaN if it is not known,
+  !> unless it is one that is known; with a map, if it has this cycle, measured there.
+  subroutine take(release, log_multiplier, cycles, map)
+    real(wp), intent(in) :: release(:), log_multiplier
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(release_map_t), intent(inout), optional :: map
     type(full_cycle_t) :: cycle
@@ -618,8 +593,8 @@ contains
     cycle%slow_cycles = m
     cycle%release(:m) = cshift(release(:m), maxloc(release(:m), 1) - 1)
     if (any([(abs(cycles(i)%release(1) - cycle%release(1)) <= alike, i=1, size(cycles))])) return
-    cycle%has_multiplier = whole%has_slope
-    if (cycle%has_multiplier) cycle%log_multiplier = whole%log_slope*real(m, wp)/real(size(release), wp)
+    cycle%has_multiplier = .not. ieee_is_nan(log_multiplier)
+    if (cycle%has_multiplier) cycle%log_multiplier = log_multiplier*real(m, wp)/real(size(release), wp)
     found = .true.
     if (present(map)) call improve(map, cycle, found)
     if (found) cycles = [cycles, cycle]
