@@ -37,7 +37,7 @@ contains
     self%passage = [self%passage(:place), passage, self%passage(place + 1:)]
   end subroutine keep
 
-  !> The passage from `alpha` [rad] with an end that is in error by no more than this [rad], but with the times and works of another
+  !> The passage from `alpha` [rad] with an end that is in error by about this [rad] at most, but with the times and works of another
   !> one. It lies between passages of its kind or hardly beside one, or below the angle `end` [rad] up to which all are slips.
   subroutine recall(self, alpha, error, end, passage, found)
     class(remembered_t), intent(in) :: self
@@ -78,6 +78,7 @@ contains
       if (found) exit
     end do
     passage%from = alpha
+    passage%steps = 0
     passage%measure(turn) = angle
     passage%to = alpha + angle
     call passage%take_slope(1.0_wp + rate, passage%shift)
