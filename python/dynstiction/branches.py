@@ -415,7 +415,7 @@ class _Curve:
             length = math.hypot(*moved)
             if len(places) == 1:
                 # The direction is not known yet: the place may change more than the value, but not by leaps.
-                if length <= 20.0 * step + CLOSE:
+                if length <= 20.0 * step + CLOSE and self.is_halfway(here, there):
                     return there, why
             elif (
                 0.0 <= there.q <= 1.0
@@ -431,6 +431,15 @@ class _Curve:
                 self.map.go(q, a, self.n)
                 why = "grazing"
         return None, why
+
+    def is_halfway(self, one: _Place, other: _Place) -> bool:
+        """Whether the cycle next to the first of two, at the value halfway, is halfway between them: then they are on one branch."""
+        try:
+            middle = self.map.at_value(0.5 * (one.q + other.q), one.a, self.n)
+        except _NoReturn:
+            return False
+        way = other.a - one.a
+        return abs(middle.a - one.a - 0.5 * way) <= FAR * abs(way) + 10.0 * CLOSE
 
     def is_of_fewer(self, place: _Place, *, near: float = 1e-6) -> bool:
         """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""

@@ -12,19 +12,21 @@ module dst_full_cycles
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
+  use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: piece_t
   use dst_piece_view, only: piece_view_t
-  use dst_passage, only: passage_t, duration, turn
+  use dst_passage, only: passage_t, duration
   use dst_release_map, only: release_map_t, watch_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepping, only: stepping_t
-  use dst_summary, only: summary_t, contribution_t, summary_quantities
+  use dst_stretch, only: moment_t, most_turns
+  use dst_summary, only: summary_quantities
   use dst_variation, only: steps_of
   use dst_writer, only: absent, find_quantity
   implicit none
@@ -33,8 +35,8 @@ module dst_full_cycles
   public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
   public :: settle, sharpen, map_of, steady, go_around, measure, shares, most_repeats
 
-  !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the cycle of Fig. 3 changes by
-  !> 1e-10, relative to it.
+  !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the period of Fig. 3 changes by
+  !> 2e-14, relative to it, and its multiplier by 2e-7.
   real(wp), parameter :: rtol = 1.0e-11_wp, searching = 1.0e-8_wp
   !> Two releases are the same if their angles differ by no more than this [rad], if the slope of the map between is not known.
   !> Convention.
@@ -648,30 +650,38 @@ contains
     real(wp), intent(in) :: lasting
     real(wp), intent(out) :: value(measures)
     type(extremum_t), intent(out) :: high, low
-    type(summary_t) :: summary
     type(piece_view_t) :: view
-    type(contribution_t) :: slip
     type(piece_t), target :: piece
-    real(wp) :: falling
-    integer :: i
+    type(grid_t) :: grid
+    real(wp) :: load(0:max_degree), places(most_turns), falling
+    integer :: degree, count, i, k
 
-    associate (slider => map%steps%slider)
-      call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
-      do i = 1, map%recording%count
-        call map%recording%get(i, state_t(), piece)
-        call view%show(map%steps, piece)
-        if (i == 1) call summary%begin(view%first, 0.0_wp, 0.0_wp)
-        call summary%take_in(view)
+    grid = chebyshev_grid()
+    high%load = -huge(1.0_wp)
+    low%load = huge(1.0_wp)
+    do i = 1, map%recording%count
+      call map%recording%get(i, state_t(), piece)
+      call view%show(map%steps, piece)
+      call view%load(degree, load)
+      call view%turning_places(grid, load(:degree), places, count)
+      call take_load(view%first)
+      do k = 1, count
+        call take_load(view%at(places(k)))
       end do
-      slip = summary%contribution()
-      high = slip%highest
-      low = slip%lowest
-      if (slider%along(1)*map%velocity < 0.0_wp) then
-        high = extremum_t(-low%load, low%time, low%position)
-        low = extremum_t(-slip%highest%load, slip%highest%time, slip%highest%position)
-      end if
-    end associate
+      call take_load(view%last)
+    end do
     falling = modulo(low%time - high%time, lasting)
     value = [lasting, high%load, low%load, lasting - falling, falling, sign(1.0_wp, map%velocity)*(low%position - high%position)]
+
+  contains
+
+    subroutine take_load(here)
+      type(moment_t), intent(in) :: here
+
+      associate (seen => sign(1.0_wp, map%steps%slider%along(1)*map%velocity)*here%force)
+        if (seen > high%load) high = extremum_t(seen, here%time, here%position)
+        if (seen < low%load) low = extremum_t(seen, here%time, here%position)
+      end associate
+    end subroutine take_load
   end subroutine measure
 end module dst_full_cycles
