@@ -114,7 +114,6 @@ module dst_release_map
     procedure :: next
     procedure :: run
     procedure :: look_up
-    procedure :: last_lap
     procedure :: part_as
     procedure :: describe
     procedure :: count
@@ -297,30 +296,19 @@ contains
     end do
   end subroutine look_up
 
-  !> A lap just above the end of sticks, if they end by grazing and it is in a table.
-  subroutine last_lap(self, lap, found)
-    class(release_map_t), intent(in) :: self
-    type(passage_t), intent(out) :: lap
-    logical, intent(out) :: found
-    !> Place in the table, of which the end has a rounding error.
-    real(wp), parameter :: beginning_of_table = -0.999_wp
-
-    found = self%branch(1)%has_root()
-    if (found) call self%look_up(self%branch(1)%angle(1, beginning_of_table), lap, found)
-  end subroutine last_lap
-
   !> Part the branches where the map of the same motion at a larger tolerance has parted them, for laps up to an angle [rad]. Where
   !> sticks end by grazing, they are not known to end there so well that a table could begin nearer than a good part of a lap.
   subroutine part_as(self, other, highest)
     class(release_map_t), intent(inout) :: self
     type(release_map_t), intent(in) :: other
     real(wp), intent(in) :: highest
-    real(wp), parameter :: part_of_lap = 0.3_wp
+    !> This part of a lap; and the place of a lap in its table, of which the end has a rounding error.
+    real(wp), parameter :: part_of_lap = 0.3_wp, beginning = -0.999_wp
     type(passage_t) :: lap
     logical :: found
 
-    call other%last_lap(lap, found)
     self%learned%is_parted = other%learned%is_parted
+    if (other%branch(1)%has_root()) call other%look_up(other%branch(1)%angle(1, beginning), lap, found)
     self%branch(1) = other%branch(1)%without_tables(part_of_lap*abs(lap%measure(turn)), highest)
     self%branch(2) = other%branch(2)%without_tables(0.0_wp, highest)
   end subroutine part_as
