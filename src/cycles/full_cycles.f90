@@ -66,13 +66,12 @@ module dst_full_cycles
   !> No range of releases.
   real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
 
-  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the
-  !> fast oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the
-  !> motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
+  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, NaN if it is not known, the slow cycles after which it
+  !> repeats (0: it is the fast oscillation alone), and the release with which it begins. A cycle without a release or a multiplier is
+  !> only known as one to which the motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
   !> measures are means.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
-    logical :: has_multiplier = .true.
     real(wp) :: log_multiplier = 0.0_wp
     integer :: slow_cycles = 1
     !> The releases with which its slow cycles begin [rad], the first one the largest, and their number.
@@ -114,7 +113,7 @@ contains
   elemental logical function is_stable(self)
     class(full_cycle_t), intent(in) :: self
 
-    is_stable = self%log_multiplier < 0.0_wp .or. .not. self%has_multiplier
+    is_stable = .not. self%log_multiplier >= 0.0_wp
   end function is_stable
 
   !> The cycles of a scene under one drive velocity [m/s], and what its motion comes to.
@@ -218,7 +217,7 @@ contains
       if (abs(step) <= short .or. .not. whole%has_slope) exit
       one%release(1) = one%release(1) + step
     end do
-    one%has_multiplier = whole%has_slope
+    one%log_multiplier = absent()
     if (whole%has_slope) one%log_multiplier = whole%log_slope
     if (one%measure(peak) - one%measure(valley) <= threshold*map%steps%slider%law%kinetic_limit) one%slow_cycles = 0
     cycle = one
@@ -231,7 +230,7 @@ contains
 
     do place = 1, size(cycles)
       associate (one => cycles(place), last => size(orbit%release))
-        if (.not. (one%has_multiplier .and. one%log_multiplier < 0.0_wp) .or. last <= one%repeats) cycle
+        if (.not. one%log_multiplier < 0.0_wp .or. last <= one%repeats) cycle
         if (minval(abs(one%release - orbit%release(last) - way_to_cycle(orbit, one%repeats))) <= alike) return
       end associate
     end do
@@ -413,11 +412,8 @@ contains
     else if (repeats) then
       regularity%exponent = of('lyapunov_exponent')
       regularity%error = of('lyapunov_error')
-      associate (is_known => .not. ieee_is_nan(regularity%exponent))
-        if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
-          cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=is_known, &
-          log_multiplier=merge(regularity%exponent, 0.0_wp, is_known))]
-      end associate
+      if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
+        cycles = [cycles, full_cycle_t(measure=regularity%mean, log_multiplier=regularity%exponent)]
       regularity%verdict = regular
       regularity%repeats = 1
     end if
@@ -577,8 +573,8 @@ contains
     log_of = log(abs(slope) + tiny(slope))
   end function log_of
 
-  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, NaN if it is not known,
-  !> unless it is one that is known; with a map, if it has this cycle, measured there.
+  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, unless it is known; with a
+  !> map, if it has this cycle, measured there.
   subroutine take(release, log_multiplier, cycles, map)
     real(wp), intent(in) :: release(:), log_multiplier
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
@@ -595,8 +591,7 @@ contains
     cycle%slow_cycles = m
     cycle%release(:m) = cshift(release(:m), maxloc(release(:m), 1) - 1)
     if (any([(abs(cycles(i)%release(1) - cycle%release(1)) <= alike, i=1, size(cycles))])) return
-    cycle%has_multiplier = .not. ieee_is_nan(log_multiplier)
-    if (cycle%has_multiplier) cycle%log_multiplier = log_multiplier*real(m, wp)/real(size(release), wp)
+    cycle%log_multiplier = log_multiplier*real(m, wp)/real(size(release), wp)
     found = .true.
     if (present(map)) call improve(map, cycle, found)
     if (found) cycles = [cycles, cycle]

@@ -140,7 +140,6 @@ contains
         order = count(swings < swings(i)) + count(swings(:i) <= swings(i) .and. swings(:i) >= swings(i))
         cycles%value(:, order) = [cycle%measure, swings(i), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
           cycle%release(1)]
-        if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = absent()
         if (cycle%release(1) > pi) cycles%value(release_angle, order) = absent()
         cycles%is_stable(order) = cycle%is_stable()
       end associate

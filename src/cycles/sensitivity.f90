@@ -8,6 +8,7 @@
 !>
 !> and with it all that is measured. No run is compared with another one.
 module dst_sensitivity
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, slip_time, slip_length
   use dst_dense_output, only: column_u
   use dst_deck_values, only: deck_t
@@ -69,7 +70,7 @@ contains
     call sharpen(steady(scene, pull), cycles, map, error)
     if (allocated(error)) return
     if (size(cycles) > 0) then
-      if (cycles(1)%has_multiplier) then
+      if (.not. ieee_is_nan(cycles(1)%log_multiplier)) then
         call differentiate(map, cycles(1)%release(1), cycles(1)%repeats, variation, sensitivity, error)
         return
       end if
