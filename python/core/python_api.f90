@@ -12,7 +12,6 @@ module dst_python_api
   use dst_machine, only: host_name, job_name
   use dst_kinds, only: wp, int64
   use dst_creep, only: creep_t, creep_path_t, new_creep_path, creep_at, creep_asymptotic
-  use dst_cycle_return, only: find_return, return_values
   use dst_cycles, only: cycle_quantities
   use dst_deck, only: deck_t, parse_deck, resolved
   use dst_creep_end, only: creep_end_t, creep_end
@@ -23,7 +22,7 @@ module dst_python_api
   use dst_faults, only: not_all_faults
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
-  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles
+  use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles, find_return, return_values
   use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of

@@ -38,10 +38,12 @@ CLOSE = 1e-10
 """Accuracy of a place and of a value, in these units."""
 VAGUE, FITTING = 0.2, 0.4
 """Shares of the integral of the slope: above the first one it is known well enough, and a point of the same branch passes the second."""
-LEAP = 0.3
-"""Change of the period in a step, over the period, above which the second cycle is another one."""
+LEAP, UNFORESEEN = 0.3, 3e-3
+"""Change of the period in a step, over the period, above which the second cycle is another one; and that by which it differs from the
+change in the last step, in proportion: where the map is steep, there are other cycles at hardly another place."""
 KINK = 1e-3
-"""Step from which on that test is left out: the factor in it may jump where a stick or a slip begins to graze."""
+"""Step from which on the tests of the integral and of the foreseen period are left out: both may jump where a stick or a slip begins to
+graze."""
 SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
 SMALL = 2e-3
@@ -415,13 +417,14 @@ class _Curve:
             length = math.hypot(*moved)
             if len(places) == 1:
                 # The direction is not known yet: the place may change more than the value, but not by leaps.
-                if length <= 20.0 * step + CLOSE:
+                if length <= 20.0 * step + CLOSE and self.is_halfway(here, there):
                     return there, why
             elif (
                 0.0 <= there.q <= 1.0
                 and math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
                 and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
                 and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
+                and (step <= KINK or _is_foreseen(*places[-2:], there))
                 and _fits(places, there, is_short=step <= KINK)
                 and not self.is_of_fewer(there)
             ):
@@ -431,6 +434,15 @@ class _Curve:
                 self.map.go(q, a, self.n)
                 why = "grazing"
         return None, why
+
+    def is_halfway(self, one: _Place, other: _Place) -> bool:
+        """Whether the cycle next to the first of two, at the value halfway, is halfway between them: then they are on one branch."""
+        try:
+            middle = self.map.at_value(0.5 * (one.q + other.q), one.a, self.n)
+        except _NoReturn:
+            return False
+        way = other.a - one.a
+        return abs(middle.a - one.a - 0.5 * way) <= FAR * abs(way) + 10.0 * CLOSE
 
     def is_of_fewer(self, place: _Place, *, near: float = 1e-6) -> bool:
         """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""
@@ -487,6 +499,13 @@ class _Curve:
             # A fold of the map of n may be where cycles of n begin.
             kind: Kind = "fold" if slope > 0.0 and not self.is_of_fewer(there, near=1e-4) else "doubling"
             yield there._replace(kind=kind if abs(there.slope - slope) < SMOOTH else "grazing")
+
+
+def _is_foreseen(before: _Place, here: _Place, there: _Place) -> bool:
+    """Whether the period changes in a step as it did in the last one, in proportion to their lengths."""
+    ratio = math.dist(there[:2], here[:2]) / math.dist(here[:2], before[:2])
+    change, last = there.measures[0] - here.measures[0], here.measures[0] - before.measures[0]
+    return abs(change - ratio * last) <= UNFORESEEN * here.measures[0]
 
 
 def _passes(here: _Place, there: _Place, point: _Place) -> bool:

@@ -5,13 +5,14 @@
 !> other stable cycles. Cycles that no motion comes to are zeros of the map of n slow cycles minus identity, which the orbits have
 !> already: between two releases next to each other of which one was followed by a larger one n slow cycles later, the other by a
 !> smaller one. Because of rest no motion need be followed backwards. A search is less accurate than the cycles that it finds: these
-!> are found once more, by Newton's method, in an accurate map.
+!> are found once more, by Newton's method, in an accurate map, and measured there.
 module dst_full_cycles
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: new_motion
   use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
+  use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
   use dst_motion_summary, only: motion_summary_t
@@ -24,35 +25,40 @@ module dst_full_cycles
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepping, only: stepping_t
-  use dst_summary, only: summary_t, contribution_t, summary_quantities
+  use dst_stretch, only: moment_t, most_turns
+  use dst_summary, only: summary_quantities
   use dst_variation, only: steps_of
-  use dst_writer, only: find_quantity
+  use dst_writer, only: absent, find_quantity
   implicit none
   private
 
   public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
-  public :: settle, sharpen, map_of, steady, extremes_of, measures_of, share_out, measure_cycle, most_repeats
+  public :: settle, sharpen, map_of, steady, go_around, measure, shares, most_repeats
 
-  !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the cycle of Fig. 3 changes by
-  !> 1e-10, relative to it.
+  !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the period of Fig. 3 changes by
+  !> 2e-14, relative to it, and its multiplier by 2e-7.
   real(wp), parameter :: rtol = 1.0e-11_wp, searching = 1.0e-8_wp
-  !> Two releases are the same if their angles differ by no more than this [rad]. Convention.
+  !> Two releases are the same if their angles differ by no more than this [rad], if the slope of the map between is not known.
+  !> Convention.
   real(wp), parameter :: same = 1.0e-10_wp
   !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
   integer, parameter :: most_repeats = 8, followed = 400
   !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
   real(wp), parameter :: lengths = 200.0_wp
-  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if it repeats, and if it
-  !> does not; and slow cycles for which such an orbit is followed. Conventions.
-  integer, parameter :: few = 8, many = 128, explored = 60
+  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always shrink
+  !> there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions.
+  integer, parameter :: few = 8, some = 32, many = 128, explored = 60
   !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention.
   real(wp), parameter :: resolved = 0.25_wp
   integer, parameter :: max_iterations = 40
   !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
   real(wp), parameter :: alike = 1.0e-6_wp
-  !> A jump of the map from one side of the diagonal to the other is not a fixed point: the map misses it by more than this [rad].
+  !> At a fixed point the map returns to it, and Newton's step to one leads no further, than so much [rad]. A jump of the map from one
+  !> side of the diagonal to the other is none.
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
+  !> Slow cycles that are enough for the mean and the scatter of cycles: so many are kept. Convention.
+  real(wp), parameter :: long_enough = 200.0_wp
   !> The share of what a search may cost after which an orbit is followed no further. Convention.
   real(wp), parameter :: share_of_orbit = 0.4_wp
   !> Nobody knows how many slips a search needs.
@@ -60,13 +66,12 @@ module dst_full_cycles
   !> No range of releases.
   real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
 
-  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, the slow cycles after which it repeats (0: it is the
-  !> fast oscillation alone), and the release with which it begins. A cycle without a release is only known as one to which the
-  !> motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
+  !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, NaN if it is not known, the slow cycles after which it
+  !> repeats (0: it is the fast oscillation alone), and the release with which it begins. A cycle without a release or a multiplier is
+  !> only known as one to which the motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
   !> measures are means.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
-    logical :: has_multiplier = .true.
     real(wp) :: log_multiplier = 0.0_wp
     integer :: slow_cycles = 1
     !> The releases with which its slow cycles begin [rad], the first one the largest, and their number.
@@ -80,8 +85,8 @@ module dst_full_cycles
   type :: orbit_t
     !> The first release, and those with which slow cycles end [rad].
     real(wp), allocatable :: release(:)
-    !> The logarithms of the slopes of its slow cycles, NaN if they are not known, and the time that they took [s].
-    real(wp), allocatable :: log_slope(:)
+    !> The slopes of its slow cycles, NaN if they are not known, and the time that they took [s].
+    real(wp), allocatable :: slope(:)
     real(wp) :: time = 0.0_wp
     !> After how many slow cycles it repeats, 0 if it does not; and whether there is always one more.
     integer :: repeats = 0
@@ -92,8 +97,6 @@ module dst_full_cycles
   type :: regularity_t
     !> Slow cycles that were followed, and after how many it repeats; 0 if it does not.
     integer :: slow_cycles = 0, repeats = 0
-    !> The time that they took [s].
-    real(wp) :: time = 0.0_wp
     !> Lyapunov exponent for a slow cycle and its standard error, NaN if they are not known, and the verdict.
     real(wp) :: exponent = 0.0_wp, error = 0.0_wp
     integer :: verdict = undecided
@@ -110,7 +113,7 @@ contains
   elemental logical function is_stable(self)
     class(full_cycle_t), intent(in) :: self
 
-    is_stable = self%log_multiplier < 0.0_wp .or. .not. self%has_multiplier
+    is_stable = .not. self%log_multiplier >= 0.0_wp
   end function is_stable
 
   !> The cycles of a scene under one drive velocity [m/s], and what its motion comes to.
@@ -125,6 +128,8 @@ contains
     type(release_map_t) :: map
     type(orbit_t) :: orbit
     type(orbit_t), allocatable :: orbits(:)
+    type(scene_t) :: long
+    real(wp) :: value(size(summary_quantities))
     logical :: are_all
     integer :: n
 
@@ -133,88 +138,100 @@ contains
     if (.not. orbit%goes_on) call look_at_the_end(steady(scene, velocity), sliding_is_stable, cycles, regularity, error)
     if (allocated(error)) return
     orbits = [orbit]
+    map%recalls = missed
     call explore(map, steady(scene, velocity), orbits, cycles)
-    if (map%has_fixed) call take(map, map%fixed, 1, cycles, error)
-    if (allocated(error)) deallocate (error)
+    map%recalls = 0.0_wp
+    if (map%has_fixed) call take([map%fixed], 0.0_wp, cycles, map)
     do n = 1, most_repeats
       call find_between(map, orbits, n, cycles, are_all)
       if (.not. are_all) exit
       regularity%searched = n
     end do
-    ! The cycle to which it settles determines its regularity.
-    n = place_of_end(orbit, cycles)
     call sharpen(steady(scene, velocity), cycles, map, error)
     if (allocated(error)) return
+    ! The cycle to which it settles determines its regularity.
+    n = place_of_end(orbit, cycles)
     if (n > 0) then
       regularity%verdict = regular
       regularity%repeats = cycles(n)%repeats
       regularity%exponent = cycles(n)%log_multiplier/real(cycles(n)%repeats, wp)
       regularity%error = 0.0_wp
-    else if (orbit%goes_on .and. orbit%repeats == 0) then
-      call measure_scatter(rough(steady(scene, velocity)), regularity, error)
+    else if (orbit%goes_on .and. size(orbit%slope) > 0 .and. orbit%repeats == 0) then
+      long = steady(scene, velocity, searching)
+      long%t_end = orbit%time*min(1.0_wp, long_enough/real(size(orbit%slope), wp))
+      call run(long, regularity, value, error)
     end if
   end subroutine find_full_cycles
 
-  !> Find cycles once more, in an accurate map, but for unstable ones of several slow cycles, of which there may be very many. Where the
-  !> map has no such cycle nearby, it is left as it is.
+  !> Find cycles once more, in an accurate map, which replaces that of the search, but for unstable ones of several slow cycles, of
+  !> which there may be very many. One which that map does not have nearby is that of the search, measured there.
   subroutine sharpen(scene, cycles, map, error)
     type(scene_t), intent(in) :: scene
-    type(full_cycle_t), intent(inout) :: cycles(:)
+    type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(release_map_t), intent(inout) :: map
     type(error_t), allocatable, intent(out) :: error
-    !> Newton's steps, of which the last one is no longer than this [rad]. Conventions.
-    integer, parameter :: most_steps = 5
-    real(wp), parameter :: short = 1.0e-8_wp
     type(release_map_t) :: exact
-    type(full_cycle_t) :: one
-    type(passage_t) :: whole
-    real(wp) :: step
     logical :: found
-    integer :: i, iteration
+    integer :: i, k
 
     call map_of(scene, exact, error)
     if (allocated(error)) return
     exact%slips_expected = unknown
     exact%watch => map%watch
+    call exact%part_as(map, maxval(cycles%release(1), cycles%release(1) <= pi) + alike)
     do i = 1, size(cycles)
-      one = cycles(i)
-      if (.not. one%has_multiplier .or. one%release(1) > pi .or. (one%repeats > 1 .and. .not. one%is_stable())) cycle
-      do iteration = 1, most_steps
-        call exact%power(one%release(1), one%repeats, whole, found, error)
-        if (allocated(error)) deallocate (error)
-        if (.not. (found .and. whole%has_slope .and. abs(1.0_wp - whole%slope) > 0.0_wp)) exit
-        step = (whole%to - one%release(1))/(1.0_wp - whole%slope)
-        if (abs(step) > alike) exit
-        one%release(1) = one%release(1) + step
-        if (abs(step) > short) cycle
-        one%log_multiplier = whole%log_slope
-        call measure_cycle(exact, one%release(1), one%repeats, one%release, one%measure, found, error)
-        if (allocated(error)) return
-        if (found) cycles(i) = one
-        exit
-      end do
+      if (cycles(i)%release(1) > pi) cycle
+      if (cycles(i)%repeats > 1 .and. .not. cycles(i)%is_stable()) cycle
+      call improve(exact, cycles(i), found)
+      if (.not. (found .or. cycles(i)%measure(period) > 0.0_wp)) call improve(map, cycles(i), found)
     end do
+    ! What was found twice came to the same.
+    cycles = pack(cycles, cycles%measure(period) > 0.0_wp .and. [(cycles(i)%release(1) > pi .or. &
+      all([(abs(cycles(k)%release(1) - cycles(i)%release(1)) > alike, k=1, i - 1)]), i=1, size(cycles))])
     map = exact
   end subroutine sharpen
 
-  !> The place of the stable cycle to which an orbit comes, 0 if there is none or it is not known: it repeats it, or its distance
-  !> decreases by the multiplier each time.
+  !> Newton's method to a cycle of a map near another one, and its measures.
+  subroutine improve(map, cycle, found)
+    type(release_map_t), intent(inout) :: map
+    type(full_cycle_t), intent(inout) :: cycle
+    logical, intent(out) :: found
+    !> Newton's steps, of which the last one is no longer than this [rad]. Conventions.
+    integer, parameter :: most_steps = 5
+    real(wp), parameter :: short = 1.0e-11_wp
+    type(error_t), allocatable :: error
+    type(full_cycle_t) :: one
+    type(passage_t) :: whole
+    real(wp) :: step
+    integer :: iteration
+
+    one = cycle
+    do iteration = 1, most_steps
+      call go_around(map, one%repeats, one%release, whole, found, error, one%measure)
+      found = found .and. .not. allocated(error)
+      if (.not. found) return
+      step = whole%to - one%release(1)
+      if (whole%has_slope) step = step/(1.0_wp - whole%slope)
+      found = abs(step) <= alike
+      if (.not. found) return
+      if (abs(step) <= short .or. .not. whole%has_slope) exit
+      one%release(1) = one%release(1) + step
+    end do
+    one%log_multiplier = absent()
+    if (whole%has_slope) one%log_multiplier = whole%log_slope
+    if (one%measure(peak) - one%measure(valley) <= threshold*map%steps%slider%law%kinetic_limit) one%slow_cycles = 0
+    cycle = one
+  end subroutine improve
+
+  !> The place of the stable cycle to which an orbit comes, 0 if there is none or it is not known.
   pure integer function place_of_end(orbit, cycles) result(place)
     type(orbit_t), intent(in) :: orbit
     type(full_cycle_t), intent(in) :: cycles(:)
-    !> How far a decrease may be from the multiplier, and how many have to agree. Conventions.
-    real(wp), parameter :: near = 0.05_wp
-    integer, parameter :: telling = 4
-    real(wp) :: distance(0:telling)
-    integer :: i, k
 
     do place = 1, size(cycles)
       associate (one => cycles(place), last => size(orbit%release))
-        if (.not. (one%has_multiplier .and. one%log_multiplier < 0.0_wp) .or. last <= telling*one%repeats) cycle
-        i = minloc(abs(one%release - orbit%release(last)), 1)
-        distance = [(abs(orbit%release(last - k*one%repeats) - one%release(i)), k=telling, 0, -1)]
-        if (distance(telling) <= alike) return
-        if (all(abs(distance(1:) - exp(one%log_multiplier)*distance(:telling - 1)) <= near*distance(1:))) return
+        if (.not. one%log_multiplier < 0.0_wp .or. last <= one%repeats) cycle
+        if (minval(abs(one%release - orbit%release(last) - way_to_cycle(orbit, one%repeats))) <= alike) return
       end associate
     end do
     place = 0
@@ -233,24 +250,23 @@ contains
     procedure(watch_t), optional :: watch
     real(wp) :: start
 
-    allocate (cycles(0), orbit%release(0), orbit%log_slope(0))
-    regularity%exponent = ieee_value(regularity%exponent, ieee_quiet_nan)
-    regularity%error = regularity%exponent
-    call map_of(rough(steady(scene, velocity)), map, error)
+    allocate (cycles(0), orbit%release(0), orbit%slope(0))
+    regularity%exponent = absent()
+    regularity%error = absent()
+    call map_of(steady(scene, velocity, searching), map, error)
     map%slips_expected = unknown
     if (present(watch)) map%watch => watch
     if (.not. allocated(error)) call map%first(start, orbit%goes_on, error)
     if (.not. allocated(error) .and. orbit%goes_on) call follow(map, start, followed, nowhere, cycles, orbit, error)
     if (allocated(error)) return
-    regularity%slow_cycles = size(orbit%log_slope)
-    regularity%time = orbit%time
+    regularity%slow_cycles = size(orbit%slope)
     regularity%repeats = orbit%repeats
     if (orbit%repeats > 0) then
       regularity%verdict = regular
-      call take(map, orbit%release(size(orbit%release)), orbit%repeats, cycles, error)
+      call take_end(orbit, cycles)
     else if (orbit%goes_on) then
-      associate (known => pack(orbit%log_slope, .not. ieee_is_nan(orbit%log_slope)))
-        call judge(known(size(known)/2 + 1:), regularity%exponent, regularity%error, regularity%verdict)
+      associate (known => pack(orbit%slope, .not. ieee_is_nan(orbit%slope)))
+        call judge(log_of(known(size(known)/2 + 1:)), regularity%exponent, regularity%error, regularity%verdict)
       end associate
     end if
   end subroutine settle
@@ -271,16 +287,18 @@ contains
     map%longest = scene%t_end
   end subroutine map_of
 
-  !> The scene under a steady drive, as accurate as cycles shall be, for as long as they may take.
-  pure function steady(scene, velocity) result(changed)
+  !> The scene under a steady drive, for as long as cycles may take.
+  pure function steady(scene, velocity, tolerance) result(changed)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
+    real(wp), intent(in), optional :: tolerance     !! that of cycles if absent
     type(scene_t) :: changed
 
     changed = scene
     changed%model = 'full'
     changed%method = 'radau13'
     changed%rtol = rtol
+    if (present(tolerance)) changed%rtol = tolerance
     changed%cycle_map = 'auto'
     changed%drive_time = [0.0_wp]
     changed%drive_velocity = [velocity]
@@ -289,15 +307,6 @@ contains
     changed%t_end = lengths*(scene%mu_0*scene%normal_load/(scene%stiffness_x*abs(velocity)) &
       + 2.0_wp*pi*sqrt(scene%mass/scene%stiffness_x))
   end function steady
-
-  !> The scene as accurate as a search needs it.
-  pure function rough(scene) result(changed)
-    type(scene_t), intent(in) :: scene
-    type(scene_t) :: changed
-
-    changed = scene
-    changed%rtol = searching
-  end function rough
 
   !> The orbit from a release [rad] until it repeats, over so many slow cycles at most: no further than to a known stable cycle, or
   !> into a range of releases [rad].
@@ -313,7 +322,7 @@ contains
     integer :: n, i
 
     orbit%release = [start]
-    allocate (orbit%log_slope(0))
+    allocate (orbit%slope(0))
     do n = 1, most
       if (map%is_spent(share_of_orbit)) return
       call map%come_back(orbit%release(n), slow_cycle, slip, found, error)
@@ -321,53 +330,53 @@ contains
       if (.not. found) orbit%goes_on = map%is_spent()
       if (allocated(error) .or. .not. found) return
       orbit%release = [orbit%release, slow_cycle%to]
-      if (.not. slow_cycle%has_slope) slow_cycle%log_slope = ieee_value(slow_cycle%log_slope, ieee_quiet_nan)
-      orbit%log_slope = [orbit%log_slope, slow_cycle%log_slope]
+      if (.not. slow_cycle%has_slope) slow_cycle%slope = absent()
+      orbit%slope = [orbit%slope, slow_cycle%slope]
       orbit%time = orbit%time + slow_cycle%measure(duration)
-      orbit%repeats = repeats_of(orbit%release)
+      orbit%repeats = repeats_of(orbit)
       if (orbit%repeats > 0 .or. (slow_cycle%to >= range(1) .and. slow_cycle%to <= range(2))) return
       if (any([(cycles(i)%is_stable() .and. any(abs(cycles(i)%release - slow_cycle%to) <= alike), i=1, size(cycles))])) return
     end do
   end subroutine follow
 
-  !> The number of releases after which they are the same again, 0 if they are not.
-  pure integer function repeats_of(alpha) result(m)
-    real(wp), intent(in) :: alpha(:)
-    !> Times as far apart. Convention: enough for all that come nearer by a factor of 1.02 in a slow cycle.
-    real(wp), parameter :: both_sides = 100.0_wp
-    integer :: n
+  !> The number of slow cycles after which an orbit repeats, 0 if it does not.
+  pure integer function repeats_of(orbit) result(m)
+    type(orbit_t), intent(in) :: orbit
 
-    n = size(alpha)
-    do m = 1, most_repeats
-      if (apart(m) <= same) exit
+    do m = 1, min(most_repeats, size(orbit%slope))
+      associate (last => size(orbit%release))
+        if (abs(orbit%release(last) - orbit%release(last - m)) + abs(way_to_cycle(orbit, m)) <= missed) return
+      end associate
     end do
-    if (m > most_repeats) m = 0
-    ! It may come nearer from both sides in turn, so that twice as many agree before.
-    do while (m > 1 .and. modulo(m, 2) == 0)
-      if (apart(m/2) > both_sides*same) exit
-      m = m/2
-    end do
-
-  contains
-
-    !> The largest distance of the last releases from those of as many slow cycles before [rad].
-    pure real(wp) function apart(by)
-      integer, intent(in) :: by
-      integer :: seen
-
-      apart = huge(apart)
-      seen = max(by, 3)
-      if (n >= seen + by) apart = maxval(abs(alpha(n - seen + 1:) - alpha(n - seen + 1 - by:n - by)))
-    end function apart
+    m = 0
   end function repeats_of
 
-  !> The motion of a scene, with its summary, until its end.
-  subroutine run(scene, motion, summary, error)
+  !> The way [rad] from the last release of an orbit to the stable cycle of m slow cycles to which it comes: Newton's step, with the
+  !> slopes that it has. Huge if there is no such cycle.
+  pure real(wp) function way_to_cycle(orbit, m) result(way)
+    type(orbit_t), intent(in) :: orbit
+    integer, intent(in) :: m
+    real(wp) :: slope
+
+    associate (n => size(orbit%slope))
+      slope = product(orbit%slope(n - m + 1:))
+      way = orbit%release(n + 1) - orbit%release(n + 1 - m)
+    end associate
+    if (abs(slope) < 1.0_wp) then
+      way = way*slope/(1.0_wp - slope)
+    else if (.not. (ieee_is_nan(slope) .and. abs(way) <= same)) then
+      way = huge(way)
+    end if
+  end function way_to_cycle
+
+  !> The motion of a scene until its end: its summary, and mean and scatter of its cycles.
+  subroutine run(scene, regularity, value, error)
     type(scene_t), intent(in) :: scene
-    class(motion_t), allocatable, intent(out) :: motion
-    type(motion_summary_t), intent(out) :: summary
+    type(regularity_t), intent(inout) :: regularity
+    real(wp), intent(out) :: value(size(summary_quantities))
     type(error_t), allocatable, intent(out) :: error
-    class(motion_t), allocatable :: other
+    class(motion_t), allocatable :: motion, other
+    type(motion_summary_t) :: summary
 
     call new_motion(scene, motion, other, error)
     if (allocated(error)) return
@@ -377,25 +386,9 @@ contains
       if (allocated(error)) return
       call summary%follow(motion)
     end do
+    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
+    call summary%values(motion, value)
   end subroutine run
-
-  !> Mean and scatter of the cycles of a motion that does not repeat.
-  subroutine measure_scatter(scene, regularity, error)
-    type(scene_t), intent(in) :: scene
-    type(regularity_t), intent(inout) :: regularity
-    type(error_t), allocatable, intent(out) :: error
-    class(motion_t), allocatable :: motion
-    type(motion_summary_t) :: summary
-    type(scene_t) :: shorter
-    !> In slow cycles: as many as are kept count, if so many were followed. Convention.
-    integer, parameter :: long_enough = 200
-
-    if (regularity%slow_cycles == 0) return
-    shorter = scene
-    shorter%t_end = regularity%time*min(1.0_wp, real(long_enough, wp)/real(regularity%slow_cycles, wp))
-    call run(shorter, motion, summary, error)
-    if (.not. allocated(error)) call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-  end subroutine measure_scatter
 
   !> A motion that ceases to rest comes to a cycle without releases, or to steady sliding.
   subroutine look_at_the_end(scene, sliding_is_stable, cycles, regularity, error)
@@ -406,16 +399,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> To what two cycles agree that are the same one. Convention.
     real(wp), parameter :: equal = 1.0e-6_wp
-    class(motion_t), allocatable :: motion
-    type(motion_summary_t) :: summary
     real(wp) :: value(size(summary_quantities))
     logical :: repeats
     integer :: i
 
-    call run(scene, motion, summary, error)
+    call run(scene, regularity, value, error)
     if (allocated(error)) return
-    call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-    call summary%values(motion, value)
     repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
     if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
     if (regularity%cycles == 0) then
@@ -423,11 +412,8 @@ contains
     else if (repeats) then
       regularity%exponent = of('lyapunov_exponent')
       regularity%error = of('lyapunov_error')
-      associate (is_known => .not. ieee_is_nan(regularity%exponent))
-        if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
-          cycles = [cycles, full_cycle_t(measure=regularity%mean, has_multiplier=is_known, &
-          log_multiplier=merge(regularity%exponent, 0.0_wp, is_known))]
-      end associate
+      if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
+        cycles = [cycles, full_cycle_t(measure=regularity%mean, log_multiplier=regularity%exponent)]
       regularity%verdict = regular
       regularity%repeats = 1
     end if
@@ -455,7 +441,7 @@ contains
     type(regularity_t) :: unused
     real(wp) :: range(2), pull(2), lowest
     logical :: is_endless
-    integer :: i
+    integer :: i, starts
 
     range = nowhere
     is_endless = orbits(1)%goes_on .and. orbits(1)%repeats == 0
@@ -468,7 +454,10 @@ contains
     if (size(orbits(1)%release) < 2) return
     associate (seen => orbits(1)%release(2:))
       associate (margin => max(0.05_wp*(maxval(seen) - minval(seen)), 1.0e-3_wp))
-        call begin_between(minval(seen) - margin, maxval(seen) + margin, merge(many, few, is_endless))
+        starts = merge(many, some, is_endless)
+        ! Where differences only shrink, there is no other cycle.
+        if (all(abs(orbits(1)%slope) < 1.0_wp)) starts = few
+        call begin_between(minval(seen) - margin, maxval(seen) + margin, starts)
       end associate
     end associate
 
@@ -480,8 +469,7 @@ contains
 
       do i = starts, 1, -1
         call follow(map, low + (high - low)*(real(i, wp) - 0.5_wp)/real(starts, wp), explored, range, cycles, orbit, error)
-        if (.not. allocated(error) .and. orbit%repeats > 0) &
-          call take(map, orbit%release(size(orbit%release)), orbit%repeats, cycles, error)
+        if (.not. allocated(error)) call take_end(orbit, cycles)
         if (.not. (allocated(error) .or. orbit%goes_on) .and. all(orbits(2:)%goes_on)) then
           other = scene
           associate (u => map%elongation(orbit%release(size(orbit%release))))
@@ -546,163 +534,149 @@ contains
       type(error_t), allocatable :: error
       type(passage_t) :: whole
       type(bracket_t) :: bracket
-      real(wp) :: x, f, side
+      real(wp) :: release(most_repeats), f, side
       integer :: iteration
       logical :: found
 
       side = sign(1.0_wp, f_b)
       bracket = bracket_t([a, b], [-1.0_wp, 1.0_wp])
-      x = bracket%middle()
-      do iteration = 1, max_iterations
-        call map%power(x, n, whole, found, error)
-        if (allocated(error) .or. .not. found) return
-        f = whole%to - x
-        if (abs(f) <= fine) exit
-        call bracket%narrow(x, side*f)
-        if (bracket%width() <= fine) exit
-        x = bracket%newton(x, side*f, side*(whole%slope - 1.0_wp))
-      end do
-      if (abs(f) <= missed) call take(map, x, n, cycles, error)
+      associate (x => release(1))
+        x = bracket%middle()
+        do iteration = 1, max_iterations
+          call go_around(map, n, release, whole, found, error)
+          if (allocated(error) .or. .not. found) return
+          f = whole%to - x
+          if (abs(f) <= fine) exit
+          call bracket%narrow(x, side*f)
+          if (bracket%width() <= fine) exit
+          x = bracket%newton(x, side*f, side*(whole%slope - 1.0_wp))
+        end do
+      end associate
+      if (abs(f) <= missed) call take(release(:n), whole%log_slope, cycles, map)
     end subroutine refine
   end subroutine find_between
 
-  !> The cycle that begins with a release and repeats after so many slow cycles, unless it is known.
-  recursive subroutine take(map, alpha, slow_cycles, cycles, error)
-    type(release_map_t), intent(inout) :: map
-    real(wp), intent(in) :: alpha
-    integer, intent(in) :: slow_cycles
+  !> The cycle to which an orbit comes, if it does and the cycle is not known.
+  subroutine take_end(orbit, cycles)
+    type(orbit_t), intent(in) :: orbit
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
-    type(error_t), allocatable, intent(out) :: error
-    type(full_cycle_t) :: cycle
-    type(passage_t) :: whole
-    real(wp) :: begins
-    logical :: found
-    integer :: i
 
-    ! Newton's step: a motion that settles slowly is still on its way.
-    begins = alpha
-    call map%power(alpha, slow_cycles, whole, found, error)
-    if (allocated(error) .or. .not. found) return
-    if (abs(whole%to - alpha) > missed) return
-    cycle%has_multiplier = whole%has_slope
-    if (cycle%has_multiplier) then
-      cycle%log_multiplier = whole%log_slope
-      if (abs(1.0_wp - whole%slope) > 0.0_wp) begins = alpha + (whole%to - alpha)/(1.0_wp - whole%slope)
-    end if
-    call measure_cycle(map, begins, slow_cycles, cycle%release, cycle%measure, found, error)
-    if (allocated(error) .or. .not. found) return
-    do i = 1, slow_cycles - 1
-      ! It may be one of fewer.
-      if (modulo(slow_cycles, i) == 0 .and. abs(cycle%release(i + 1) - cycle%release(1)) <= alike) then
-        call take(map, cycle%release(1), i, cycles, error)
-        return
-      end if
+    associate (n => size(orbit%slope), m => orbit%repeats)
+      if (m > 0) call take(orbit%release(n + 2 - m:) + way_to_cycle(orbit, m), sum(log_of(orbit%slope(n - m + 1:))), cycles)
+    end associate
+  end subroutine take_end
+
+  !> The logarithm of the size of a slope, which may be 0.
+  elemental real(wp) function log_of(slope)
+    real(wp), intent(in) :: slope
+
+    log_of = log(abs(slope) + tiny(slope))
+  end function log_of
+
+  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, unless it is known; with a
+  !> map, if it has this cycle, measured there.
+  subroutine take(release, log_multiplier, cycles, map)
+    real(wp), intent(in) :: release(:), log_multiplier
+    type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
+    type(release_map_t), intent(inout), optional :: map
+    type(full_cycle_t) :: cycle
+    logical :: found
+    integer :: i, m
+
+    ! It may be one of fewer.
+    do m = 1, size(release)
+      if (modulo(size(release), m) == 0 .and. maxval(abs(cshift(release, m) - release)) <= alike) exit
     end do
-    cycle%repeats = slow_cycles
-    associate (release => cycle%release(:slow_cycles))
-      release = cshift(release, maxloc(release, 1) - 1)
-    end associate
+    cycle%repeats = m
+    cycle%slow_cycles = m
+    cycle%release(:m) = cshift(release(:m), maxloc(release(:m), 1) - 1)
     if (any([(abs(cycles(i)%release(1) - cycle%release(1)) <= alike, i=1, size(cycles))])) return
-    associate (swing => cycle%measure(peak) - cycle%measure(valley), limit => map%steps%slider%law%kinetic_limit)
-      cycle%slow_cycles = merge(slow_cycles, 0, swing > threshold*limit)
-    end associate
-    cycles = [cycles, cycle]
+    cycle%log_multiplier = log_multiplier*real(m, wp)/real(size(release), wp)
+    found = .true.
+    if (present(map)) call improve(map, cycle, found)
+    if (found) cycles = [cycles, cycle]
   end subroutine take
 
-  !> The releases [rad] with which so many slow cycles begin, the first one at `alpha`, and their measures.
-  subroutine measure_cycle(map, alpha, slow_cycles, release, value, found, error)
+  !> So many slow cycles, the first one from `release(1)`, as one passage, with the releases [rad] that begin them; and their measures.
+  subroutine go_around(map, slow_cycles, release, whole, found, error, value)
     type(release_map_t), intent(inout) :: map
-    real(wp), intent(in) :: alpha
     integer, intent(in) :: slow_cycles
     real(wp), intent(inout) :: release(:)
-    real(wp), intent(out) :: value(measures)
+    type(passage_t), intent(out) :: whole
     logical, intent(out) :: found
     type(error_t), allocatable, intent(out) :: error
-    type(passage_t) :: slow_cycle, slip
-    real(wp) :: begins, one(measures), old(measures), new(measures)
-    integer :: i
-
-    begins = alpha
-    value = 0.0_wp
-    do i = 1, slow_cycles
-      release(i) = begins
-      call map%come_back(begins, slow_cycle, slip, found, error)
-      if (allocated(error) .or. .not. found) return
-      begins = slow_cycle%to
-      call measure(map, slip%from, slow_cycle%measure(duration), one, error)
-      if (allocated(error)) return
-      call share_out(i, value, one, old, new)
-      value = old*value + new*one
-    end do
-  end subroutine measure_cycle
-
-  !> What several slow cycles have of their measures, and what one more adds, the `number`-th: the period is that of all, the peak the
-  !> highest, the valley the lowest; the others are means.
-  pure subroutine share_out(number, value, one, old, new)
-    integer, intent(in) :: number
-    real(wp), intent(in) :: value(measures), one(measures)
-    real(wp), intent(out) :: old(measures), new(measures)
-
-    new = 1.0_wp/real(number, wp)
-    new(peak) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(peak) > value(peak))
-    new(valley) = merge(1.0_wp, 0.0_wp, number == 1 .or. one(valley) < value(valley))
-    old = 1.0_wp - new
-    new(period) = 1.0_wp
-    old(period) = 1.0_wp
-  end subroutine share_out
-
-  !> The measures of a slow cycle of this duration [s] that ends with the slip from a release: its load has its peak and its valley
-  !> in this slip.
-  subroutine measure(map, alpha, lasting, value, error)
-    type(release_map_t), intent(inout), target :: map
-    real(wp), intent(in) :: alpha, lasting
-    real(wp), intent(out) :: value(measures)
-    type(error_t), allocatable, intent(out) :: error
-    type(passage_t) :: slip
+    real(wp), intent(out), optional :: value(measures)
+    type(passage_t) :: one, slip, again
     type(extremum_t) :: high, low
-    logical :: found
-
-    call map%run(alpha, map%longest, slip, found, error)
-    if (allocated(error)) return
-    call extremes_of(map, high, low)
-    value = measures_of(high, low, lasting, map%velocity)
-  end subroutine measure
-
-  !> The peak and the valley, as seen in the direction of the drive, of the load in the passage that was run last.
-  subroutine extremes_of(map, high, low)
-    type(release_map_t), intent(in), target :: map
-    type(extremum_t), intent(out) :: high, low
-    type(summary_t) :: summary
-    type(piece_view_t) :: view
-    type(contribution_t) :: slip
-    type(piece_t), target :: piece
+    real(wp) :: each(measures, slow_cycles)
     integer :: i
 
-    associate (slider => map%steps%slider)
-      call summary%cycles%begin(slider%along(1), slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
-      do i = 1, map%recording%count
-        call map%recording%get(i, state_t(), piece)
-        call view%show(map%steps, piece)
-        if (i == 1) call summary%begin(view%first, 0.0_wp, 0.0_wp)
-        call summary%take_in(view)
-      end do
-      slip = summary%contribution()
-      high = slip%highest
-      low = slip%lowest
-      if (slider%along(1)*map%velocity < 0.0_wp) then
-        high = extremum_t(-low%load, low%time, low%position)
-        low = extremum_t(-slip%highest%load, slip%highest%time, slip%highest%position)
+    do i = 1, slow_cycles
+      if (i > 1) release(i) = whole%to
+      call map%come_back(release(i), one, slip, found, error)
+      if (found .and. present(value) .and. .not. allocated(error)) then
+        if (abs(map%ran - slip%from) > 0.0_wp) call map%run(slip%from, map%longest, again, found, error)
+        if (.not. allocated(error)) call measure(map, one%measure(duration), each(:, i), high, low)
       end if
-    end associate
-  end subroutine extremes_of
+      if (allocated(error) .or. .not. found) return
+      if (i == 1) whole = one
+      if (i > 1) call whole%go_on(one)
+    end do
+    if (present(value)) value = sum(shares(each)*each, 2)
+  end subroutine go_around
 
-  !> The measures of a slow cycle of this duration [s] with this peak and this valley in its slip.
-  pure function measures_of(high, low, lasting, velocity) result(value)
-    type(extremum_t), intent(in) :: high, low
-    real(wp), intent(in) :: lasting, velocity
-    real(wp) :: value(measures), falling
+  !> What slow cycles have in the measures of all (measure, slow cycle): the period is that of all, the peak the highest, the valley
+  !> the lowest; the others are means.
+  pure function shares(each)
+    real(wp), intent(in) :: each(:, :)
+    real(wp) :: shares(size(each, 1), size(each, 2))
 
+    shares = 1.0_wp/real(size(each, 2), wp)
+    shares(period, :) = 1.0_wp
+    shares([peak, valley], :) = 0.0_wp
+    shares(peak, maxloc(each(peak, :), 1)) = 1.0_wp
+    shares(valley, minloc(each(valley, :), 1)) = 1.0_wp
+  end function shares
+
+  !> The measures of a slow cycle of this duration [s] that ends with the slip that was run last: its load has its peak and its valley,
+  !> as seen in the direction of the drive, in this slip.
+  subroutine measure(map, lasting, value, high, low)
+    type(release_map_t), intent(in), target :: map
+    real(wp), intent(in) :: lasting
+    real(wp), intent(out) :: value(measures)
+    type(extremum_t), intent(out) :: high, low
+    type(piece_view_t) :: view
+    type(piece_t), target :: piece
+    type(grid_t) :: grid
+    real(wp) :: load(0:max_degree), places(most_turns), falling
+    integer :: degree, count, i, k
+
+    grid = chebyshev_grid()
+    high%load = -huge(1.0_wp)
+    low%load = huge(1.0_wp)
+    do i = 1, map%recording%count
+      call map%recording%get(i, state_t(), piece)
+      call view%show(map%steps, piece)
+      call view%load(degree, load)
+      call view%turning_places(grid, load(:degree), places, count)
+      call take_load(view%first)
+      do k = 1, count
+        call take_load(view%at(places(k)))
+      end do
+      call take_load(view%last)
+    end do
     falling = modulo(low%time - high%time, lasting)
-    value = [lasting, high%load, low%load, lasting - falling, falling, sign(1.0_wp, velocity)*(low%position - high%position)]
-  end function measures_of
+    value = [lasting, high%load, low%load, lasting - falling, falling, sign(1.0_wp, map%velocity)*(low%position - high%position)]
+
+  contains
+
+    subroutine take_load(here)
+      type(moment_t), intent(in) :: here
+
+      associate (seen => sign(1.0_wp, map%steps%slider%along(1)*map%velocity)*here%force)
+        if (seen > high%load) high = extremum_t(seen, here%time, here%position)
+        if (seen < low%load) low = extremum_t(seen, here%time, here%position)
+      end associate
+    end subroutine take_load
+  end subroutine measure
 end module dst_full_cycles

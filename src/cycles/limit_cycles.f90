@@ -1,23 +1,26 @@
-!> The limit cycles of a scene: stable ones, to which it settles, and unstable ones.
+!> The limit cycles of a scene: stable ones, to which it settles, and unstable ones; and the map of a scene at one place, of which a
+!> cycle is a fixed point.
 module dst_limit_cycles
   use dst_assembly, only: slider_from_scene
   use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
   use dst_friction, only: falls_exponentially
-  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles
+  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, go_around, most_repeats
   use dst_kinds, only: wp, pi
-  use dst_release_map, only: watch_t
+  use dst_passage, only: passage_t
+  use dst_release_map, only: release_map_t, watch_t
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
-  use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
-  use dst_slow_map, only: slow_map_t, new_slow_map
+  use dst_slow_cycles, only: find_slow_cycles
+  use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
   use dst_stability, only: steady_sliding_eigenvalues, is_stable
   use dst_writer, only: quantity_t, absent
   implicit none
   private
 
-  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles, check_model, slow_rtol
+  public :: limit_cycles_t, limit_cycle_quantities, swing, log_multiplier, slow_cycles, find_limit_cycles
+  public :: find_return, return_values
 
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
     release_angle = measures + 4, quantities = measures + 4
@@ -29,7 +32,11 @@ module dst_limit_cycles
     quantity_t('slow_cycles', '1', 'slow cycles after which it repeats; 0: it is the fast oscillation alone'), &
     quantity_t('release_angle', 'rad', 'direction of the force from the soft axis at the release with which it begins')]
 
-  !> Accuracy of the motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
+  !> The place to which a motion returns; slope of the map there and ln of its size; the measures of the cycles between.
+  integer, parameter :: to = 1, slope_there = 2, log_slope = 3, return_values = 3 + measures
+  !> A passage that takes longer than this share of a long motion leads to no cycle that anybody looks for. Convention.
+  real(wp), parameter :: patience = 0.05_wp
+  !> Accuracy of the slow motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
   real(wp), parameter :: slow_rtol = 1.0e-12_wp
 
   !> The cycles of one scene under one drive velocity, by increasing amplitude.
@@ -114,6 +121,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     procedure(watch_t), optional :: watch
     type(full_cycle_t), allocatable :: found(:)
+    real(wp), allocatable :: swings(:)
     real(wp) :: force(1), slope(1)
     integer :: i, order
 
@@ -126,32 +134,16 @@ contains
     call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error, watch)
     if (allocated(error)) return
     call make_room(cycles, size(found))
+    swings = found%measure(peak) - found%measure(valley)
     do i = 1, size(found)
       associate (cycle => found(i))
-        order = 1 + number_below(found, swing_of(cycle))
-        cycles%value(:, order) = [cycle%measure, swing_of(cycle), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
+        order = count(swings < swings(i)) + count(swings(:i) <= swings(i) .and. swings(:i) >= swings(i))
+        cycles%value(:, order) = [cycle%measure, swings(i), cycle%log_multiplier, real(cycle%slow_cycles, wp), &
           cycle%release(1)]
-        if (.not. cycle%has_multiplier) cycles%value(log_multiplier, order) = absent()
         if (cycle%release(1) > pi) cycles%value(release_angle, order) = absent()
         cycles%is_stable(order) = cycle%is_stable()
       end associate
     end do
-
-  contains
-
-    pure real(wp) function swing_of(cycle)
-      type(full_cycle_t), intent(in) :: cycle
-
-      swing_of = cycle%measure(peak) - cycle%measure(valley)
-    end function swing_of
-
-    pure integer function number_below(list, limit)
-      type(full_cycle_t), intent(in) :: list(:)
-      real(wp), intent(in) :: limit
-      integer :: k
-
-      number_below = count([(swing_of(list(k)) < limit, k=1, size(list))])
-    end function number_below
   end subroutine take_full
 
   !> The cycles of the slow motion, and its steady sliding.
@@ -161,7 +153,7 @@ contains
     type(limit_cycles_t), intent(inout) :: cycles
     type(error_t), allocatable, intent(out) :: error
     type(slow_map_t) :: map
-    type(slow_cycle_t), allocatable :: found(:)
+    type(slow_turn_t), allocatable :: found(:)
     type(slow_validity_t) :: validity
     integer :: i
 
@@ -180,14 +172,78 @@ contains
     if (allocated(error)) return
     call make_room(cycles, size(found))
     do i = 1, size(found)
-      associate (cycle => found(i), stiffness => slider%stiffness(1))
-        cycles%value(:, i) = [cycle%rise_time + cycle%fall_time, stiffness*cycle%peak, stiffness*cycle%valley, cycle%rise_time, &
-          cycle%fall_time, cycle%slip_length, stiffness*(cycle%peak - cycle%valley), cycle%log_multiplier, 1.0_wp, absent()]
-        cycles%is_stable(i) = cycle%log_multiplier < 0.0_wp
+      associate (value => found(i)%measure(slider%stiffness(1)))
+        cycles%value(:, i) = [value, value(peak) - value(valley), found(i)%log_area, 1.0_wp, absent()]
+        cycles%is_stable(i) = found(i)%log_area < 0.0_wp
       end associate
     end do
   end subroutine take_slow
 
+  !> The motion from a place after so many slow cycles under a drive velocity [m/s]; NaN if it does not return, or a number is not known.
+  !> A place is the direction of the force at a release [rad] in the full model, the load k_x u_x at a valley [N] in the slow motion.
+  subroutine find_return(scene, velocity, place, slow_cycles, value, error)
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity, place
+    integer, intent(in) :: slow_cycles
+    real(wp), intent(out) :: value(return_values)
+    type(error_t), allocatable, intent(out) :: error
+    type(slider_t) :: slider
+    character(:), allocatable :: model
+
+    value = absent()
+    call slider_from_scene(scene, slider)
+    call check_model(scene, slider, model, error)
+    if (allocated(error)) return
+    if (model == 'low_frequency') then
+      call from_valley(slider, velocity, place, value, error)
+    else
+      call from_release(scene, velocity, place, max(1, min(most_repeats, slow_cycles)), value, error)
+    end if
+  end subroutine find_return
+
+  subroutine from_release(scene, velocity, alpha, slow_cycles, value, error)
+    type(scene_t), intent(in) :: scene
+    real(wp), intent(in) :: velocity, alpha
+    integer, intent(in) :: slow_cycles
+    real(wp), intent(inout) :: value(return_values)
+    type(error_t), allocatable, intent(out) :: error
+    type(release_map_t) :: map
+    type(passage_t) :: whole
+    real(wp) :: release(most_repeats), measured(measures)
+    logical :: found
+
+    call map_of(steady(scene, velocity), map, error)
+    if (allocated(error)) return
+    map%slips_expected = 2.0_wp*real(slow_cycles, wp)
+    map%longest = patience*map%longest
+    release(1) = alpha
+    call go_around(map, slow_cycles, release, whole, found, error, measured)
+    if (allocated(error) .or. .not. found) return
+    value(log_slope + 1:) = measured
+    value(to) = whole%to
+    if (whole%has_slope) value([slope_there, log_slope]) = [whole%slope, whole%log_slope]
+  end subroutine from_release
+
+  subroutine from_valley(slider, velocity, load, value, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity, load
+    real(wp), intent(inout) :: value(return_values)
+    type(error_t), allocatable, intent(out) :: error
+    type(slow_map_t) :: map
+    type(slow_turn_t) :: turn
+    real(wp) :: area
+
+    call new_slow_map(slider, velocity, slow_rtol, map)
+    if (load >= slider%stiffness(1)*map%equilibrium) return
+    call map%turn(load/slider%stiffness(1), turn, error)
+    if (allocated(error) .or. .not. turn%returns) return
+    associate (k => slider%stiffness(1), before => map%equilibrium - turn%from, after => map%equilibrium - turn%to)
+      if (.not. after > 0.0_wp) return
+      area = turn%log_area + log(before/after)
+      value(:log_slope) = [k*turn%to, exp(min(area, log(huge(area)))), area]
+      value(log_slope + 1:) = turn%measure(k)
+    end associate
+  end subroutine from_valley
   subroutine make_room(cycles, n)
     type(limit_cycles_t), intent(inout) :: cycles
     integer, intent(in) :: n

@@ -8,12 +8,12 @@
 !>
 !> and with it all that is measured. No run is compared with another one.
 module dst_sensitivity
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, slip_time, slip_length
   use dst_dense_output, only: column_u
   use dst_deck_values, only: deck_t
   use dst_errors, only: error_t, raise, deck_error, usage_error
-  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, sharpen, steady, extremes_of, measures_of, &
-    share_out
+  use dst_full_cycles, only: full_cycle_t, orbit_t, regularity_t, settle, sharpen, steady, measure, shares
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, duration
@@ -70,7 +70,7 @@ contains
     call sharpen(steady(scene, pull), cycles, map, error)
     if (allocated(error)) return
     if (size(cycles) > 0) then
-      if (cycles(1)%has_multiplier) then
+      if (.not. ieee_is_nan(cycles(1)%log_multiplier)) then
         call differentiate(map, cycles(1)%release(1), cycles(1)%repeats, variation, sensitivity, error)
         return
       end if
@@ -92,9 +92,9 @@ contains
     type(trail_t), allocatable :: trail(:, :)
     type(extremum_t) :: high, low
     real(wp), dimension(1 + size(variation)) :: turned, lasting, direct
-    real(wp), dimension(measures, 1 + size(variation)) :: slip, one, total
-    real(wp), dimension(measures) :: value, old, new
-    real(wp) :: release, lasted
+    real(wp), dimension(measures, slow_cycles, 1 + size(variation)) :: change
+    real(wp), dimension(measures, slow_cycles) :: each
+    real(wp) :: slip(measures, 1 + size(variation)), total(measures, 1 + size(variation)), release, lasted
     logical :: found
     integer :: i, k
 
@@ -105,7 +105,6 @@ contains
     direct(1) = 0.0_wp
     turned = 0.0_wp
     turned(1) = 1.0_wp
-    total = 0.0_wp
     do i = 1, slow_cycles
       lasted = 0.0_wp
       lasting = 0.0_wp
@@ -113,8 +112,9 @@ contains
         call map%run(release, map%longest, passage, found, error)
         if (allocated(error)) return
         if (found) call carry(map%recording, map%steps%system, map%steps%slider, directions, tangents, found, trail)
+        lasted = lasted + passage%measure(duration)
         if (found .and. passage%turns_back()) then
-          call extremes_of(map, high, low)
+          call measure(map, lasted, each(:, i), high, low)
           do k = 1, size(tangents)
             if (found) call differentiate_slip(map, high%time, low%time, trail(k, :), directions%variation(k), slip(:, k), found)
           end do
@@ -124,22 +124,19 @@ contains
           return
         end if
         ! What the parameter does here, and what the beginning does, which it has turned.
-        if (passage%turns_back()) one = spread(turned, 1, measures)*spread(slip(:, 1), 2, size(turned)) &
+        if (passage%turns_back()) change(:, i, :) = spread(turned, 1, measures)*spread(slip(:, 1), 2, size(turned)) &
           + spread(direct, 1, measures)*slip
         lasting = lasting + turned*tangents(1)%clock + direct*tangents%clock
         turned = turned*tangents(1)%y(2) + direct*tangents%y(2)
-        lasted = lasted + passage%measure(duration)
         release = passage%to
         if (passage%turns_back()) exit
       end do
-      one(period, :) = lasting
-      if (low%time < high%time) one(slip_time, :) = one(slip_time, :) + lasting
-      one(stick_time, :) = lasting - one(slip_time, :)
-      value = measures_of(high, low, lasted, map%velocity)
-      call share_out(i, sensitivity%value, value, old, new)
-      sensitivity%value = old*sensitivity%value + new*value
-      total = spread(old, 2, size(turned))*total + spread(new, 2, size(turned))*one
+      change(period, i, :) = lasting
+      if (low%time < high%time) change(slip_time, i, :) = change(slip_time, i, :) + lasting
+      change(stick_time, i, :) = lasting - change(slip_time, i, :)
     end do
+    sensitivity%value = sum(shares(each)*each, 2)
+    total = sum(spread(shares(each), 3, size(turned))*change, 2)
     allocate (sensitivity%derivative(measures, size(variation)))
     do k = 1, size(variation)
       sensitivity%derivative(:, k) = total(:, k + 1) + total(:, 1)*turned(k + 1)/(1.0_wp - turned(1))

@@ -11,7 +11,7 @@ module dst_slow_cycles
   implicit none
   private
 
-  public :: slow_cycle_t, find_slow_cycles
+  public :: find_slow_cycles
 
   !> Range of A over the scene's length in which cycles are searched, and the step of the scan in ln A. It is halved, down to the
   !> smallest one, if the gain between two points differs from the prediction of the slopes at both by more than this. Conventions.
@@ -38,26 +38,18 @@ module dst_slow_cycles
     type(slow_turn_t) :: turn = slow_turn_t()
   end type slow_gain_t
 
-  !> A limit cycle of the slow motion.
-  type :: slow_cycle_t
-    real(wp) :: valley = 0.0_wp, peak = 0.0_wp               !! u_x, m
-    real(wp) :: rise_time = 0.0_wp, fall_time = 0.0_wp       !! s
-    real(wp) :: slip_length = 0.0_wp                         !! m
-    real(wp) :: log_multiplier = 0.0_wp                      !! of the map: negative if the cycle is stable
-  end type slow_cycle_t
-
 contains
 
-  !> The cycles by increasing size. Points at which the gain is no more than roundoff are skipped; the stability of the smallest
+  !> The cycles by increasing size, each as a turn; its `log_area` is the logarithm of its multiplier. Points at which the gain is no more than roundoff are skipped; the stability of the smallest
   !> motions is that of steady sliding.
   subroutine find_slow_cycles(map, cycles, error)
     type(slow_map_t), intent(inout) :: map
-    type(slow_cycle_t), allocatable, intent(out) :: cycles(:)
+    type(slow_turn_t), allocatable, intent(out) :: cycles(:)
     type(error_t), allocatable, intent(out) :: error
     type(slow_gain_t) :: before, here, between
     real(wp) :: x, step, last
     integer :: point
-    logical :: has_before, found
+    logical :: has_before
 
     allocate (cycles(0))
     has_before = abs(map%damping) > least_damping*map%impedance
@@ -78,9 +70,9 @@ contains
         if (has_before .and. before%gain*here%gain < 0.0_wp) then
           call take_cycle(before, here)
         else if (has_before .and. before%slope*before%gain < 0.0_wp .and. here%slope*here%gain > 0.0_wp) then
-          call turning_point(map, before, here, between, found, error)
+          call zero_between(map, before, here, .true., between, error)
           if (allocated(error)) return
-          if (found) then
+          if (between%gain*before%gain < 0.0_wp) then
             call take_cycle(before, between)
             if (.not. allocated(error)) call take_cycle(between, here)
           end if
@@ -101,8 +93,8 @@ contains
       type(slow_gain_t), intent(in) :: first, second
       type(slow_gain_t) :: root
 
-      call gain_zero(map, first, second, root, error)
-      if (.not. allocated(error)) cycles = [cycles, slow_cycle_of(root)]
+      call zero_between(map, first, second, .false., root, error)
+      if (.not. allocated(error)) cycles = [cycles, root%turn]
     end subroutine take_cycle
   end subroutine find_slow_cycles
 
@@ -135,57 +127,38 @@ contains
     here%slope = exp(max(dead, min(-dead, here%turn%log_area - 2.0_wp*here%gain))) - 1.0_wp
   end subroutine slow_gain
 
-  !> The zero between two points with gains of opposite signs.
-  subroutine gain_zero(map, first, second, root, error)
+  !> The zero of the gain, or of its slope, between two points where it has opposite signs; that of the slope no further than to where
+  !> the gain has another sign than at both points.
+  subroutine zero_between(map, first, second, of_slope, here, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_gain_t), intent(in) :: first, second
-    type(slow_gain_t), intent(out) :: root
+    logical, intent(in) :: of_slope
+    type(slow_gain_t), intent(out) :: here
     type(error_t), allocatable, intent(out) :: error
     type(bracket_t) :: bracket
-    real(wp) :: x
+    real(wp) :: x, value, near
     integer :: iteration
 
-    bracket = bracket_t([first%x, second%x], limited([first%gain, second%gain]))
+    bracket = bracket_t([first%x, second%x], limited(merge([first%slope, second%slope], [first%gain, second%gain], of_slope)))
     x = bracket%false_position()
     do iteration = 1, max_iterations
-      call slow_gain(map, x, root, error)
-      if (allocated(error) .or. .not. abs(root%gain) > 0.0_wp) return
-      call bracket%narrow(x, limited(root%gain))
-      if (bracket%width() <= close*max(1.0_wp, abs(x))) return
-      ! Newton's step, and a little more, so that the zero is enclosed from both sides.
-      x = root%x
-      if (abs(root%slope) > least_slope) x = root%x - root%gain/root%slope
-      if (abs(x - root%x) <= close*max(1.0_wp, abs(x)) .and. abs(root%slope) > least_slope) return
-      if (.not. (x > bracket%x(1) .and. x < bracket%x(2))) x = bracket%false_position()
-      if (modulo(iteration, 4) == 0) x = bracket%middle()
-    end do
-  end subroutine gain_zero
-
-  !> Between two points at which the gain has the same sign, but turns towards zero and back: the place where it has the other sign,
-  !> or is closest to it.
-  subroutine turning_point(map, first, second, between, has_crossed, error)
-    type(slow_map_t), intent(inout) :: map
-    type(slow_gain_t), intent(in) :: first, second
-    type(slow_gain_t), intent(out) :: between
-    logical, intent(out) :: has_crossed
-    type(error_t), allocatable, intent(out) :: error
-    type(bracket_t) :: bracket
-    real(wp) :: x
-    integer :: iteration
-
-    has_crossed = .false.
-    bracket = bracket_t([first%x, second%x], limited([first%slope, second%slope]))
-    do iteration = 1, max_iterations
-      x = bracket%false_position()
-      if (modulo(iteration, 4) == 0) x = bracket%middle()
-      call slow_gain(map, x, between, error)
+      call slow_gain(map, x, here, error)
       if (allocated(error)) return
-      has_crossed = between%gain*first%gain < 0.0_wp
-      if (has_crossed .or. .not. abs(between%slope) > 0.0_wp) return
-      call bracket%narrow(x, limited(between%slope))
-      if (bracket%width() <= sqrt(close)) return
+      value = merge(here%slope, here%gain, of_slope)
+      if (.not. abs(value) > 0.0_wp .or. of_slope .and. here%gain*first%gain < 0.0_wp) return
+      near = close*max(1.0_wp, abs(x))
+      call bracket%narrow(x, limited(value))
+      if (bracket%width() <= merge(sqrt(close), near, of_slope)) return
+      x = bracket%false_position()
+      if (.not. of_slope .and. abs(here%slope) > least_slope) then
+        associate (newton => here%x - here%gain/here%slope)
+          if (abs(newton - here%x) <= near) return
+          if (newton > bracket%x(1) .and. newton < bracket%x(2)) x = newton
+        end associate
+      end if
+      if (modulo(iteration, 4) == 0) x = bracket%middle()
     end do
-  end subroutine turning_point
+  end subroutine zero_between
 
   !> A value in the form that root finding uses.
   elemental real(wp) function limited(value)
@@ -193,13 +166,4 @@ contains
 
     limited = max(-enough, min(enough, value))
   end function limited
-
-  !> The cycle at a zero of the gain.
-  pure type(slow_cycle_t) function slow_cycle_of(root) result(cycle)
-    type(slow_gain_t), intent(in) :: root
-
-    associate (turn => root%turn)
-      cycle = slow_cycle_t(turn%from, turn%peak, turn%rise_time, turn%fall_time, turn%slip_length, turn%log_area)
-    end associate
-  end function slow_cycle_of
 end module dst_slow_cycles

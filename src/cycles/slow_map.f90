@@ -12,6 +12,7 @@
 !>
 !> Source: docs/cycles.md.
 module dst_slow_map
+  use dst_cycles, only: measures
   use dst_dense_output, only: column_y, n_columns
   use dst_drive, only: new_drive
   use dst_errors, only: error_t, raise, too_many_steps
@@ -50,6 +51,8 @@ module dst_slow_map
     real(wp) :: slip_length = 0.0_wp                          !! advance in X while the load falls, m
     real(wp) :: fastest = 0.0_wp                              !! largest |X'| at the ends of steps, m/s
     real(wp) :: log_area = 0.0_wp                             !! -integral of Phi'/m dt: the growth of an area in the plane
+  contains
+    procedure :: measure
   end type slow_turn_t
 
   !> The slow motion of one slider under a steady drive.
@@ -99,6 +102,16 @@ contains
     map%method = radau_iia(stages)
     map%damping = map%resistance(map%velocity*map%motion%slider%along(1))
   end subroutine new_slow_map
+
+  !> The measures of its cycle, as in dst_cycles, with this stiffness [N/m].
+  pure function measure(self, stiffness)
+    class(slow_turn_t), intent(in) :: self
+    real(wp), intent(in) :: stiffness
+    real(wp) :: measure(measures)
+
+    measure = [self%rise_time + self%fall_time, stiffness*self%peak, stiffness*self%to, self%rise_time, self%fall_time, &
+      self%slip_length]
+  end function measure
 
   !> Phi'(w) = F'(v) w^2/v^2 + F(v) (V s)^2/v^3 [N s/m] at a slip velocity along the soft axis [m/s].
   pure real(wp) function resistance(self, w)

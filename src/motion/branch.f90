@@ -42,6 +42,7 @@ module dst_branch
     type(interval_t), allocatable :: intervals(:)
     type(passage_table_t), allocatable :: table(:)     !! of those that are known
   contains
+    procedure :: without_tables
     procedure :: interval_count
     procedure :: place_of
     procedure :: distance
@@ -69,6 +70,18 @@ contains
     branch%intervals%first = variable(branch, nearest)
     branch%intervals%last = variable(branch, reach)
   end subroutine new_branch
+
+  !> The branch without its tables, no nearer to the end of sticks [rad], and to no larger angle [rad], than this.
+  pure type(branch_t) function without_tables(self, nearest, highest) result(branch)
+    class(branch_t), intent(in) :: self
+    real(wp), intent(in) :: nearest, highest
+    real(wp) :: first, last
+
+    first = max(self%limits%nearest, nearest)
+    last = self%limits%reach
+    if (self%limits%side > 0.0_wp) last = min(last, self%distance(highest))
+    if (first < last) call new_branch(self%limits%end, self%limits%side, first, last, self%limits%has_root, branch)
+  end function without_tables
 
   !> The variable at a distance [rad] from the end of sticks.
   pure real(wp) function variable(self, distance)

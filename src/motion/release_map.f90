@@ -18,6 +18,7 @@ module dst_release_map
   use dst_passage_table, only: passage_table_t, new_passage_table, values
   use dst_piece, only: slip_begins, sticks
   use dst_recording, only: recording_t, most_pieces
+  use dst_remembered, only: remembered_t
   use dst_slip_stick, only: slip_stick_t
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
@@ -90,6 +91,7 @@ module dst_release_map
     !> The motion that runs passages; its last passage; and how it begins each of them.
     class(slip_stick_t), allocatable :: steps
     type(recording_t) :: recording
+    real(wp) :: ran = huge(1.0_wp)                !! where that begins, rad
     class(slip_stick_t), allocatable, private :: unused
     real(wp) :: velocity = 0.0_wp                 !! V, m/s
     real(wp), private :: rtol = 0.0_wp
@@ -102,6 +104,9 @@ module dst_release_map
     type(branch_t), allocatable :: branch(:)      !! laps, slips
     logical :: keeps_motion = .false.
     type(learned_t), private :: learned
+    !> Passages that `next` has run; where it may give others by them, and with which error of their end [rad], 0 if not.
+    type(remembered_t), private :: remembered
+    real(wp) :: recalls = 0.0_wp
     !> Who looks on while slow cycles are followed, and may end it.
     procedure(watch_t), pointer, nopass :: watch => null()
   contains
@@ -109,12 +114,12 @@ module dst_release_map
     procedure :: next
     procedure :: run
     procedure :: look_up
+    procedure :: part_as
     procedure :: describe
     procedure :: count
     procedure :: learn
     procedure :: come_back
     procedure :: is_spent
-    procedure :: power
     procedure :: theta
     procedure :: elongation
     procedure :: work
@@ -236,6 +241,7 @@ contains
     self%steps%stepper%count = count
     call self%steps%place_at_release(self%theta(alpha), state_t())
     call step_to_release(self, longest, steps, found, error)
+    self%ran = alpha
     passage%from = alpha
     if (found) passage = passage_of(alpha, self%recording, self%steps%slider, self%velocity)
   end subroutine run
@@ -250,11 +256,22 @@ contains
 
     call self%look_up(alpha, passage, found)
     if (found) return
+    if (self%recalls > 0.0_wp) call self%remembered%recall(alpha, self%recalls, end_of_slips(self), passage, found)
+    if (found) return
     call self%run(alpha, self%longest, passage, found, error)
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
+    call self%remembered%keep(passage)
     call self%learn(passage, without_end*passage%measure(duration), self%slips_expected, error)
   end subroutine next
+
+  !> The angle [rad] up to which passages are slips that are smooth in the angle, if it is known.
+  pure real(wp) function end_of_slips(self)
+    class(release_map_t), intent(in) :: self
+
+    end_of_slips = -huge(1.0_wp)
+    if (self%branch(1)%has_root()) end_of_slips = -self%branch(1)%distance(0.0_wp)
+  end function end_of_slips
 
   !> The passage that a table has.
   pure subroutine look_up(self, alpha, passage, found)
@@ -278,6 +295,23 @@ contains
       return
     end do
   end subroutine look_up
+
+  !> Part the branches where the map of the same motion at a larger tolerance has parted them, for laps up to an angle [rad]. Where
+  !> sticks end by grazing, they are not known to end there so well that a table could begin nearer than a good part of a lap.
+  subroutine part_as(self, other, highest)
+    class(release_map_t), intent(inout) :: self
+    type(release_map_t), intent(in) :: other
+    real(wp), intent(in) :: highest
+    !> This part of a lap; and the place of a lap in its table, of which the end has a rounding error.
+    real(wp), parameter :: part_of_lap = 0.3_wp, beginning = -0.999_wp
+    type(passage_t) :: lap
+    logical :: found
+
+    self%learned%is_parted = other%learned%is_parted
+    if (other%branch(1)%has_root()) call other%look_up(other%branch(1)%angle(1, beginning), lap, found)
+    self%branch(1) = other%branch(1)%without_tables(part_of_lap*abs(lap%measure(turn)), highest)
+    self%branch(2) = other%branch(2)%without_tables(0.0_wp, highest)
+  end subroutine part_as
 
   !> The motion of a passage: from its table if that has it, else by steps. In slips, and in laps at tight tolerances, the motion
   !> between the ends of steps is not accurate enough for a table.
@@ -690,25 +724,6 @@ contains
     is_spent = max(real(self%learned%passages, wp)/most, real(self%steps%stepper%count%newton, wp)/most_work) > limit
     if (.not. is_spent .and. associated(self%watch)) is_spent = self%watch(self%learned%passages)
   end function is_spent
-
-  !> So many slow cycles, with their slope.
-  subroutine power(self, alpha, slow_cycles, whole, found, error)
-    class(release_map_t), intent(inout) :: self
-    real(wp), intent(in) :: alpha
-    integer, intent(in) :: slow_cycles
-    type(passage_t), intent(out) :: whole
-    logical, intent(out) :: found
-    type(error_t), allocatable, intent(out) :: error
-    type(passage_t) :: one, slip
-    integer :: i
-
-    whole = beginning(alpha)
-    do i = 1, slow_cycles
-      call self%come_back(whole%to, one, slip, found, error)
-      if (allocated(error) .or. .not. found) return
-      call whole%go_on(one)
-    end do
-  end subroutine power
 
   !> The work done in passages that were run.
   pure function work(self)

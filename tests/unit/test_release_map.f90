@@ -18,6 +18,7 @@ program test_release_map
   call check_halving()
   call check_tables()
   call check_slips()
+  call check_remembered()
   call check_slopes()
   call check_dampers()
   call check_loss()
@@ -181,6 +182,40 @@ contains
     end do
     call check('slips in tables', n >= 10)
   end subroutine check_slips
+
+  !> Passages that a map gives by those next to them that were run, against one that only steps.
+  subroutine check_remembered()
+    real(wp), parameter :: stiffness(2) = [1.0e6_wp, 1.0e7_wp], misalignment(2) = [6.0_wp, 1.0_wp], error_of_end = 1.0e-7_wp
+    type(release_map_t) :: map, steps
+    type(passage_t) :: passage, right
+    type(scene_t) :: scene
+    type(error_t), allocatable :: error
+    real(wp) :: alpha
+    logical :: found
+    integer :: i, k, n
+
+    call start_random(5)
+    do k = 1, 2
+      scene = fig3(10.0_wp, 'radau13', 1.0e-8_wp)
+      scene%stiffness_y = stiffness(k)
+      scene%misalignment_deg = misalignment(k)
+      scene%drive_velocity = merge(1.0e-2_wp, 1.0e-3_wp, k == 1)
+      call map_of(scene, map, error)
+      call map_of(scene, steps, error)
+      map%recalls = error_of_end
+      n = 0
+      do i = 1, 100
+        alpha = log_uniform(0.3_wp, 1.5_wp)
+        call map%next(alpha, passage, found, error)
+        if (allocated(error) .or. .not. found .or. passage%table(1) > 0 .or. passage%steps > 0) cycle
+        n = n + 1
+        call steps%run(alpha, steps%longest, right, found, error)
+        call check_close('the end of a passage that was not run', passage%to, right%to, 10.0_wp*error_of_end)
+        call check('of its kind', passage%turns_back() .eqv. right%turns_back())
+      end do
+      call check('most are not run', n >= 50)
+    end do
+  end subroutine check_remembered
 
   !> P' of passages that are run against differences, in random scenes of all methods and laws. A passage that ends a slow cycle
   !> begins near the end of sticks, where P is not smooth: there a difference is not accurate.

@@ -7,7 +7,7 @@ program test_slow_cycles
   use dst_divergence, only: divergence_t, regular, irregular, undecided
   use dst_errors, only: error_t
   use dst_kinds, only: wp
-  use dst_slow_cycles, only: slow_cycle_t, find_slow_cycles
+  use dst_slow_cycles, only: find_slow_cycles
   use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   implicit none
 
@@ -40,7 +40,7 @@ contains
 
   subroutine check_cycles()
     type(slow_map_t) :: map
-    type(slow_cycle_t), allocatable :: cycles(:)
+    type(slow_turn_t), allocatable :: cycles(:)
     type(error_t), allocatable :: error
 
     call new_slow_map(fig3_slider(3.5_wp), 0.075_wp, 1.0e-12_wp, map)
@@ -48,10 +48,10 @@ contains
     call check('two cycles beside stable sliding', size(cycles) == 2 .and. map%damping > 0.0_wp)
     if (size(cycles) /= 2) return
     ! From another integration of the same equations, and from AUTO-07p.
-    call check_close('stable: valley', cycles(2)%valley/2.0e-3_wp, 0.209330198039_wp, 1.0e-11_wp)
+    call check_close('stable: valley', cycles(2)%to/2.0e-3_wp, 0.209330198039_wp, 1.0e-11_wp)
     call check_close('stable: peak', cycles(2)%peak/2.0e-3_wp, 1.289672996761_wp, 1.0e-11_wp)
-    call check_close('stable: multiplier', exp(cycles(2)%log_multiplier), 0.242084267218_wp, 1.0e-10_wp)
-    call check_close('unstable: multiplier', exp(cycles(1)%log_multiplier), 1.032218745172_wp, 1.0e-10_wp)
+    call check_close('stable: multiplier', exp(cycles(2)%log_area), 0.242084267218_wp, 1.0e-10_wp)
+    call check_close('unstable: multiplier', exp(cycles(1)%log_area), 1.032218745172_wp, 1.0e-10_wp)
     call check_close('unstable: period', cycles(1)%rise_time + cycles(1)%fall_time, 0.0993462114055_wp, 1.0e-12_wp)
     call new_slow_map(fig3_slider(4.40_wp), 0.075_wp, 1.0e-12_wp, map)
     call find_slow_cycles(map, cycles, error)
