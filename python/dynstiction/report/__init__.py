@@ -113,8 +113,6 @@ def fit_report(fit: Fit) -> str:
         figures = [_figure(fit.plot(kind, trace=k), kind, caption) for kind, caption in FIT_CAPTIONS.items()]
         text = ""
         with suppress(Error):
-            caption = "Mean force of the trace and of a run with the fitted values."
-            figures.append(_figure(each.comparison.plot(), "comparison", caption))
             text = f"<pre>{escape(each.comparison.report())}</pre>"
         title = f"Trace {k + 1}: {escape(names[k])}"
         sections[title] = f'<div class="figures">{"".join(figures)}</div>{text}'
