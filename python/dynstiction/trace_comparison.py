@@ -208,20 +208,11 @@ def compare(
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    return compared(scene, *fine_enough(trace), chain, noise)
-
-
-def compared(
-    scene: Scene, trace: Trace, measured: TraceCycles, chain: Chain, noise: bool = True
-) -> TraceComparison:
-    """As `compare`, of a trace whose cycles are known."""
+    trace, measured = fine_enough(trace)
     run = chain(simulate_like(scene, trace, measured))
     if noise:
         run = run.with_noise(measured.noise, SEED)
-    try:
-        simulated = find_cycles(run)
-    except FileError as error:
-        raise _without_cycles(scene, error) from None
+    simulated = _cycles_of_run(scene, run)
     wave = waveform_of(replace(trace, displacement=None), measured, 0.0)
     slips = whole_cycles(run, simulated.slips, wave.edges)[:, np.newaxis]
     waveforms = wave.rows, bin_means(run.time, run.force, wave.edges + slips)
@@ -229,13 +220,19 @@ def compared(
     return TraceComparison(trace, run, scene, measured, simulated, statistics, wave.edges, waveforms)
 
 
-def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
-    """What is wrong with a run, without the advice that applies to traces."""
-    reason = str(fault).partition(": ")[2].rpartition(": ")[0]
+def _without_cycles(scene: Scene, reason: str) -> UsageError:
     return UsageError(
         f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability shows where it "
         "has stick-slip"
     )
+
+
+def _cycles_of_run(scene: Scene, run: Trace) -> TraceCycles:
+    try:
+        return find_cycles(run)
+    except FileError as error:
+        # Without the advice that applies to traces.
+        raise _without_cycles(scene, str(error).partition(": ")[2].rpartition(": ")[0]) from None
 
 
 def _statistics(measured: TraceCycles, simulated: TraceCycles) -> pandas.DataFrame:
@@ -283,9 +280,9 @@ def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
         period = summary.get("period", np.nan)
         if not 1.0 / OTHER_UNIT < period / measured < OTHER_UNIT:
             told = "no period" if np.isnan(period) else f"a period of {period:.3g} s"
-            raise UsageError(
-                f"{scene.name}: its run has no cycles to compare with the trace: it has {told}, and the trace one of {measured:.3g} s: change the "
-                "deck, or the unit of time (--unit time=ms); dynstiction stability shows where a deck has stick-slip"
+            raise _without_cycles(
+                scene,
+                f"it has {told}, and the trace one of {measured:.3g} s (is the unit of its time right?)",
             )
         end = (2.0 * wanted + BEGINNING) * period
     if end / trace.interval > MOST_SAMPLES:
@@ -298,10 +295,7 @@ def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
         run_sampled(scene, progress=False, scene={"settle": None, "t_end": end}, output=output),
         trace.interval,
     )
-    try:
-        found = find_cycles(run)
-    except FileError as error:
-        raise _without_cycles(scene, error) from None
+    found = _cycles_of_run(scene, run)
     # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept
