@@ -4,7 +4,7 @@ two.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from .._fit.models import steady_velocity
 from .._fit.problem import unit_of
@@ -72,7 +73,7 @@ def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
 
 
 def _draw_cycle(
-    axes: Sequence[Axes], edges: Floats, fall: float, dots: Mapping[str, Floats], lines: Mapping[str, Floats]
+    axes: NDArray[Any], edges: Floats, fall: float, dots: Mapping[str, Floats], lines: Mapping[str, Floats]
 ) -> None:
     """Mean forces in the bins of a cycle: all of it, and around the slip."""
     time = 0.5 * (edges[1:] + edges[:-1])
