@@ -75,9 +75,7 @@ from .trace import Trace as Trace
 from .trace_comparison import TraceComparison as TraceComparison
 from .trace_comparison import compare as compare
 from .trace_cycles import TraceCycles as TraceCycles
-from .trace_cycles import Waveform as Waveform
 from .trace_cycles import find_cycles as find_cycles
-from .trace_cycles import mean_waveform as mean_waveform
 from .trace_file import read_trace as read_trace
 from .trace_fit import Fit as Fit
 from .trace_fit import FittedParameter as FittedParameter

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Unpack, cast
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._arguments import instance
+from ._fit.waveform import bin_means, waveform_of, whole_cycles
 from ._run import run_sampled
 from .errors import FileError, UsageError, printable
 from .groups import Changes
@@ -16,7 +18,7 @@ from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
 from .trace import Chain, Trace
-from .trace_cycles import TraceCycles, Waveform, find_cycles, fine_enough, mean_waveform
+from .trace_cycles import TraceCycles, find_cycles, fine_enough
 
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
@@ -34,10 +36,8 @@ BEGINNING = 4.0
 """Periods of a run before the cycles that are counted."""
 OTHER_UNIT = 100.0
 """Ratio of the periods of trace and run above which one of them is in another unit."""
-MOST_SAMPLES = 10_000_000
-"""Largest number of samples of a run."""
-POINTS = 500
-"""Phases of the mean waveforms."""
+MOST_SAMPLES = 2_500_000
+"""Largest number of samples of the cycles of a run that are compared."""
 DIFFERENT = 3.0
 """Standard errors above which two means differ."""
 SURE = 1e-6
@@ -79,9 +79,10 @@ class TraceComparison:
         A row for each column of the cycles: ``units``; mean over the cycles, standard deviation from cycle to cycle and standard error
         of the mean of both, ``measured``, ``measured_scatter``, ``measured_error``, ``simulated``, ...; ``difference``, simulated minus
         measured, and ``deviation``, the difference over the standard error of both together. NaN where one is not known.
-    waveforms : dict of str to (Waveform, Waveform)
-        Of both, the mean force over the phase from slip to slip, ``cycle``, and around the middle of a slip, ``slip``; if the trace
-        has a lateral force, its mean over the phase, ``lateral``.
+    edges : ndarray, shape (n + 1,)
+        Edges of the bins over a cycle, time since the slip [s].
+    waveforms : tuple of ndarray, shape (cycles, n)
+        Mean force of each cycle in these bins [N], of the trace and of the run.
     """
 
     trace: Trace
@@ -90,7 +91,8 @@ class TraceComparison:
     measured: TraceCycles
     simulated: TraceCycles
     statistics: pandas.DataFrame
-    waveforms: dict[str, tuple[Waveform, Waveform]]
+    edges: NDArray[np.float64]
+    waveforms: tuple[NDArray[np.float64], NDArray[np.float64]]
 
     def __getitem__(self, name: str) -> pandas.Series:
         """A row of the statistics."""
@@ -100,9 +102,10 @@ class TraceComparison:
 
     @property
     def waveform_rms(self) -> float:
-        """Root mean square of the difference of both waveforms over the phase, relative to the measured swing."""
-        measured, simulated = self.waveforms["cycle"]
-        return float(np.sqrt(np.mean((simulated.force - measured.force) ** 2)) / self["swing"].measured)
+        """Root mean square of the difference of both mean waveforms over a cycle, relative to the measured swing."""
+        measured, simulated = (rows.mean(axis=0) for rows in self.waveforms)
+        square = np.average((simulated - measured) ** 2, weights=np.diff(self.edges))
+        return float(np.sqrt(square) / self["swing"].measured)
 
     @property
     def differing(self) -> tuple[str, ...]:
@@ -127,7 +130,7 @@ class TraceComparison:
         return "\n".join(map(printable, lines)) + "\n"
 
     def plot(self) -> Figure:
-        """Figure: mean waveforms over a cycle and around the slip with bands of two standard errors.
+        """Figure: mean waveforms over a cycle and around the slip, and their difference in standard errors.
 
         Returns
         -------
@@ -205,43 +208,31 @@ def compare(
     scene = Scene(deck, **changes)
     trace = instance("trace", trace, Trace, "give what read_trace or Trace returns").regular()
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
-    return compared(scene, *fine_enough(trace), chain, noise)
-
-
-def compared(
-    scene: Scene, trace: Trace, measured: TraceCycles, chain: Chain, noise: bool = True
-) -> TraceComparison:
-    """As `compare`, of a trace whose cycles are known."""
+    trace, measured = fine_enough(trace)
     run = chain(simulate_like(scene, trace, measured))
     if noise:
         run = run.with_noise(measured.noise, SEED)
-    try:
-        simulated = find_cycles(run)
-    except FileError as error:
-        raise _without_cycles(scene, error) from None
-    fall = 0.5 * float(
-        np.mean(measured.slips - measured.onsets) + np.mean(simulated.slips - simulated.onsets)
-    )
-    period = min(measured.means()["period"], simulated.means()["period"])
-    before, after = min(6.0 * fall, 0.4 * period), min(8.0 * fall, 0.5 * period)
-    kinds: dict[str, dict[str, Any]] = {"cycle": {}, "slip": {"around": (before, after)}}
-    if trace.lateral_force is not None and run.lateral_force is not None:
-        kinds["lateral"] = {"lateral": True}
-    sides = ((trace, measured), (run, simulated))
-    waveforms = {
-        kind: tuple(mean_waveform(*side, POINTS, **how) for side in sides) for kind, how in kinds.items()
-    }
+    simulated = _cycles_of_run(scene, run)
+    wave = waveform_of(replace(trace, displacement=None), measured, 0.0)
+    slips = whole_cycles(run, simulated.slips, wave.edges)[:, np.newaxis]
+    waveforms = wave.rows, bin_means(run.time, run.force, wave.edges + slips)
     statistics = _statistics(measured, simulated)
-    return TraceComparison(trace, run, scene, measured, simulated, statistics, cast(Any, waveforms))
+    return TraceComparison(trace, run, scene, measured, simulated, statistics, wave.edges, waveforms)
 
 
-def _without_cycles(scene: Scene, fault: FileError) -> UsageError:
-    """What is wrong with a run, without the advice that applies to traces."""
-    reason = str(fault).partition(": ")[2].rpartition(": ")[0]
+def _without_cycles(scene: Scene, reason: str) -> UsageError:
     return UsageError(
         f"{scene.name}: its run has no cycles to compare with the trace: {reason}: change the deck; dynstiction stability shows where it "
         "has stick-slip"
     )
+
+
+def _cycles_of_run(scene: Scene, run: Trace) -> TraceCycles:
+    try:
+        return find_cycles(run)
+    except FileError as error:
+        # Without the advice that applies to traces.
+        raise _without_cycles(scene, str(error).partition(": ")[2].rpartition(": ")[0]) from None
 
 
 def _statistics(measured: TraceCycles, simulated: TraceCycles) -> pandas.DataFrame:
@@ -289,25 +280,18 @@ def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
         period = summary.get("period", np.nan)
         if not 1.0 / OTHER_UNIT < period / measured < OTHER_UNIT:
             told = "no period" if np.isnan(period) else f"a period of {period:.3g} s"
-            raise UsageError(
-                f"{scene.name}: its run has no cycles to compare with the trace: it has {told}, and the trace one of {measured:.3g} s: change the "
-                "deck, or the unit of time (--unit time=ms); dynstiction stability shows where a deck has stick-slip"
+            raise _without_cycles(
+                scene,
+                f"it has {told}, and the trace one of {measured:.3g} s (is the unit of its time right?)",
             )
+        wanted = min(wanted, max(FEWEST, int(MOST_SAMPLES * trace.interval / period)))
         end = (2.0 * wanted + BEGINNING) * period
-    if end / trace.interval > MOST_SAMPLES:
-        raise UsageError(
-            f"{trace.name}: a run to {end:.3g} s with a sample every {trace.interval:.3g} s would have more than {MOST_SAMPLES:.0e} samples: "
-            "give a trace with fewer samples a cycle"
-        )
     output = {"interval": trace.interval, "fields": FIELDS, "wall_limit": None}
     run = Trace.of(
         run_sampled(scene, progress=False, scene={"settle": None, "t_end": end}, output=output),
         trace.interval,
     )
-    try:
-        found = find_cycles(run)
-    except FileError as error:
-        raise _without_cycles(scene, error) from None
+    found = _cycles_of_run(scene, run)
     # The last slips of the later half, and a part before the first of them.
     kept = min(wanted, max(len(found) // 2, 3))
     first = found.slips.size - 1 - kept

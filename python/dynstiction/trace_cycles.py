@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import instance, number, whole
-from .errors import FileError, UsageError
+from ._arguments import instance
+from .errors import FileError
 from .record import Described, Info, Table, unit_shown
 from .stick_slip import _turns
 from .trace import Trace
@@ -23,10 +23,8 @@ from .trace import Trace
 __all__ = [
     "CYCLE_COLUMNS",
     "TraceCycles",
-    "Waveform",
     "find_cycles",
     "fine_enough",
-    "mean_waveform",
     "noise_level",
 ]
 
@@ -36,10 +34,10 @@ FEWEST_CYCLES = 3
 """Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
 """Least number of samples in a cycle."""
-ENOUGH_SAMPLES, ENOUGH_IN_FALL = 20_000, 100
-"""Numbers of samples in a cycle and in its fall above which a trace is averaged."""
+MOST_SAMPLES, LEAST_SAMPLES = (5_000, 100), (500, 25)
+"""Numbers of samples in a cycle and in its fall above which a trace is averaged, and that are left of one with very many."""
 MANY = 1_000_000
-"""Number of samples in which cycles are found at first."""
+"""Number of samples that is not many."""
 THRESHOLD = 0.3
 """Share of the usual fall by which the force must turn to count."""
 QUIET = 0.02
@@ -151,19 +149,6 @@ class TraceCycles(Table[_Floats]):
         return "\n  ".join([f"<TraceCycles: {len(self)} cycles", *lines, *self.notes]) + ">"
 
 
-class Waveform(NamedTuple):
-    """Mean of the force over cycles."""
-
-    phase: _Floats
-    """Phase from slip to slip, 0 to 1, or time from the slip [s]; shape (points,)."""
-    force: _Floats
-    """Mean force [N]."""
-    error: _Floats
-    """Standard error of the mean [N], from the scatter of the cycles."""
-    cycles: int
-    """Number of cycles of the mean."""
-
-
 def noise_level(force: _Floats) -> float:
     """Standard deviation of white noise on a force [N], from the median of its second differences.
 
@@ -231,7 +216,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
 
 def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
     """A trace with no more samples than its slips need, so that runs need no more, and its cycles."""
-    # Cycles are found faster in a part of very many samples, if it has enough for them.
+    # Of very many samples means are enough, if they resolve the slips.
     for count in (trace.time.size // MANY, 1):
         coarse = trace if count < 2 else trace.averaged(count)
         try:
@@ -241,64 +226,14 @@ def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
                 raise
             continue
         fall = 2.0 * float(np.mean(cycles.slips - cycles.onsets))
-        spare = min(cycles.means()["period"] / ENOUGH_SAMPLES, fall / ENOUGH_IN_FALL) / coarse.interval
-        if spare >= 2.0:
-            coarse = coarse.averaged(int(spare))
-            return coarse, find_cycles(coarse)
-        if spare >= 1.0 or count < 2:
+        in_cycle, in_fall = cycles.means()["period"] / coarse.interval, fall / coarse.interval
+        if count < 2 or (in_cycle > LEAST_SAMPLES[0] and in_fall > LEAST_SAMPLES[1]):
             break
-    return coarse, cycles
-
-
-def mean_waveform(
-    trace: Trace,
-    cycles: TraceCycles,
-    points: int = 200,
-    *,
-    around: tuple[float, float] | None = None,
-    lateral: bool = False,
-) -> Waveform:
-    """Mean of the force over the phase, from the middle of a slip to the middle of the next one, or around the slips.
-
-    Parameters
-    ----------
-    trace : Trace
-        The trace.
-    cycles : TraceCycles
-        Its cycles, from `find_cycles`.
-    points : int
-        Number of phases, from 0 to 1, or of times.
-    around : (float, float), optional
-        Times before and after the middle of the slip [s]: the mean of the slips that have all these times in the trace.
-    lateral : bool
-        Whether the lateral force is meant.
-
-    Returns
-    -------
-    Waveform
-        Phases, or times from the middle of the slip, mean force and its standard error.
-
-    Raises
-    ------
-    UsageError
-        If the arguments are not a trace and its cycles, there are too few points or such slips, or the trace has no lateral force.
-    """
-    instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
-    slips = instance("cycles", cycles, TraceCycles, "give what find_cycles returns").slips
-    values = trace.lateral_force if lateral else trace.force
-    if values is None:
-        raise UsageError(f"{trace.name}: has no lateral force: leave lateral out")
-    phase = np.linspace(0.0, 1.0, whole("points", points, least=2))
-    at = slips[:-1, np.newaxis] + phase * np.diff(slips)[:, np.newaxis]
-    if around is not None:
-        before, after = (number("around", each, above=0.0, units="s") for each in around)
-        phase = phase * (before + after) - before
-        at = slips[(slips - before >= trace.time[0]) & (slips + after <= trace.time[-1]), np.newaxis] + phase
-        if len(at) < 2:
-            raise UsageError(f"around = {around}: the trace has fewer than two slips with such times around")
-    force, n = np.interp(at, trace.time, values), len(at)
-    error = np.std(force, axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.full(phase.size, np.nan)
-    return Waveform(phase, np.mean(force, axis=0), error, n)
+    spare = int(min(in_cycle / MOST_SAMPLES[0], in_fall / MOST_SAMPLES[1]))
+    if spare < 2:
+        return coarse, cycles
+    coarse = coarse.averaged(spare)
+    return coarse, find_cycles(coarse)
 
 
 # Finding the falls --------------------------------------------------------------------------------------------------------

@@ -70,14 +70,14 @@ UNIT_TOLD = re.compile(r"\S\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]|\S\s*/\s*(\S
 """How a head names any unit of a column: F [mN], F (mN), F/mN, F in mN."""
 NO_UNIT = {"s", "N", "h", "m", "1", "-", "%"}
 """Words above the data that need not be units, or are those of SI."""
-NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?(([0-9]+[.,]?[0-9]*|[.,][0-9]+)(e[+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE)
 """With a decimal point or a decimal comma."""
 EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number of which nobody knows whether its comma is a decimal one or separates thousands."""
 BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
 CLOCK = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}.*|\d+:\d+.*")
 """A date, or a time of day."""
-BEGINS_DATA = re.compile(f"({NUMBER.pattern})|{CLOCK.pattern}")
+BEGINS_DATA = re.compile(f"|{NUMBER.pattern}|{CLOCK.pattern}", re.IGNORECASE)
 
 GZIP_BEGINNING = b"\x1f\x8b"
 DELIMITERS = (";", "\t", ",", " ")
@@ -266,10 +266,11 @@ def _reading(name: str) -> Iterator[None]:
 class _Named:
     """The columns of a file: of each its names, in the order in which they count."""
 
-    def __init__(
-        self, name: str, names: Sequence[tuple[str, ...]], width: int, in_order: bool = True
-    ) -> None:
-        self.name, self.names, self.width, self.in_order = name, names, width, in_order
+    in_order = True
+    """Whether a column without a usual name is found by its place."""
+
+    def __init__(self, name: str, names: Sequence[tuple[str, ...]], width: int) -> None:
+        self.name, self.names, self.width = name, names, width
 
     def about(self) -> str:
         """The columns, for a message."""
@@ -346,7 +347,7 @@ class _Table(_Named):
         if not with_numbers:
             raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
         # Data begin with a number, a time of day or nothing, if any line does.
-        first = (i for i in with_numbers if not rows[i][0] or BEGINS_DATA.fullmatch(rows[i][0]))
+        first = (i for i in with_numbers if BEGINS_DATA.fullmatch(rows[i][0]))
         begin = next(first, with_numbers[0])
         above = [(i, before or after, not before.strip()) for i, before, after in top if i < begin]
         heads = [head for each in above if (head := self._head(rows[begin], *each))]
@@ -396,8 +397,8 @@ class _Table(_Named):
         if self.delimiter == ",":
             is_mixed = all(re.search(r",\s.*,\S|,\S.*,\s", text) for _, text in rows)
             has_zeros = any(re.fullmatch(r"[+-]?0\d+", field) for field in told)
-            is_doubtful = 1 < named < len(fields[0]) or has_zeros or is_mixed
-            is_doubtful = is_doubtful and not any("." in field for field in told)
+            has_points = any("." in field for field in told)
+            is_doubtful = (1 < named < len(fields[0]) or has_zeros or is_mixed) and not has_points
             what = "may be a decimal one or separate columns"
         else:
             doubtful = [field for field in told if "," in field and "." not in field]
@@ -454,24 +455,22 @@ class _Table(_Named):
 
     def _fault(self, at: Mapping[str, int], line: int, row: str, error: ValueError) -> FileError:
         """What is wrong with a row, and what to do."""
-        fields = _fields(row, self.delimiter)
-        for quantity, column in at.items():
+        fields, told = _fields(row, self.delimiter), str(error)
+        bad = (each for each in at.items() if each[1] >= len(fields) or not _is_number(fields[each[1]]))
+        for quantity, column in islice(bad, 1):
             if column >= len(fields):
-                return FileError(
-                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or take it "
-                    f"out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
+                told = (
+                    f"has {len(fields)} columns, and {quantity} is column {column}: complete the line, or take it out "
+                    f"(columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
                 )
+                break
             field = fields[column]
-            if _is_number(field):
-                continue
             what = f"is {shown(field)}, no number" if field else "is empty"
             remedy = "correct the line or take it out, or name another column"
             if quantity == "time" and (not field or CLOCK.fullmatch(field)):
                 remedy = "name a column of seconds, or give the time between two samples (interval)"
-            return FileError(
-                f"{self.name}:{line}: {quantity} (column {column}) {what}: {remedy}; {self.about()}"
-            )
-        return FileError(f"{self.name}:{line}: {error}")
+            told = f"{quantity} (column {column}) {what}: {remedy}; {self.about()}"
+        return FileError(f"{self.name}:{line}: {told}")
 
 
 # Bytes that are no UTF-8, as older programs write them.
@@ -599,12 +598,14 @@ class _Binary(_Named):
     ) -> None:
         self.units, self.read, self.steps = list(units.values()), read, steps
         names = [(path, path, path.rpartition("/")[2]) for path in units]
-        super().__init__(name, names, len(names), in_order=len(names) <= 2)
+        super().__init__(name, names, len(names))
+        # The order of datasets means nothing: only the one beside the times is the force.
+        self.has_times = any(map(self.called, ALTERNATIVES["time"]))
+        self.in_order = len(names) == 1 + self.has_times
 
     def chosen(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, int]:
         """As for any file; a waveform has its own times if no column has."""
-        is_told = wanted.get("time") is not None or any(map(self.called, ALTERNATIVES["time"]))
-        if self.steps and not is_told:
+        if self.steps and wanted.get("time") is None and not self.has_times:
             required = [quantity for quantity in required if quantity != "time"]
         return super().chosen(wanted, required)
 
@@ -620,6 +621,8 @@ class _Binary(_Named):
             path = self.names[column][0]
             with _reading(self.name):
                 item = self.read(path)
+                if item.dtype.kind == "M":
+                    item = (item - item[0]) / np.timedelta64(1, "s")
             # MATLAB writes columns as matrices.
             if item.ndim == 0 or max(item.shape) != item.size or item.dtype.kind not in "biuf":
                 raise UsageError(

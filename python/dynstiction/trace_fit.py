@@ -23,7 +23,7 @@ from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
 from .trace import Chain, Trace
-from .trace_comparison import TraceComparison, compared
+from .trace_comparison import TraceComparison, compare
 from .trace_cycles import fine_enough
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class FittedTrace(Recording):
         UsageError, SolverError
             As for `compare`.
         """
-        return compared(self.scene, self.trace.regular(), self.cycles, self.chain)
+        return compare(self.scene, self.trace, chain=self.chain)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

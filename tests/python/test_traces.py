@@ -510,31 +510,6 @@ def test_cycles_scale_with_their_trace(scale: float, offset: float, stretch: flo
     np.testing.assert_allclose(other["creep_share"], exact["creep_share"], atol=1e-5)
 
 
-def test_mean_waveforms_follow_the_trace() -> None:
-    trace = sawtooth(cycles=30.3, noise=0.02)
-    cycles = ds.find_cycles(trace)
-    wave = ds.mean_waveform(trace, cycles, 101)
-    assert wave.cycles == len(cycles) == 29
-    # From the middle of the fall: down, up, and down to its middle again.
-    phase = (wave.phase + 1.0 - 0.5 * FALL) % 1.0
-    line = LOW + (HIGH - LOW) * np.where(phase < 1.0 - FALL, phase / (1.0 - FALL), (1.0 - phase) / FALL)
-    inside = (wave.phase > 0.05) & (wave.phase < 0.95)
-    deviation = ((wave.force - line) / wave.error)[inside]
-    assert np.abs(np.mean(deviation)) < 0.5
-    assert 0.7 < np.std(deviation) < 1.5
-    slip = ds.mean_waveform(trace, cycles, 50, around=(0.1, 0.2))
-    assert slip.phase[0] == -0.1 and slip.phase[-1] == pytest.approx(0.2)
-    assert slip.force[0] > slip.force[25] < slip.force[-1]
-    with pytest.raises(ds.UsageError, match="trace = 1: trace must be a Trace"):
-        ds.mean_waveform(1, cycles)
-    with pytest.raises(ds.UsageError, match="cycles = 1: cycles must be a TraceCycles"):
-        ds.mean_waveform(trace, 1)
-    with pytest.raises(ds.UsageError, match="points = 1: points must be a whole number from 2 on"):
-        ds.mean_waveform(trace, cycles, 1)
-    with pytest.raises(ds.UsageError, match="fewer than two slips"):
-        ds.mean_waveform(trace, cycles, around=(1e3, 0.1))
-
-
 # Runs ---------------------------------------------------------------------------------------------------------------------
 
 
@@ -655,13 +630,13 @@ def test_the_run_is_as_long_as_it_must_be(measured: ds.Trace) -> None:
 
 def test_a_run_has_no_more_samples_than_its_slips_need(measured: ds.Trace) -> None:
     wrong = ds.Trace(1e-3 * measured.time, measured.force)
-    with pytest.raises(ds.UsageError, match=r"a period of 0\.96. s, and the trace one of 0\.000964 s: .*the unit of time"):
+    with pytest.raises(ds.UsageError, match=r"a period of 0\.96. s, and the trace one of 0\.000964 s .*the unit of its time"):
         ds.compare(SCENE, wrong)
     time = np.arange(8.0, 14.0, 2e-5)
     fine = ds.Trace(time, np.interp(time, measured.time, measured.force)).with_noise(0.02, 1)
     comparison = ds.compare(SCENE, fine)
-    assert comparison.trace.time.size == fine.time.size // 2
-    assert comparison.run.interval == pytest.approx(4e-5)
+    assert comparison.trace.time.size == fine.time.size // 9
+    assert comparison.run.interval == pytest.approx(1.8e-4)
 
 
 @pytest.mark.parametrize(
@@ -685,24 +660,23 @@ def test_displacement_and_lateral_force_are_compared(result: ds.Result, measured
     # Over a cycle the object goes as far as the drive: what it does not slip it creeps.
     assert cycles.means()["slip_length"] < 2.0e-3 * cycles.means()["period"] * np.cos(np.radians(3.0))
     # Friction turns across the pull in slip and back towards it in creep.
-    lateral = ds.mean_waveform(measured, cycles, lateral=True)
-    assert -np.ptp(lateral.force) < cycles.means()["lateral_change"] < -0.5 * np.ptp(lateral.force)
+    swing = np.ptp(np.quantile(measured.lateral_force, (0.02, 0.98)))
+    assert -swing < cycles.means()["lateral_change"] < -0.5 * swing
     assert ds.compare(SCENE, measured).differing == ()
     comparison = ds.compare(SCENE, measured, system={"misalignment_deg": 4.5})
     assert "slip_length" in comparison.differing
-    axes = comparison.plot().axes
-    assert len(axes) == 3
-    np.testing.assert_array_equal(axes[2].lines[0].get_ydata(), comparison.waveforms["lateral"][0].force)
+    rows, _ = comparison.waveforms
+    np.testing.assert_array_equal(comparison.plot().axes[1].lines[0].get_ydata(), rows.mean(axis=0))
     mirrored = ds.compare(SCENE, measured, system={"misalignment_deg": -3.0})
     assert mirrored.differing == ("lateral_change",)
     without = ds.compare(SCENE, ds.Trace(measured.time, measured.force))
-    assert {"slip_length", "lateral_change"}.isdisjoint(without.statistics.index) and len(without.plot().axes) == 2
+    assert {"slip_length", "lateral_change"}.isdisjoint(without.statistics.index)
 
 
 def test_scenes_without_cycles_are_refused(measured: ds.Trace) -> None:
     with pytest.raises(ds.UsageError, match="deck: its run has no cycles to compare"):
         ds.compare(SCENE, measured, friction={"mu_inf": None, "v_f": None, "law": "constant"})
-    with pytest.raises(ds.UsageError, match=r"it has no period, and the trace one of 0\.964 s: change the deck"):
+    with pytest.raises(ds.UsageError, match=r"it has no period, and the trace one of 0\.964 s .*: change the deck"):
         ds.compare(SCENE, measured, drive={"velocity": 0.0})
     with pytest.raises(ds.DeckError, match="nearest is 'mass'"):
         ds.compare(SCENE.replace("mass", "mas"), measured)

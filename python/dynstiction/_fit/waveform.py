@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..trace import Trace
 from ..trace_cycles import TraceCycles
 
-__all__ = ["Waveform", "bin_means", "centred", "smoothed", "waveform_of"]
+__all__ = ["Waveform", "bin_means", "centred", "smoothed", "waveform_of", "whole_cycles"]
 
 _Floats = NDArray[np.float64]
 
@@ -164,10 +164,10 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     fall = _fall(time, force, slips, period)
     repeats = _true_changes(periods)[1] <= (ALIKE * period) ** 2
     edges = _edges(period if repeats else float(np.quantile(periods, SHORT)), fall, interval)
-    whole = slips[(slips + edges[0] >= time[0]) & (slips + edges[-1] <= time[-1])]
+    whole = whole_cycles(trace, slips, edges)
     if len(whole) < FEWEST:
         raise UsageError(
-            f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: a fit needs at least {FEWEST}"
+            f"{trace.name}: {len(whole)} slips have a whole cycle of {period:.4g} s around them: at least {FEWEST} are needed"
         )
     at = edges + whole[:, np.newaxis]
     rows = bin_means(time, force, at)
@@ -186,6 +186,11 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
         error = np.append(error, _error(ahead, way_noise, creep, interval, repeats))
         rows, used = np.hstack([rows, ahead]), np.append(used, np.full(creep.size - 1, True))
     return Waveform(edges, whole, rows, error, used, period, _period_error(periods), fall, interval, repeats)
+
+
+def whole_cycles(trace: Trace, slips: _Floats, edges: _Floats) -> _Floats:
+    """Slips that have a whole cycle around them in a trace [s]."""
+    return slips[(slips + edges[0] >= trace.time[0]) & (slips + edges[-1] <= trace.time[-1])]
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats: bool) -> _Floats:

@@ -4,7 +4,7 @@ two.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from .._fit.models import steady_velocity
 from .._fit.problem import unit_of
 from ..errors import Error, UsageError
 from ..record import headed
-from .notation import prefixed
+from .notation import Floats
 from .style import BLACK, BLUE, VERMILION, legend_above, new_figure, panels, sized
 
 if TYPE_CHECKING:
@@ -57,34 +58,38 @@ DOTS: Any = {"marker": ".", "linestyle": "", "color": BLUE, "markersize": 2.5}
 
 
 def draw_trace_comparison(comparison: TraceComparison, figure: Figure) -> None:
-    """(a) Mean force over a cycle, (b) around the slip, (c) the lateral force if the trace has one.
-
-    Bands are two standard errors wide to either side.
-    """
-    longest = float(np.max(np.abs(comparison.waveforms["slip"][0].phase)))
-    scale, unit = prefixed("s", longest, 1.0, ("", "m", "µ"))
-    around, over_cycle = f"time from the middle of the slip [{unit}]", "phase from slip to slip"
-    labels = {
-        "cycle": (1.0, over_cycle, FORCE),
-        "slip": (scale, around, FORCE),
-        "lateral": (1.0, over_cycle, "lateral force [N]"),
-    }
-    rows = [(*labels[kind], forms) for kind, forms in comparison.waveforms.items()]
-    axes = panels(figure, len(rows), 54.0 * len(rows))
-    for axis, (factor, xlabel, ylabel, forms) in zip(axes, rows, strict=True):
-        # Where both lines are the same, the wider one is visible beneath the other.
-        for form, colour, name, width in zip(
-            forms, (BLUE, VERMILION), ("measured", "simulated"), (1.6, 0.7), strict=True
-        ):
-            phase, band = factor * form.phase, ERRORS * np.nan_to_num(form.error)
-            ends = (form.force - band, form.force + band)
-            axis.fill_between(phase, *ends, color=colour, alpha=0.25, linewidth=0.0)
-            label = f"{name}, {form.cycles} cycles"
-            axis.plot(phase, form.force, color=colour, linewidth=width, label=label)
-        axis.margins(y=0.08)
-        axis.set(xlabel=xlabel, ylabel=ylabel)
-        axis.set_xlim(factor * forms[0].phase[[0, -1]] if xlabel == around else (0.0, 1.0))
+    """Mean force over a cycle and around the slip, and the difference of trace and run in standard errors."""
+    axes = panels(figure, 3, 140.0, height_ratios=(3.0, 3.0, 2.4))
+    measured, simulated = (rows.mean(axis=0) for rows in comparison.waveforms)
+    errors = np.hypot(*(rows.std(axis=0, ddof=1) / np.sqrt(len(rows)) for rows in comparison.waveforms))
+    words = [
+        f"{side}, {len(rows)} cycles"
+        for side, rows in zip(("measured", "simulated"), comparison.waveforms, strict=True)
+    ]
+    fall = 2.0 * float(np.mean(comparison.measured.slips - comparison.measured.onsets))
+    _draw_cycle(axes[:2], comparison.edges, fall, {words[0]: measured}, {words[1]: simulated})
+    _draw_residuals(axes[2], (simulated - measured) / errors, "difference/error")
     legend_above(figure, axes[0].get_lines())
+
+
+def _draw_cycle(
+    axes: NDArray[Any], edges: Floats, fall: float, dots: Mapping[str, Floats], lines: Mapping[str, Floats]
+) -> None:
+    """Mean forces in the bins of a cycle: all of it, and around the slip."""
+    time = 0.5 * (edges[1:] + edges[:-1])
+    near = AROUND * fall
+    ends = (edges[0], edges[-1]), (max(-near, edges[0]), min(near, edges[-1]))
+    for axis, (low, high), scale, unit in zip(axes, ends, (1.0, 1e3), ("s", "ms"), strict=True):
+        for forces, how in ((dots, DOTS), (lines, {"color": VERMILION})):
+            for label, force in forces.items():
+                axis.plot(scale * time, force, label=label, **how)
+        axis.set(ylabel="force [N]", xlabel=f"time from the slip [{unit}]", xlim=(scale * low, scale * high))
+
+
+def _draw_residuals(axis: Axes, off: Floats, name: str) -> None:
+    axis.plot(np.arange(off.size), off, **DOTS)
+    axis.set(xlim=(0, off.size), xlabel="bin, in the order of time")
+    _about_zero(axis, name)
 
 
 def check_fit_kind(kind: str) -> None:
@@ -112,26 +117,19 @@ def draw_waveform(fit: Fit, each: FittedTrace, figure: Figure) -> None:
     has_way = wave.ahead.size > 0
     ratios = (3.0, 3.0, *([3.0] * has_way), 2.4)
     axes = panels(figure, len(ratios), 180.0 if has_way else 140.0, height_ratios=ratios)
-    cycle, slip, residual = axes[0], axes[1], axes[-1]
     if has_way:
         time = wave.time[: each.ahead.size]
         drive = abs(steady_velocity(each.scene)) * (time - time[0]) - each.ahead[0]
         axes[2].plot(time, 1e6 * (wave.ahead.mean(axis=0) + drive), **DOTS)
         axes[2].plot(time, 1e6 * (each.ahead + drive), color=VERMILION)
         axes[2].set(xlabel="time from the slip [s]", ylabel="creep [µm]")
-    for axis, scale, unit in ((cycle, 1.0, "s"), (slip, 1e3, "ms")):
-        axis.plot(scale * wave.time, wave.mean, label=f"mean of {len(wave.rows)} cycles", **DOTS)
-        axis.plot(scale * wave.time, each.fitted, color=VERMILION, label=f"fitted, {fit.model}")
-        axis.set(ylabel="force [N]", xlabel=f"time from the slip [{unit}]")
-    cycle.set_xlim(wave.edges[[0, -1]])
-    near = AROUND * wave.fall
-    slip.set_xlim(1e3 * max(-near, wave.edges[0]), 1e3 * min(near, wave.edges[-1]))
+    words = f"measured, {len(wave.rows)} cycles", f"fitted, {fit.model}"
+    _draw_cycle(axes[:2], wave.edges, wave.fall, {words[0]: wave.mean}, {words[1]: each.fitted})
     off = (wave.rows.mean(axis=0) - each.fitted_rows.mean(axis=0)) / wave.errors
-    residual.plot(np.arange(off.size), np.where(wave.used, off, np.nan), **DOTS)
-    order = "bin, in the order of time" + (", force and displacement" if has_way else "")
-    residual.set(xlim=(0, off.size), xlabel=order)
-    _about_zero(residual, "residual/error")
-    legend_above(figure, cycle.get_lines())
+    _draw_residuals(axes[-1], np.where(wave.used, off, np.nan), "residual/error")
+    if has_way:
+        axes[-1].set_xlabel("bin, in the order of time, force and displacement")
+    legend_above(figure, axes[0].get_lines())
 
 
 def draw_time(
@@ -228,6 +226,7 @@ def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
             if j == 0 and i > 0:
                 axis.set_ylabel(_short(names[i]), fontsize=7.0)
             if not np.isfinite(scales[[i, j]]).all():
+                _without_scale(axis, scales[[j, i]], i == j)
                 continue
             for k, (at, spread) in enumerate(places):
                 # Logarithms change as values do, over the value.
@@ -246,8 +245,20 @@ def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
                     axis.plot(middle[j] + width[j] * way[1], middle[i] + width[i] * way[0], color=colour)
     if len(places) > 1:
         told = {"best values": BLUE, "others that explain the traces": VERMILION}
-        legend_above(figure, [Line2D([], [], color=colour, label=name) for name, colour in told.items()])
+        handles = [Line2D([], [], color=colour, label=name) for name, colour in told.items()]
+        legend_above(figure, handles, 1)
     figure.align_labels(axes[p - 1])
+
+
+def _without_scale(axis: Axes, scales: Floats, is_diagonal: bool) -> None:
+    """What the traces do not determine has no ticks."""
+    for ticks, scale in zip((axis.xaxis, axis.yaxis), scales, strict=True):
+        if not np.isfinite(scale):
+            ticks.set_ticks([])
+    if is_diagonal:
+        axis.text(
+            0.5, 0.5, "not\ndetermined", ha="center", va="center", fontsize=7.0, transform=axis.transAxes
+        )
 
 
 def _short(name: str) -> str:
