@@ -2,7 +2,7 @@
 module dst_cycles_report
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: slider_from_scene
-  use dst_cycles, only: cycle_quantities, period, peak, valley
+  use dst_cycles, only: cycle_quantities, period, peak, valley, threshold
   use dst_deck_values, only: deck_t
   use dst_divergence, only: regular, irregular, steady_sliding
   use dst_errors, only: error_t, raise, deck_error
@@ -15,7 +15,7 @@ module dst_cycles_report
   use dst_slider, only: slider_t
   use dst_stability_report, only: held_velocities
   use dst_plain_numbers, only: long_text
-  use dst_text, only: text_builder_t, integer_text
+  use dst_text, only: text_builder_t, integer_text, short_text
   implicit none
   private
 
@@ -148,6 +148,9 @@ contains
       call page%row('motion of the scene', 'steady sliding')
     case default
       call page%row('motion of the scene', 'undecided whether regular or irregular')
+      if (regularity%cycles == 0 .and. regularity%swing > 0.0_wp) &
+        call page%row('', 'its load swings by '//long_text(regularity%swing)//' N in sliding that is not stable; '// &
+        'cycles have more than '//trim(short_text(100.0_wp*threshold))//' % of F_0')
     end select
     if (.not. ieee_is_nan(regularity%exponent)) then
       call page%row('  Lyapunov exponent', long_text(regularity%exponent)//' +- '// &

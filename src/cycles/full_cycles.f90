@@ -103,6 +103,8 @@ module dst_full_cycles
     !> Mean and scatter of the measures of its cycles.
     real(wp) :: mean(measures) = 0.0_wp, scatter(measures) = 0.0_wp
     integer :: cycles = 0
+    !> Of a motion without a rest and without such cycles: how far its load swings [N].
+    real(wp) :: swing = 0.0_wp
     !> Cycles of up to so many slow cycles were looked for.
     integer :: searched = 0
   end type regularity_t
@@ -399,14 +401,23 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> To what two cycles agree that are the same one. Convention.
     real(wp), parameter :: equal = 1.0e-6_wp
+    !> A motion that comes slowly to its cycle is followed for so many times as long. Convention.
+    real(wp), parameter :: patience = 8.0_wp
+    type(scene_t) :: longer
     real(wp) :: value(size(summary_quantities))
     logical :: repeats
     integer :: i
 
-    call run(scene, regularity, value, error)
-    if (allocated(error)) return
-    repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
-    if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
+    longer = scene
+    do i = 1, 2
+      call run(longer, regularity, value, error)
+      if (allocated(error)) return
+      repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
+      if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
+      if (repeats .or. regularity%cycles == 0) exit
+      longer%t_end = patience*scene%t_end
+    end do
+    regularity%swing = of('swing')
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
     else if (repeats) then

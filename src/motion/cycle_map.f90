@@ -395,14 +395,16 @@ contains
     end do
   end function last_ones
 
-  !> How long the last so many slow cycles took [s].
+  !> How long the last so many slow cycles took [s]; of more than are kept, those are taken for all.
   pure real(wp) function lasted(self, slow_cycles)
     class(cycle_map_t), intent(in) :: self
     integer, intent(in) :: slow_cycles
     type(passage_t) :: last
 
-    last = last_ones(self, slow_cycles)
-    lasted = last%measure(duration)
+    associate (kept => min(slow_cycles, most_repeats))
+      last = last_ones(self, kept)
+      lasted = last%measure(duration)*(real(slow_cycles, wp)/real(kept, wp))
+    end associate
   end function lasted
 
   !> Time until V changes, or the motion ends [s].

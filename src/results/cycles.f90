@@ -38,8 +38,9 @@ module dst_cycles
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
-  !> A motion repeats after so many slow cycles at most, if they agree to this share of their size. Conventions.
-  integer, parameter :: most_repeats = 8
+  !> A motion repeats after so many cycles at most, if they agree to this share of their size. Conventions; twice as many as in
+  !> dst_cycle_map, where a slow cycle whose load has two peaks is one.
+  integer, parameter :: most_repeats = 16
   real(wp), parameter :: repeated = 1.0e-5_wp
 
   !> The measures of a cycle: durations [s], loads [N] and the advance in X in the direction of the drive [m].

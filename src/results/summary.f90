@@ -59,7 +59,7 @@ module dst_summary
     quantity_t('fast_decay', '1', 'D: the fast oscillation decays by exp(-D) before slip, in theory; full model, steady drive'), &
     quantity_t('undecided_from', 's', 'time from which only roundoff keeps or ends unstable steady sliding'), &
     quantity_t('settled_at', 's', 'when two cycles had agreed to scene.settle, which ended the run'), &
-    quantity_t('repeats', '1', 'slow cycles after which the last ones repeat, to 1e-5; 0 if they do not after 1 to 8'), &
+    quantity_t('repeats', '1', 'slow cycles after which the last ones repeat, to 1e-5; 0 if they do not after 1 to 16'), &
     quantity_t('lyapunov_exponent', '1', 'mean ln of the growth of a small difference in a slow cycle'), &
     quantity_t('lyapunov_error', '1', 'standard error of lyapunov_exponent'), &
     quantity_t('conditioning', '1', 'what a small relative error of each passage makes of the time at the end, over it'), &
