@@ -449,3 +449,25 @@ def test_a_cycle_reached_from_both_sides_has_one_exponent() -> None:
             run = ds.run(scene, integrator={"rtol": rtol, "cycle_map": cycle_map})
             assert (run.summary["repeats"], run.summary["regularity"]) == (1, 1)
             assert run.summary["lyapunov_exponent"] == pytest.approx(cycle.log_multiplier, abs=10 * rtol + 1e-6), (rtol, cycle_map)
+
+
+@pytest.mark.parametrize("cycle_map", ["auto", "off"])
+def test_eight_slow_cycles_with_two_peaks_each_repeat(cycle_map: str) -> None:
+    scene = FIG3.replace(
+        misalignment_deg=6.794208244504857, velocity=8.734085522767699e-4, mass=2.4150237382024167, mu_inf=0.1418302626248151,
+        v_f=2.9354535228202517e-3, stiffness_y=25530.780895050255, t_end=350.0, cycle_map=cycle_map,
+    )  # fmt: skip
+    (cycle,) = ds.cycles(scene).stable
+    said = ds.run(scene, output={"interval": 1e9, "fields": ["u_x"]}).summary
+    assert (said["repeats"], said["regularity"]) == (16, 1)
+    assert said["repeats"] * said["period"] == pytest.approx(cycle.period, rel=1e-7)
+    assert said["repeats"] * said["lyapunov_exponent"] == pytest.approx(cycle.log_multiplier, rel=1e-4)
+
+
+def test_a_cycle_without_a_rest_is_waited_for() -> None:
+    """Differences shrink by a hundredth in a cycle, so that it has not settled after the usual time."""
+    scene = at(0.0234, 3.5627, 2.6252e5).replace(mass=1.1628, mu_inf=0.18802, v_f=5.3465e-3)
+    (cycle,) = ds.cycles(scene).stable
+    settled = ds.run(scene, t_end=600.0, interval=1e9, fields=["u_x"]).summary
+    assert cycle.period == pytest.approx(settled["period"], rel=1e-6)
+    assert cycle.log_multiplier == pytest.approx(settled["lyapunov_exponent"], rel=1e-2)
