@@ -70,14 +70,14 @@ UNIT_TOLD = re.compile(r"\S\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]|\S\s*/\s*(\S
 """How a head names any unit of a column: F [mN], F (mN), F/mN, F in mN."""
 NO_UNIT = {"s", "N", "h", "m", "1", "-", "%"}
 """Words above the data that need not be units, or are those of SI."""
-NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?(([0-9]+[.,]?[0-9]*|[.,][0-9]+)(e[+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE)
 """With a decimal point or a decimal comma."""
 EITHER = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number of which nobody knows whether its comma is a decimal one or separates thousands."""
 BEGINS_WITH_NUMBER = re.compile(r'\s*["+\-.,0-9]')
 CLOCK = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}.*|\d+:\d+.*")
 """A date, or a time of day."""
-BEGINS_DATA = re.compile(f"({NUMBER.pattern})|{CLOCK.pattern}")
+BEGINS_DATA = re.compile(f"|{NUMBER.pattern}|{CLOCK.pattern}", re.IGNORECASE)
 
 GZIP_BEGINNING = b"\x1f\x8b"
 DELIMITERS = (";", "\t", ",", " ")
@@ -346,7 +346,7 @@ class _Table(_Named):
         if not with_numbers:
             raise FileError(f"{name}: has names and no samples: a table has one sample a line, {sample}")
         # Data begin with a number, a time of day or nothing, if any line does.
-        first = (i for i in with_numbers if not rows[i][0] or BEGINS_DATA.fullmatch(rows[i][0]))
+        first = (i for i in with_numbers if BEGINS_DATA.fullmatch(rows[i][0]))
         begin = next(first, with_numbers[0])
         above = [(i, before or after, not before.strip()) for i, before, after in top if i < begin]
         heads = [head for each in above if (head := self._head(rows[begin], *each))]
@@ -396,8 +396,8 @@ class _Table(_Named):
         if self.delimiter == ",":
             is_mixed = all(re.search(r",\s.*,\S|,\S.*,\s", text) for _, text in rows)
             has_zeros = any(re.fullmatch(r"[+-]?0\d+", field) for field in told)
-            is_doubtful = 1 < named < len(fields[0]) or has_zeros or is_mixed
-            is_doubtful = is_doubtful and not any("." in field for field in told)
+            has_points = any("." in field for field in told)
+            is_doubtful = (1 < named < len(fields[0]) or has_zeros or is_mixed) and not has_points
             what = "may be a decimal one or separate columns"
         else:
             doubtful = [field for field in told if "," in field and "." not in field]

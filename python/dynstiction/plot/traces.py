@@ -226,6 +226,7 @@ def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
             if j == 0 and i > 0:
                 axis.set_ylabel(_short(names[i]), fontsize=7.0)
             if not np.isfinite(scales[[i, j]]).all():
+                _without_scale(axis, scales[[j, i]], i == j)
                 continue
             for k, (at, spread) in enumerate(places):
                 # Logarithms change as values do, over the value.
@@ -244,8 +245,20 @@ def draw_corner(fit: Fit, _: FittedTrace, figure: Figure) -> None:
                     axis.plot(middle[j] + width[j] * way[1], middle[i] + width[i] * way[0], color=colour)
     if len(places) > 1:
         told = {"best values": BLUE, "others that explain the traces": VERMILION}
-        legend_above(figure, [Line2D([], [], color=colour, label=name) for name, colour in told.items()])
+        handles = [Line2D([], [], color=colour, label=name) for name, colour in told.items()]
+        legend_above(figure, handles, 1)
     figure.align_labels(axes[p - 1])
+
+
+def _without_scale(axis: Axes, scales: Floats, is_diagonal: bool) -> None:
+    """What the traces do not determine has no ticks."""
+    for ticks, scale in zip((axis.xaxis, axis.yaxis), scales, strict=True):
+        if not np.isfinite(scale):
+            ticks.set_ticks([])
+    if is_diagonal:
+        axis.text(
+            0.5, 0.5, "not\ndetermined", ha="center", va="center", fontsize=7.0, transform=axis.transAxes
+        )
 
 
 def _short(name: str) -> str:
