@@ -34,7 +34,7 @@ FEWEST_CYCLES = 3
 """Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
 """Least number of samples in a cycle."""
-ENOUGH_SAMPLES, ENOUGH_IN_FALL = 20_000, 100
+ENOUGH_SAMPLES, ENOUGH_IN_FALL = 5_000, 100
 """Numbers of samples in a cycle and in its fall above which a trace is averaged."""
 MANY = 1_000_000
 """Number of samples in which cycles are found at first."""
