@@ -97,10 +97,7 @@ def test_a_fit_shows_its_cycles_and_its_parameters(found: ds.Fit) -> None:
     x, y = pair.lines[0].get_data()
     assert np.corrcoef(x, y)[0, 1] == pytest.approx(found.correlation[0, -1], abs=0.02)
     assert np.ptp(x) == pytest.approx(2.0 * found.parameters[ALL[0]].error, rel=0.02)
-    for arguments, message in (
-        ({"kind": "pie"}, "waveform, time, cycles, corner"),
-        ({"start": 1.0}, "only the figure 'time'"),
-    ):
+    for arguments, message in (({"kind": "pie"}, "waveform, time, cycles, corner"), ({"start": 1.0}, "only the figure 'time'")):
         with pytest.raises(ds.UsageError, match=message):
             found.plot(**arguments)
 
