@@ -454,24 +454,22 @@ class _Table(_Named):
 
     def _fault(self, at: Mapping[str, int], line: int, row: str, error: ValueError) -> FileError:
         """What is wrong with a row, and what to do."""
-        fields = _fields(row, self.delimiter)
-        for quantity, column in at.items():
+        fields, told = _fields(row, self.delimiter), str(error)
+        bad = (each for each in at.items() if each[1] >= len(fields) or not _is_number(fields[each[1]]))
+        for quantity, column in islice(bad, 1):
             if column >= len(fields):
-                return FileError(
-                    f"{self.name}:{line}: has {len(fields)} columns, and {quantity} is column {column}: complete the line, or take it "
-                    f"out (columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
+                told = (
+                    f"has {len(fields)} columns, and {quantity} is column {column}: complete the line, or take it out "
+                    f"(columns are separated by {WORDS.get(self.delimiter, self.delimiter)})"
                 )
+                break
             field = fields[column]
-            if _is_number(field):
-                continue
             what = f"is {shown(field)}, no number" if field else "is empty"
             remedy = "correct the line or take it out, or name another column"
             if quantity == "time" and (not field or CLOCK.fullmatch(field)):
                 remedy = "name a column of seconds, or give the time between two samples (interval)"
-            return FileError(
-                f"{self.name}:{line}: {quantity} (column {column}) {what}: {remedy}; {self.about()}"
-            )
-        return FileError(f"{self.name}:{line}: {error}")
+            told = f"{quantity} (column {column}) {what}: {remedy}; {self.about()}"
+        return FileError(f"{self.name}:{line}: {told}")
 
 
 # Bytes that are no UTF-8, as older programs write them.
@@ -620,6 +618,8 @@ class _Binary(_Named):
             path = self.names[column][0]
             with _reading(self.name):
                 item = self.read(path)
+                if item.dtype.kind == "M":
+                    item = (item - item[0]) / np.timedelta64(1, "s")
             # MATLAB writes columns as matrices.
             if item.ndim == 0 or max(item.shape) != item.size or item.dtype.kind not in "biuf":
                 raise UsageError(
