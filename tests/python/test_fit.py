@@ -105,7 +105,7 @@ def test_a_fit_shows_its_cycles_and_its_parameters(found: ds.Fit) -> None:
 def test_a_report_has_all_figures_of_a_fit(found: ds.Fit, trace: ds.Trace) -> None:
     """Data, model and difference over any time, and distributions of the trace and of a run."""
     page = found.report()
-    assert re.findall(r'<img alt="(\w+): \w', page) == ["time", "waveform", "cycles", "corner"]
+    assert re.findall(r'<img alt="(\w+): \w', page) == ["time", "waveform", "cycles", *["time"] * 6, "corner"]
     assert "the fit explains the trace" in page and "nothing differs" in page
     above, below = found.plot("time", start=10.0, end=14.0).axes
     np.testing.assert_array_equal(above.lines[0].get_xdata(), trace.part(10.0, 14.0).time)

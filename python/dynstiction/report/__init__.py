@@ -19,6 +19,7 @@ from .._output import put
 from ..errors import Error, UsageError
 from ..html import table
 from ..plot.style import image_of
+from ..plot.traces import FIRST
 from ..plot.view import view_of
 from ..record import Described, headed, number_shown, rows_of, unit_shown
 from ..result import Result
@@ -65,6 +66,9 @@ CAPTIONS = {
     "path": "Tip of the friction vector in the plane of the principal axes, coloured by time.",
     "columns": "The columns of the file.",
 }
+
+STRETCHES = 10
+"""Largest number of figures over time that together show a trace."""
 
 FIT_CAPTIONS = {
     "time": "Force of the first cycles, what the fit makes of each, and the difference; dotted, two standard deviations of the noise.",
@@ -114,6 +118,12 @@ def fit_report(fit: Fit) -> str:
         text = ""
         with suppress(Error):
             text = f"<pre>{escape(each.comparison.report())}</pre>"
+        wave, stretches = each.waveform, []
+        for part in np.array_split(wave.slips, min(STRETCHES, -(-wave.slips.size // FIRST))):
+            ends = float(part[0] + wave.edges[0]), float(part[-1] + wave.edges[-1])
+            figure = fit.plot("time", trace=k, start=ends[0], end=ends[1])
+            stretches.append(_figure(figure, "time", f"From {ends[0]:.4g} to {ends[1]:.4g} s."))
+        text += _folded("Every cycle over time", f'<div class="figures">{"".join(stretches)}</div>')
         title = f"Trace {k + 1}: {escape(names[k])}"
         sections[title] = f'<div class="figures">{"".join(figures)}</div>{text}'
     corner = _figure(
