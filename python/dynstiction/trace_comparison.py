@@ -36,8 +36,8 @@ BEGINNING = 4.0
 """Periods of a run before the cycles that are counted."""
 OTHER_UNIT = 100.0
 """Ratio of the periods of trace and run above which one of them is in another unit."""
-MOST_SAMPLES = 10_000_000
-"""Largest number of samples of a run."""
+MOST_SAMPLES = 2_500_000
+"""Largest number of samples of the cycles of a run that are compared."""
 DIFFERENT = 3.0
 """Standard errors above which two means differ."""
 SURE = 1e-6
@@ -284,12 +284,8 @@ def simulate_like(scene: Scene, trace: Trace, cycles: TraceCycles) -> Trace:
                 scene,
                 f"it has {told}, and the trace one of {measured:.3g} s (is the unit of its time right?)",
             )
+        wanted = min(wanted, max(FEWEST, int(MOST_SAMPLES * trace.interval / period)))
         end = (2.0 * wanted + BEGINNING) * period
-    if end / trace.interval > MOST_SAMPLES:
-        raise UsageError(
-            f"{trace.name}: a run to {end:.3g} s with a sample every {trace.interval:.3g} s would have more than {MOST_SAMPLES:.0e} samples: "
-            "give a trace with fewer samples a cycle"
-        )
     output = {"interval": trace.interval, "fields": FIELDS, "wall_limit": None}
     run = Trace.of(
         run_sampled(scene, progress=False, scene={"settle": None, "t_end": end}, output=output),

@@ -34,10 +34,10 @@ FEWEST_CYCLES = 3
 """Least number of whole cycles for a scatter."""
 FEWEST_SAMPLES = 20
 """Least number of samples in a cycle."""
-ENOUGH_SAMPLES, ENOUGH_IN_FALL = 5_000, 100
-"""Numbers of samples in a cycle and in its fall above which a trace is averaged."""
+MOST_SAMPLES, LEAST_SAMPLES = (5_000, 100), (500, 25)
+"""Numbers of samples in a cycle and in its fall above which a trace is averaged, and that are left of one with very many."""
 MANY = 1_000_000
-"""Number of samples in which cycles are found at first."""
+"""Number of samples that is not many."""
 THRESHOLD = 0.3
 """Share of the usual fall by which the force must turn to count."""
 QUIET = 0.02
@@ -216,7 +216,7 @@ def find_cycles(trace: Trace) -> TraceCycles:
 
 def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
     """A trace with no more samples than its slips need, so that runs need no more, and its cycles."""
-    # Cycles are found faster in a part of very many samples, if it has enough for them.
+    # Of very many samples means are enough, if they resolve the slips.
     for count in (trace.time.size // MANY, 1):
         coarse = trace if count < 2 else trace.averaged(count)
         try:
@@ -226,13 +226,14 @@ def fine_enough(trace: Trace) -> tuple[Trace, TraceCycles]:
                 raise
             continue
         fall = 2.0 * float(np.mean(cycles.slips - cycles.onsets))
-        spare = min(cycles.means()["period"] / ENOUGH_SAMPLES, fall / ENOUGH_IN_FALL) / coarse.interval
-        if spare >= 2.0:
-            coarse = coarse.averaged(int(spare))
-            return coarse, find_cycles(coarse)
-        if spare >= 1.0 or count < 2:
+        in_cycle, in_fall = cycles.means()["period"] / coarse.interval, fall / coarse.interval
+        if count < 2 or (in_cycle > LEAST_SAMPLES[0] and in_fall > LEAST_SAMPLES[1]):
             break
-    return coarse, cycles
+    spare = int(min(in_cycle / MOST_SAMPLES[0], in_fall / MOST_SAMPLES[1]))
+    if spare < 2:
+        return coarse, cycles
+    coarse = coarse.averaged(spare)
+    return coarse, find_cycles(coarse)
 
 
 # Finding the falls --------------------------------------------------------------------------------------------------------
