@@ -266,10 +266,11 @@ def _reading(name: str) -> Iterator[None]:
 class _Named:
     """The columns of a file: of each its names, in the order in which they count."""
 
-    def __init__(
-        self, name: str, names: Sequence[tuple[str, ...]], width: int, in_order: bool = True
-    ) -> None:
-        self.name, self.names, self.width, self.in_order = name, names, width, in_order
+    in_order = True
+    """Whether a column without a usual name is found by its place."""
+
+    def __init__(self, name: str, names: Sequence[tuple[str, ...]], width: int) -> None:
+        self.name, self.names, self.width = name, names, width
 
     def about(self) -> str:
         """The columns, for a message."""
@@ -597,12 +598,14 @@ class _Binary(_Named):
     ) -> None:
         self.units, self.read, self.steps = list(units.values()), read, steps
         names = [(path, path, path.rpartition("/")[2]) for path in units]
-        super().__init__(name, names, len(names), in_order=len(names) <= 2)
+        super().__init__(name, names, len(names))
+        # The order of datasets means nothing: only the one beside the times is the force.
+        self.has_times = any(map(self.called, ALTERNATIVES["time"]))
+        self.in_order = len(names) == 1 + self.has_times
 
     def chosen(self, wanted: Mapping[str, Column | None], required: Sequence[str]) -> dict[str, int]:
         """As for any file; a waveform has its own times if no column has."""
-        is_told = wanted.get("time") is not None or any(map(self.called, ALTERNATIVES["time"]))
-        if self.steps and not is_told:
+        if self.steps and wanted.get("time") is None and not self.has_times:
             required = [quantity for quantity in required if quantity != "time"]
         return super().chosen(wanted, required)
 
