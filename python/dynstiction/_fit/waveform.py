@@ -205,7 +205,8 @@ def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float
     low, high = np.quantile(force, [0.02, 0.98])
     lengths = []
     for slip in slips:
-        near = (time > slip - 0.4 * period) & (time < slip + 0.4 * period)
+        begin = np.searchsorted(time, slip - 0.4 * period, side="right")
+        near = slice(begin, np.searchsorted(time, slip + 0.4 * period))
         t, share = time[near], (force[near] - low) / (high - low)
         before, after = t[(t <= slip) & (share > 0.85)], t[(t >= slip) & (share < 0.15)]
         if before.size and after.size:
