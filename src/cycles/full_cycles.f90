@@ -9,7 +9,7 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: new_motion
-  use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
@@ -214,11 +214,17 @@ contains
       if (whole%has_slope) step = step/(1.0_wp - whole%slope)
       found = abs(step) <= alike
       if (.not. found) return
-      if (abs(step) <= short .or. .not. whole%has_slope) exit
+      if (.not. whole%has_slope) exit
       one%release(1) = one%release(1) + step
+      if (abs(step) <= short) exit
     end do
     one%log_multiplier = absent()
-    if (whole%has_slope) one%log_multiplier = whole%log_slope
+    if (whole%has_slope) then
+      one%log_multiplier = whole%log_slope
+      ! The last step makes the load rise for longer.
+      one%measure([period, stick_time]) = one%measure([period, stick_time]) &
+        + whole%shift*step*[1.0_wp, 1.0_wp/real(one%repeats, wp)]
+    end if
     if (one%measure(peak) - one%measure(valley) <= threshold*map%steps%slider%law%kinetic_limit) one%slow_cycles = 0
     cycle = one
   end subroutine improve
