@@ -48,8 +48,8 @@ contains
     text = page%content()
   end subroutine stability_report
 
-  !> The speeds [m/s] other than 0 that the drive of a scene keeps for some time, each once. The last one continues without end; a speed
-  !> that a ramp only passes through has no steady sliding. The direction makes no difference.
+  !> The speeds [m/s] other than 0 that the drive of a scene keeps for some time, each once. The last one continues without end; a
+  !> speed that a ramp only passes through has no steady sliding. The direction makes no difference.
   subroutine held_velocities(scene, held, error)
     type(scene_t), intent(in) :: scene
     real(wp), allocatable, intent(out) :: held(:)
