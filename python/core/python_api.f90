@@ -236,9 +236,9 @@ contains
       return
     end if
     if ((what == 'cycles' .or. what == 'return') .and. words /= '') scene%model = words
-    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
-    if (size(velocities) == 0) then
-      call raise(self%error, usage_error, 'the drive holds no velocity but 0: give one value that is not 0')
+    call held_velocities(scene, velocities, self%error)
+    if (allocated(self%error)) then
+      self%error%code = usage_error
       return
     end if
     if (size(velocities) > 1) then

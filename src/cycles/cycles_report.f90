@@ -5,7 +5,7 @@ module dst_cycles_report
   use dst_cycles, only: cycle_quantities, period, peak, valley, threshold
   use dst_deck_values, only: deck_t
   use dst_divergence, only: regular, irregular, steady_sliding
-  use dst_errors, only: error_t, raise, deck_error
+  use dst_errors, only: error_t
   use dst_full_cycles, only: regularity_t
   use dst_kinds, only: wp
   use dst_limit_cycles, only: limit_cycles_t, find_limit_cycles, limit_cycle_quantities, log_multiplier, slow_cycles
@@ -38,12 +38,8 @@ contains
     integer :: i
 
     text = ''
-    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
-    if (size(velocities) == 0) then
-      call raise(error, deck_error, 'drive.velocity: the drive holds no velocity but 0, so there is nothing to settle to: '// &
-        'give one value that is not 0, or a profile that holds one')
-      return
-    end if
+    call held_velocities(scene, velocities, error)
+    if (allocated(error)) return
     call slider_from_scene(scene, slider)
     do i = 1, size(velocities)
       call find_limit_cycles(scene, velocities(i), cycles, error, watch)
@@ -67,11 +63,12 @@ contains
     character(*), intent(in) :: keys
     character(:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: none
     type(text_builder_t) :: page
     real(wp), allocatable :: velocities(:)
     integer :: i
 
-    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
+    call held_velocities(scene, velocities, none)
     do i = 1, size(velocities)
       call list_sensitivity(page, deck, scene, velocities(i), keys, error)
       if (allocated(error)) return
@@ -162,6 +159,7 @@ contains
         long_text(regularity%scatter(k))//' '//trim(cycle_quantities(k)%units)//' (standard deviation)')
     end do
   end subroutine list_regularity
+
   !> Of the motion at one velocity [m/s], in percent of a measure for one percent of a parameter.
   subroutine list_sensitivity(page, deck, scene, velocity, keys, error)
     type(text_builder_t), intent(inout) :: page

@@ -9,7 +9,7 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: new_motion
-  use dst_cycles, only: extremum_t, measures, period, peak, valley, threshold
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
@@ -45,16 +45,16 @@ module dst_full_cycles
   integer, parameter :: most_repeats = 8, followed = 400
   !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
   real(wp), parameter :: lengths = 200.0_wp
-  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always shrink
-  !> there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions.
+  !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always
+  !> shrink there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions.
   integer, parameter :: few = 8, some = 32, many = 128, explored = 60
   !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention.
   real(wp), parameter :: resolved = 0.25_wp
   integer, parameter :: max_iterations = 40
   !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
   real(wp), parameter :: alike = 1.0e-6_wp
-  !> At a fixed point the map returns to it, and Newton's step to one leads no further, than so much [rad]. A jump of the map from one
-  !> side of the diagonal to the other is none.
+  !> At a fixed point the map returns to it, and Newton's step to one leads no further, than so much [rad]. A jump of the map from
+  !> one side of the diagonal to the other is none.
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
   !> Slow cycles that are enough for the mean and the scatter of cycles: so many are kept. Convention.
@@ -67,9 +67,9 @@ module dst_full_cycles
   real(wp), parameter :: nowhere(2) = [huge(1.0_wp), -huge(1.0_wp)]
 
   !> A cycle: its measures as in dst_cycles, the logarithm of its multiplier, NaN if it is not known, the slow cycles after which it
-  !> repeats (0: it is the fast oscillation alone), and the release with which it begins. A cycle without a release or a multiplier is
-  !> only known as one to which the motion settles. Of several slow cycles the period is that of all, the peak the highest, and the valley the lowest; the other
-  !> measures are means.
+  !> repeats (0: it is the fast oscillation alone), and the release with which it begins. A cycle without a release or a multiplier
+  !> is only known as one to which the motion settles. Of several slow cycles the period is that of all, the peak the highest, and
+  !> the valley the lowest; the other measures are means.
   type :: full_cycle_t
     real(wp) :: measure(measures) = 0.0_wp
     real(wp) :: log_multiplier = 0.0_wp
@@ -216,11 +216,17 @@ contains
       if (whole%has_slope) step = step/(1.0_wp - whole%slope)
       found = abs(step) <= alike
       if (.not. found) return
-      if (abs(step) <= short .or. .not. whole%has_slope) exit
+      if (.not. whole%has_slope) exit
       one%release(1) = one%release(1) + step
+      if (abs(step) <= short) exit
     end do
     one%log_multiplier = absent()
-    if (whole%has_slope) one%log_multiplier = whole%log_slope
+    if (whole%has_slope) then
+      one%log_multiplier = whole%log_slope
+      ! The last step makes the load rise for longer.
+      one%measure([period, stick_time]) = one%measure([period, stick_time]) &
+        + whole%shift*step*[1.0_wp, 1.0_wp/real(one%repeats, wp)]
+    end if
     if (one%measure(peak) - one%measure(valley) <= threshold*map%steps%slider%law%kinetic_limit) one%slow_cycles = 0
     cycle = one
   end subroutine improve
@@ -584,8 +590,8 @@ contains
     log_of = log(abs(slope) + tiny(slope))
   end function log_of
 
-  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, unless it is known; with a
-  !> map, if it has this cycle, measured there.
+  !> The cycle of slow cycles that begin with these releases [rad], with this logarithm of its multiplier, unless it is known; with
+  !> a map, if it has this cycle, measured there.
   subroutine take(release, log_multiplier, cycles, map)
     real(wp), intent(in) :: release(:), log_multiplier
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
@@ -608,7 +614,8 @@ contains
     if (found) cycles = [cycles, cycle]
   end subroutine take
 
-  !> So many slow cycles, the first one from `release(1)`, as one passage, with the releases [rad] that begin them; and their measures.
+  !> So many slow cycles, the first one from `release(1)`, as one passage, with the releases [rad] that begin them; and their
+  !> measures.
   subroutine go_around(map, slow_cycles, release, whole, found, error, value)
     type(release_map_t), intent(inout) :: map
     integer, intent(in) :: slow_cycles
@@ -649,8 +656,8 @@ contains
     shares(valley, minloc(each(valley, :), 1)) = 1.0_wp
   end function shares
 
-  !> The measures of a slow cycle of this duration [s] that ends with the slip that was run last: its load has its peak and its valley,
-  !> as seen in the direction of the drive, in this slip.
+  !> The measures of a slow cycle of this duration [s] that ends with the slip that was run last: its load has its peak and its
+  !> valley, as seen in the direction of the drive, in this slip.
   subroutine measure(map, lasting, value, high, low)
     type(release_map_t), intent(in), target :: map
     real(wp), intent(in) :: lasting

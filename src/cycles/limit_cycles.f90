@@ -24,8 +24,8 @@ module dst_limit_cycles
 
   integer, parameter :: swing = measures + 1, log_multiplier = measures + 2, slow_cycles = measures + 3, &
     release_angle = measures + 4, quantities = measures + 4
-  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, the growth of a small disturbance, of how many slow cycles
-  !> it consists, and where it begins.
+  !> Measures of a limit cycle: those of the cycles of a run, its amplitude, the growth of a small disturbance, of how many slow
+  !> cycles it consists, and where it begins.
   type(quantity_t), parameter :: limit_cycle_quantities(quantities) = [cycle_quantities, &
     quantity_t('swing', 'N', 'peak_force minus valley_force'), &
     quantity_t('log_multiplier', '1', 'log of the factor by which a disturbance grows in a cycle'), &
@@ -179,8 +179,9 @@ contains
     end do
   end subroutine take_slow
 
-  !> The motion from a place after so many slow cycles under a drive velocity [m/s]; NaN if it does not return, or a number is not known.
-  !> A place is the direction of the force at a release [rad] in the full model, the load k_x u_x at a valley [N] in the slow motion.
+  !> The motion from a place after so many slow cycles under a drive velocity [m/s]; NaN if it does not return, or a number is not
+  !> known. A place is the direction of the force at a release [rad] in the full model, the load k_x u_x at a valley [N] in the slow
+  !> motion.
   subroutine find_return(scene, velocity, place, slow_cycles, value, error)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity, place

@@ -1,8 +1,8 @@
 !> The sensitivity of a settled regular motion: the derivative of its cycle with respect to parameters of the rig.
 !>
-!> The cycle is a fixed point of the map of its slow cycles, theta -> P(theta; p). A passage of it that was run has the derivatives of
-!> its turn and of its duration with respect to theta and to p (dst_tangent), and so have the peak and the valley of the load in its
-!> slip, whose times shift with the zero of u_x'. The fixed point shifts by
+!> The cycle is a fixed point of the map of its slow cycles, theta -> P(theta; p). A passage of it that was run has the derivatives
+!> of its turn and of its duration with respect to theta and to p (dst_tangent), and so have the peak and the valley of the load in
+!> its slip, whose times shift with the zero of u_x'. The fixed point shifts by
 !>
 !>     dtheta/dp = (dP/dp)/(1 - dP/dtheta),
 !>
@@ -29,7 +29,8 @@ module dst_sensitivity
 
   public :: sensitivity_t, find_sensitivity
 
-  !> The measures of the cycle, as in dst_cycles, and their derivatives (measure, parameter); the names and values of the parameters.
+  !> The measures of the cycle, as in dst_cycles, and their derivatives (measure, parameter); the names and values of the
+  !> parameters.
   type :: sensitivity_t
     real(wp) :: value(measures) = 0.0_wp
     real(wp), allocatable :: derivative(:, :), parameter(:)

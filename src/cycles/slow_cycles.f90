@@ -40,8 +40,8 @@ module dst_slow_cycles
 
 contains
 
-  !> The cycles by increasing size, each as a turn; its `log_area` is the logarithm of its multiplier. Points at which the gain is no more than roundoff are skipped; the stability of the smallest
-  !> motions is that of steady sliding.
+  !> The cycles by increasing size, each as a turn; its `log_area` is the logarithm of its multiplier. Points at which the gain is
+  !> no more than roundoff are skipped; the stability of the smallest motions is that of steady sliding.
   subroutine find_slow_cycles(map, cycles, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_turn_t), allocatable, intent(out) :: cycles(:)
@@ -127,8 +127,8 @@ contains
     here%slope = exp(max(dead, min(-dead, here%turn%log_area - 2.0_wp*here%gain))) - 1.0_wp
   end subroutine slow_gain
 
-  !> The zero of the gain, or of its slope, between two points where it has opposite signs; that of the slope no further than to where
-  !> the gain has another sign than at both points.
+  !> The zero of the gain, or of its slope, between two points where it has opposite signs; that of the slope no further than to
+  !> where the gain has another sign than at both points.
   subroutine zero_between(map, first, second, of_slope, here, error)
     type(slow_map_t), intent(inout) :: map
     type(slow_gain_t), intent(in) :: first, second

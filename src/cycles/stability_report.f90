@@ -35,12 +35,8 @@ contains
                  "which model '"//scene%model//"' does not have: give a deck of model 'full'")
       return
     end if
-    allocate (velocities, source=held_velocities(scene%drive_time, scene%drive_velocity))
-    if (size(velocities) == 0) then
-      call raise(error, deck_error, 'drive.velocity: the drive holds no velocity but 0, so there is no steady sliding: '// &
-                 'give one value that is not 0, or a profile that holds one')
-      return
-    end if
+    call held_velocities(scene, velocities, error)
+    if (allocated(error)) return
     call slider_from_scene(scene, slider)
     do i = 1, size(velocities)
       call describe(page, name, scene, slider, velocities(i), error)
@@ -52,22 +48,27 @@ contains
     text = page%content()
   end subroutine stability_report
 
-  !> The speeds [m/s] other than 0 that a profile (times [s], velocities there) keeps for some time, each once. The last one
-  !> continues without end; a speed that a ramp only passes through has no steady sliding. The direction makes no difference.
-  pure function held_velocities(time, velocity) result(held)
-    real(wp), intent(in) :: time(:), velocity(:)
-    real(wp), allocatable :: held(:)
+  !> The speeds [m/s] other than 0 that the drive of a scene keeps for some time, each once. The last one continues without end; a
+  !> speed that a ramp only passes through has no steady sliding. The direction makes no difference.
+  subroutine held_velocities(scene, held, error)
+    type(scene_t), intent(in) :: scene
+    real(wp), allocatable, intent(out) :: held(:)
+    type(error_t), allocatable, intent(out) :: error
     logical :: holds
     integer :: i
 
     allocate (held(0))
-    do i = 1, size(velocity)
-      holds = i == size(velocity)
-      if (.not. holds) holds = time(i + 1) > time(i) .and. .not. abs(velocity(i + 1) - velocity(i)) > 0.0_wp
-      if (.not. (holds .and. abs(velocity(i)) > 0.0_wp)) cycle
-      if (all(abs(held - abs(velocity(i))) > 0.0_wp)) held = [held, abs(velocity(i))]
-    end do
-  end function held_velocities
+    associate (time => scene%drive_time, velocity => scene%drive_velocity)
+      do i = 1, size(velocity)
+        holds = i == size(velocity)
+        if (.not. holds) holds = time(i + 1) > time(i) .and. .not. abs(velocity(i + 1) - velocity(i)) > 0.0_wp
+        if (.not. (holds .and. abs(velocity(i)) > 0.0_wp)) cycle
+        if (all(abs(held - abs(velocity(i))) > 0.0_wp)) held = [held, abs(velocity(i))]
+      end do
+    end associate
+    if (size(held) == 0) call raise(error, deck_error, 'drive.velocity: the drive holds no velocity but 0, so there is nothing '// &
+      'to settle to: give one value that is not 0, or a profile that holds one')
+  end subroutine held_velocities
 
   subroutine describe(page, name, scene, slider, velocity, error)
     type(text_builder_t), intent(inout) :: page

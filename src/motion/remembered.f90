@@ -1,7 +1,8 @@
 !> Passages that were run once and need not be run again: polynomials between those that are near each other.
 !>
-!> A passage gives its end and how that changes with its beginning, so that a few of them, wherever they are, are Hermite's data. What
-!> the last one adds to the polynomial through the others is its error. Between a lap and a slip sticks end, and nothing is known.
+!> A passage gives its end and how that changes with its beginning, so that a few of them, wherever they are, are Hermite's data.
+!> What the last one adds to the polynomial through the others is its error. Between a lap and a slip sticks end, and nothing is
+!> known.
 module dst_remembered
   use dst_kinds, only: wp
   use dst_passage, only: passage_t, turn
@@ -37,8 +38,9 @@ contains
     self%passage = [self%passage(:place), passage, self%passage(place + 1:)]
   end subroutine keep
 
-  !> The passage from `alpha` [rad] with an end that is in error by about this [rad] at most, but with the times and works of another
-  !> one. It lies between passages of its kind or hardly beside one, or below the angle `end` [rad] up to which all are slips.
+  !> The passage from `alpha` [rad] with an end that is in error by about this [rad] at most, but with the times and works of
+  !> another one. It lies between passages of its kind or hardly beside one, or below the angle `end` [rad] up to which all are
+  !> slips.
   subroutine recall(self, alpha, error, end, passage, found)
     class(remembered_t), intent(in) :: self
     real(wp), intent(in) :: alpha, error, end

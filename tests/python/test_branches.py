@@ -5,6 +5,7 @@ from __future__ import annotations
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction import branches
 from programs import INPUTS
 
 FIG3 = ds.Scene(INPUTS / "fig3.nml")
@@ -17,6 +18,14 @@ RIG = FIG3.replace(
 
 def kinds(branch: ds.Branch) -> list[str]:
     return [point.kind for point in branch.points]
+
+
+STEEP = ds.Scene(
+    model="full", t_end=1.0, mass=0.10918646145675687, stiffness_x=22497.858782678424, stiffness_y=8609266.111155784,
+    misalignment_deg=7.574044139449574, velocity=0.0005845125111558006, law="weakening", mu_0=0.15764749575838838,
+    mu_inf=0.10286210525680704, v_f=0.0036301057478064056, normal_load=8.358273452438429,
+)  # fmt: skip
+"""Its map has slopes of some -300, and many cycles at hardly another place."""
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +94,16 @@ def test_a_cycle_without_rest_ends_a_branch() -> None:
     assert kinds(found) == ["border", "without rest"]
     assert found.points[1].value == pytest.approx(8.16628, abs=1e-4)
     assert found.stable.all()
+
+
+@pytest.mark.full
+def test_a_branch_does_not_leap_to_another() -> None:
+    """Its period changes in each step as in the one before."""
+    angle = STEEP.system.misalignment_deg
+    the_map = branches._Map(STEEP, "system.misalignment_deg", 0.5 * angle, 1.5 * angle, "")
+    found = branches._Curve(the_map, 2).follow(0.0, 0.956756)
+    period = np.array([each.measures[0] for each in found])
+    assert len(found) > 20 and np.all(np.abs(np.diff(period)) < 4e-3 * period[1:])
 
 
 @pytest.mark.parametrize(
