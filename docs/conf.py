@@ -12,7 +12,7 @@ author = "The dynstiction developers"
 copyright = "the dynstiction developers"
 release = version = dynstiction.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "numbers_together"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
 exclude_patterns = ["ford.md", "requirements.txt"]
 
 # Pages are plain Markdown, as a forge shows it.
