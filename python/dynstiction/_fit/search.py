@@ -164,11 +164,12 @@ class Search:
             self.found += self._guided(self.slow, self.proposal)
         if self._explains() and self._is_smooth(self.best.z):
             return True
-        if can_shoot(problem):
-            return False
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
-                self._attempt(begin)
+                if can_shoot(problem):
+                    self._add_shot(problem, begin, FINELY)
+                else:
+                    self._attempt(begin)
         return False
 
     def _beyond(self) -> None:
@@ -204,7 +205,7 @@ class Search:
             self.found.append(self.problem.at(self.proposal))
 
     def _weigh(self) -> None:
-        """Take the scatter of cycles that are not alike about those of the best fit for their error, and improve the fit with it."""
+        """Take the scatter of cycles that are not alike about those of the best fit for their error."""
         best = self.best
         recordings = enumerate(self.problem.recordings)
         better = tuple(each.reweighted(self.problem.cycles(best.z, k)) for k, each in recordings)
@@ -307,19 +308,17 @@ class Search:
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
-        few, found = self.problem.of_few_cycles(), self.found
-        self.found, rough = [], []
-        starts = [each for each in (self.given, self.proposal) if each is not None and self._is_near(each)]
-        if few.repeats or not starts:
-            starts += self._own_starts()
+        few, rough = self.problem.of_few_cycles(), list[Solution]()
+        near = [] if few.repeats else [self.given, self.proposal]
+        starts = [each for each in near if each is not None and self._is_near(each)] or self._own_starts()
         # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
         for start in starts if few.repeats else ():
             self._add_shot(few, start, (*COARSELY, *FINELY))
         for start in () if few.repeats else starts[: self.starts + 2]:
             with suppress(NoCycleError):
                 rough.append(shot(few, start, COARSELY))
-        for near in sorted(rough, key=lambda each: each.cost)[: self.starts]:
-            self._add_shot(few, near.z, FINELY)
+        for each in sorted(rough, key=lambda each: each.cost)[: self.starts]:
+            self._add_shot(few, each.z, FINELY)
         for i in range(HOPS if self.found else 0):
             if self._explains(few):
                 break
@@ -338,7 +337,6 @@ class Search:
         if self.found and few is not self.problem:
             best, self.found = self.best, []
             self._add_shot(self.problem, best.z, FINELY[1:])
-        self.found += found
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:

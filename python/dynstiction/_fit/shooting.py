@@ -56,7 +56,7 @@ MISSING = 0.25
 """Largest share of the bins that are before the rest."""
 CHAIN_STEP = 1e-3
 """Change of a coordinate of the chain for a derivative."""
-DELAYS, DELAY = 3, 0.02
+DELAYS, DELAY = 2, 0.02
 """Steps to find a delay, and its change for a derivative."""
 
 
