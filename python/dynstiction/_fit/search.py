@@ -25,7 +25,7 @@ COARSE = (0.02, 0.005)
 """Errors relative to swing and period that are added, one fit after another: of the slow model."""
 COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
 """The same for the scene's own model."""
-MISFIT = 1e-4
+MISFIT = 1e-3
 """Probability of such a misfit by chance, below which the model does not explain a trace."""
 USUAL = 0.05
 """The same, above which a search has found what it looked for."""
