@@ -243,7 +243,10 @@ class Search:
         if not self.found:
             return False
         if problem.repeats:
-            return problem.misfit(self.best.z, self.best.left)[1] >= (USUAL if self.best.left is None else OFTEN)
+            with suppress(Error):
+                least = USUAL if self.best.left is None else OFTEN
+                return problem.misfit(self.best.z, self.best.left)[1] >= least
+            return False
         left = sum(np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings)
         return self.best.cost <= left + SPREAD_OF_COST * math.sqrt(2.0 * left)
 
@@ -310,7 +313,7 @@ class Search:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
         few, rough = self.problem.of_few_cycles(), list[Solution]()
         near = [] if few.repeats else [self.given, self.proposal]
-        starts = [each for each in near if each is not None and self._is_near(each)] or self._own_starts()
+        starts = [each for each in near if each is not None and self._is_near(each)] + self._own_starts()
         # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
         for start in starts if few.repeats else ():
             self._add_shot(few, start, (*COARSELY, *FINELY))
@@ -319,17 +322,9 @@ class Search:
                 rough.append(shot(few, start, COARSELY))
         for each in sorted(rough, key=lambda each: each.cost)[: self.starts]:
             self._add_shot(few, each.z, FINELY)
-        for i in range(HOPS if self.found else 0):
-            if self._explains(few):
-                break
-            self.show(0.4 + 0.5 * i / HOPS)
-            # Along what the traces determine least.
-            root = np.linalg.cholesky(np.linalg.inv(few.normal(self.best.jacobian)))
-            way = root @ self.random.standard_normal(root.shape[0])
-            hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
-            self._add_shot(few, hop, (*COARSELY, *FINELY))
+        self._hop(few, HOPS, 0.4)
         # Again, from other rests.
-        for _ in range(AGAIN if self.found and few.repeats else 0):
+        for _ in range(AGAIN if self.found else 0):
             before = self.best.cost
             self._add_shot(few, self.best.z, FINELY[1:])
             if self.best.cost > before - 1.0:
@@ -337,6 +332,19 @@ class Search:
         if self.found and few is not self.problem:
             best, self.found = self.best, []
             self._add_shot(self.problem, best.z, FINELY[1:])
+            # What explains few cycles need not explain all.
+            self._hop(self.problem, AGAIN, 0.8)
+
+    def _hop(self, problem: Problem, most: int, done: float) -> None:
+        """Fits from near the best one, along what the traces determine least, until one explains them."""
+        for i in range(most if self.found else 0):
+            if self._explains(problem):
+                break
+            self.show(done + (0.95 - done) * i / most)
+            root = np.linalg.cholesky(np.linalg.inv(problem.normal(self.best.jacobian)))
+            way = root @ self.random.standard_normal(root.shape[0])
+            hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
+            self._add_shot(problem, hop, (*COARSELY, *FINELY))
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:
