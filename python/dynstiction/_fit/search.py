@@ -248,7 +248,9 @@ class Search:
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
         left = sum(np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings)
-        return self.best.cost <= left + SPREAD_OF_COST * math.sqrt(2.0 * left)
+        if self.best.left is None or self.best.cost > left + SPREAD_OF_COST * math.sqrt(2.0 * left):
+            return False
+        return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
 
     def _is_smooth(self, z: _Floats) -> bool:
         """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
