@@ -1,16 +1,20 @@
 """What fits determine, and their reliability: how often the 95 % intervals contain the true values, for synthetic traces of rigs.
 
-    python bench/fit.py [intervals] [errors] [--count 200] [--first 1] [--noise 0.01] [--rate 1000] [--ratio LOW,HIGH] [--irregular] [--short]
+    python bench/fit.py [intervals] [errors] [--count 200] [--first 1] [--noise 0.01] [--rate 1000] [--ratio LOW,HIGH] [--irregular]
+        [--independent] [--short]
 
 intervals: Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the swing. Random parameters are
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. --first: number of the first rig; --ratio: a random k_y/k_x in
-place of k_y = 1e7 N/m; --irregular: rigs whose cycles are not alike, 40 of them, at 2 kHz.
+place of k_y = 1e7 N/m; --irregular: rigs whose cycles are not alike, 40 of them, at 2 kHz. --independent: the traces are those of
+tests/audit/reference.cpp, which shares nothing with the program (needs g++), 40 cycles at 2 kHz.
 
 errors: A table in Markdown, standard errors of the parameters of one rig, and of a law of any shape. Writes docs/figures/fit.png.
 """
 
+import subprocess
+import sys
 import time
 import warnings
 from collections.abc import Iterator
@@ -84,15 +88,41 @@ def trace_of(
     return trace.with_noise(noise * np.ptp(trace.force), draw)
 
 
+def independent_trace_of(
+    scene: ds.Scene, begin: float, duration: float, rate: float, noise: float, draw: np.random.Generator
+) -> ds.Trace:
+    """The same by an independent program, from a rest just before a slip."""
+    sys.path.insert(0, str(ROOT / "tests" / "audit"))
+    from truth import build, parse  # noqa: PLC0415  (needs a compiler)
+
+    keys = {name: value for group in ("system", "friction", "drive") for name, value in scene.groups()[group].items()}
+    loaded = 0.9 * keys["mu_0"] * keys["normal_load"] / keys["stiffness_x"]
+    times = begin + np.arange(0.0, duration, 1.0 / rate)
+    given = {name: value for name, value in keys.items() if isinstance(value, float)} | {
+        "elongation_x": loaded, "t_end": begin + duration, "stages": 5, "tolerance": 1e-8,
+    }  # fmt: skip
+    lines = [f"{name} {value!r}" for name, value in given.items()]
+    lines.append("samples " + " ".join(map(repr, times.tolist())))
+    program = build(ROOT / "build" / "audit")
+    said = subprocess.run([program], input="\n".join(lines), capture_output=True, text=True, check=True)
+    truth = parse(said.stdout)
+    phi = np.radians(keys["misalignment_deg"])
+    force = keys["stiffness_x"] * truth.u[0] * np.cos(phi) + keys["stiffness_y"] * truth.u[1] * np.sin(phi)
+    trace = ds.Trace(truth.time[: times.size] - begin, force[: times.size])
+    return trace.with_noise(noise * np.ptp(trace.force), draw)
+
+
 def print_intervals(options) -> None:
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
-    cycles, rate = (CYCLES_OF_IRREGULAR, 2.0 * options.rate) if options.irregular else (CYCLES, options.rate)
+    many = options.irregular or options.independent
+    cycles, rate = (CYCLES_OF_IRREGULAR, 2.0 * options.rate) if many else (CYCLES, options.rate)
+    make = independent_trace_of if options.independent else trace_of
     for seed in range(options.first, options.first + options.count):
         values, scene, period, settled = next(rigs(seed, rate, options.ratio, options.irregular))
         draw = np.random.default_rng(seed)
         away = draw.uniform(0.0, 0.5) * period
-        trace = trace_of(scene, settled + away, cycles * period - away, rate, options.noise, draw)
+        trace = make(scene, settled + away, cycles * period - away, rate, options.noise, draw)
         draw = np.random.default_rng(seed + 1_000_000)
         deck = scene.replace(
             **{name: value * np.exp(draw.uniform(-AWAY, AWAY)) for name, value in values.items()}
@@ -168,6 +198,7 @@ def main() -> None:
         rate=1e3,
         ratio="",
         irregular=False,
+        independent=False,
     )
     warnings.simplefilter("ignore")
     for word in options.words:

@@ -16,7 +16,7 @@ from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
-from ._fit.search import ALSO, MISFIT, Search
+from ._fit.search import ALSO, MISFIT, USUAL, Search
 from ._fit.solve import Solution
 from ._fit.waveform import waveform_of
 from ._progress import progress_bar
@@ -406,7 +406,7 @@ def _told(
     """A fit of a problem, whose scenes are those of the own model."""
     names, p, notes = problem.names, len(problem.names), list(notes_before)
     best = min(found, key=lambda each: each.cost)
-    misfit, chance = problem.misfit(best.z)
+    misfit, chance = problem.misfit(best.z, best.left)
     covariance, inverse, related = problem.covariance(best)
     covariance *= max(1.0, misfit)
     z = problem.logarithms(best.z[:p])
@@ -436,7 +436,7 @@ def _told(
             "constant; the errors allow for it, but the values may be wrong by more"
         )
     excess = ALSO * max(1.0, misfit)
-    others = [each for each in found if each is not best and each.cost - best.cost < excess]
+    others = [each for each in found if each is not best and (each.cost - best.cost < excess or _explains(problem, each))]
     sets = [_logarithms(problem, each, misfit) for each in others]
     sets = [each for each in sets if np.any(np.abs(each[0] - z) > error)]
     if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):
@@ -484,6 +484,13 @@ def _told(
         problem,
         best.z,
     )
+
+
+def _explains(problem: Problem, found: Solution) -> bool:
+    """Whether a fit is a minimum of its own, of a mean cycle, that explains the traces: where the cost is rugged no search is sure of the
+    least one.
+    """
+    return problem.repeats and found.left is not None and problem.misfit(found.z, found.left)[1] >= USUAL
 
 
 def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:

@@ -153,6 +153,7 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
         raise NoCycleError("none is completed")
 
     monkeypatch.setattr(Problem, "improved", nothing)
+    monkeypatch.setattr(search, "shot", nothing)
     monkeypatch.setattr(search, "TRIED", 2)
     for seed in (3, 3, 4):
         tried.append(b"")
@@ -377,7 +378,7 @@ def test_a_plan_expects_the_errors_of_a_fit(found: ds.Fit) -> None:
     assert list(plan) == ["0.001", "0.004", "together"] and tuple(plan.index) == ALL
     for name in ALL:
         expected = found.parameters[name].error / found[name]
-        assert 0.4 < plan.loc[name, "0.001"] / expected < 2.5, name
+        assert 0.3 < plan.loc[name, "0.001"] / expected < 2.5, name
         assert plan.loc[name, "together"] <= 1.05 * plan.loc[name, "0.001"] * math.sqrt(2.0), name
 
 

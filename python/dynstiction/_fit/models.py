@@ -21,6 +21,7 @@ __all__ = [
     "NoCycleError",
     "fastest_slip",
     "full_cycles",
+    "sampled_means",
     "slow_cycles",
     "slow_scene",
     "steady_velocity",
@@ -44,10 +45,10 @@ FINER = 4
 """Samples of the full model for each sample of the trace, if its motion repeats."""
 CYCLES = 2.3
 """Number of cycles of the full model that are run if its motion repeats."""
-BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 100.0
+BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 40.0
 """Periods that are left out, and those that are used, of a motion that does not repeat: so many cycles that each measured one is near;
 fewer if the errors are not yet those of the trace."""
-LEAST_LIBRARY, MOST_SAMPLES = 80.0, 1e5
+LEAST_LIBRARY, MOST_SAMPLES = 40.0, 1e5
 """Fewest of these periods, and the number of samples above which there are fewer than usual."""
 MEAN_OF = 12.0
 """Periods that are used of a motion that does not repeat in time while a measured one does: for a rough mean."""
@@ -55,6 +56,10 @@ LOADED = 0.95
 """Runs begin at rest with this share of the measured peak of the load, just before a slip: their motion settles soon."""
 LATER = 0.05
 """Step for the change of a cycle with the time of its slip, over the duration of the fall."""
+
+
+FIELDS = ("spring_force_x", "pull_force", "u_x", "u_y", "sticking")
+"""What the scene's own model is asked for."""
 
 
 class NoCycleError(Error):
@@ -73,6 +78,8 @@ class Cycles(NamedTuple):
     """Change of the rows with the time at which the measured slip is later, shape (m, n + k) [per second]."""
     sticks: float
     """Number of rests of the object in a slow cycle."""
+    states: _Floats
+    """First rest in the window of each cycle, shape (m, 3): time after the slip [s], elongations [m]; none of the slow model."""
 
 
 def _loaded(scene: Scene, wave: Waveform) -> Scene:
@@ -143,7 +150,7 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     if wave.creep_edges.size:
         rows.append(centred(means(wave.creep_edges, ahead)))
     row = np.hstack(rows)[np.newaxis]
-    return Cycles(row, period, np.zeros(row.shape), 0.0)
+    return Cycles(row, period, np.zeros(row.shape), 0.0, np.zeros((0, 3)))
 
 
 def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patient: bool) -> Cycles:
@@ -174,7 +181,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         progress=False,
         scene={"settle": 0.0, "t_end": end},
         integrator={"max_steps": MOST_STEPS_OF_OWN},
-        output={"fields": ["spring_force_x", "pull_force", *(["X"] * (wave.creep_edges.size > 0))]},
+        output={"fields": [*FIELDS, *(["X"] * (wave.creep_edges.size > 0))]},
     )
     summary = summary or fine.summary
     if "period" not in summary or "valley_force" not in summary:
@@ -207,17 +214,20 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
 
     def rows(delays: float) -> _Floats:
         at = edges + delays + inside[:, np.newaxis]
-        found = [_sampled_means(time, force, at, finer)]
+        found = [sampled_means(time, force, at, finer)]
         if way is not None:
-            found.append(centred(_sampled_means(time, way, at[:, : wave.creep_edges.size], finer)))
+            found.append(centred(sampled_means(time, way, at[:, : wave.creep_edges.size], finer)))
         return np.hstack(found)
 
     here = rows(0.0)
     there = np.zeros(here.shape) if wave.repeats else (rows(later) - here) / later
-    return Cycles(here, period, there, float(fine.summary.get("sticks", 0.0)) * period / end)
+    rests = np.append(np.flatnonzero(fine["sticking"]), time.size - 1)
+    at = rests[np.searchsorted(time[rests[:-1]], inside + edges[0])]
+    states = np.column_stack([time[at] - inside, fine["u_x"][at], fine["u_y"][at]])
+    return Cycles(here, period, there, float(fine.summary.get("sticks", 0.0)) * period / end, states)
 
 
-def _sampled_means(time: _Floats, values: _Floats, edges: _Floats, finer: int) -> _Floats:
+def sampled_means(time: _Floats, values: _Floats, edges: _Floats, finer: int) -> _Floats:
     """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle."""
     each = [bin_means(time[k::finer], values[k::finer], edges) for k in range(finer)]
     return np.asarray(np.mean(each, axis=0))

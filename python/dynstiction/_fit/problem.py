@@ -32,6 +32,8 @@ LEAST_DROP = 1e-3
 """Least weakening at the start of a fit, as a share of mu_0."""
 PRIOR = 2.3
 """Standard deviation of the prior of a logarithm about its start: a factor of ten."""
+FEW = 10
+"""Number of cycles that a search uses of many that are not alike."""
 NEIGHBOURS = 4
 """Number of cycles between which and the nearest one a measured cycle is sought."""
 MOST_OF_ONE = 3.0
@@ -109,20 +111,38 @@ class Recording:
         weights = wave.weights(0.0) + 1e-12
         return np.asarray(wave.rows - explained_by_each(wave, model, weights) / weights)
 
-    def misfit(self, model: Cycles, parameters: int) -> tuple[float, float]:
-        """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit."""
+    def misfit(self, model: Cycles | None, parameters: int, left: _Floats | None = None) -> tuple[float, float]:
+        """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit.
+
+        With what is left of each weighted row, if that is known, no model is needed.
+        """
         from scipy.stats import f  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
         wave = self.waveform
         n = len(wave.rows)
         weights = wave.weights(0.0)
-        residual = (wave.rows.mean(axis=0) - self.explained(model).mean(axis=0)) * weights
         scatter = wave.rows.var(axis=0, ddof=1) / n if wave.repeats else wave.errors**2
+        if left is not None:
+            left = left.reshape(-1, weights.size)
+            residual = left.sum(axis=0) / math.sqrt(len(left))
+            if not wave.repeats:
+                scatter = smoothed(left.var(axis=0, ddof=1)) * wave.errors**2
+        elif model is not None:
+            residual = (wave.rows - self.explained(model)).mean(axis=0) * weights
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
         used = int(np.count_nonzero(wave.used))
         left = max(used - parameters - 1, 1)
         misfit = float(residual @ residual) / expected * used / left
         return misfit, float(f.sf(misfit, left, used * (n - 1)))
+
+    def of_few_cycles(self) -> Recording:
+        """With about `FEW` of the cycles, if they are not alike."""
+        wave = self.waveform
+        rows = wave.rows[:: max(1, len(wave.rows) // FEW)]
+        if wave.repeats or len(rows) == len(wave.rows):
+            return self
+        error = wave.error * math.sqrt(len(wave.rows) / len(rows))
+        return replace(self, waveform=replace(wave, rows=rows, error=error))
 
     def reweighted(self, model: Cycles) -> Recording:
         """With the scatter of the cycles about those of the model as their error, if they are not alike."""
@@ -206,6 +226,12 @@ class Problem:
         """The same for the slow model."""
         recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in self.recordings)
         return replace(self, recordings=recordings, runs=[])
+
+    def of_few_cycles(self) -> Problem:
+        """The same with every so many of the cycles that are not alike: for a search."""
+        if self.repeats:
+            return self
+        return replace(self, recordings=tuple(each.of_few_cycles() for each in self.recordings))
 
     @cached_property
     def heard(self) -> tuple[str, ...]:
@@ -330,11 +356,20 @@ class Problem:
         try:
             for k, recording in enumerate(self.recordings):
                 parts.append(recording.residuals(self.cycles(z, k, coarse == 0.0), coarse))
-            values = self.named(z)
-            parts.append([(values[name] - value) / error for name, (value, error) in self.known.items()])
+            parts.append(self.of_known(z)[0])
         except Error:
             return np.full(sum(each.size for each in self.recordings) + len(self.known), FAILED)
         return np.nan_to_num(np.concatenate(parts), nan=FAILED, posinf=FAILED, neginf=-FAILED)
+
+    def of_known(self, z: _Floats) -> tuple[_Floats, _Floats]:
+        """Weighted residuals of known values, and their derivatives with the coordinates of the parameters."""
+        values, slopes, unit = self.named(z), self.slopes(z[: len(self.names)]), self.scales
+        off = [(values[name] - value) / error for name, (value, error) in self.known.items()]
+        rows = np.zeros((len(off), len(self.names)))
+        for row, (name, (_, error)) in zip(rows, self.known.items(), strict=True):
+            i = self.names.index(name)
+            row[:] = slopes[i] * (unit[i] if math.isfinite(unit[i]) else values[name]) / error
+        return np.array(off), rows
 
     @property
     def step(self) -> float:
@@ -366,12 +401,14 @@ class Problem:
         )
         return Solution(z, float(here @ here), jacobian)
 
-    def misfit(self, z: _Floats) -> tuple[float, float]:
-        """The worst misfit of all traces, and the smallest probability."""
-        each = [
-            recording.misfit(self.cycles(z, k), len(self.names))
-            for k, recording in enumerate(self.recordings)
-        ]
+    def misfit(self, z: _Floats, left: _Floats | None = None) -> tuple[float, float]:
+        """The worst misfit of all traces, and the smallest probability; with the residuals that are left, if they are known."""
+        each, begin = [], 0
+        for k, recording in enumerate(self.recordings):
+            part = None if left is None else left[begin : begin + recording.size - 1]
+            model = self.cycles(z, k) if part is None else None
+            each.append(recording.misfit(model, len(self.names), part))
+            begin += recording.size
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
 
     def normal(self, jacobian: _Floats) -> _Floats:
@@ -395,10 +432,13 @@ class Problem:
             if wave.repeats:
                 pulls = (wave.rows - wave.rows.mean(axis=0)) * wave.weights(0.0) @ part[:-1] / n
             else:
-                weights = wave.weights(0.0) / math.sqrt(n)
-                off = explained_by_each(wave, self.cycles(found.z, k), weights)
-                pulls = -np.einsum("ij,ijk->ik", off, part[:-1].reshape(n, -1, p))
-            squares += pulls.T @ pulls * n / (n - 1.0) + np.outer(part[-1], part[-1])
+                if found.left is None:
+                    off = -explained_by_each(wave, self.cycles(found.z, k), wave.weights(0.0) / math.sqrt(n))
+                else:
+                    off = found.left[begin - len(part) : begin - 1].reshape(n, -1)
+                pulls = np.einsum("ij,ijk->ik", off, part[:-1].reshape(n, -1, p))
+            lost = 1 if wave.repeats else len(self.names)
+            squares += pulls.T @ pulls * n / max(n - lost, 1) + np.outer(part[-1], part[-1])
             moves = pulls @ inverse
             moves = moves - moves.mean(axis=0)
             sizes = np.maximum(np.sum(moves**2, axis=0), 1e-300)
@@ -407,7 +447,7 @@ class Problem:
         squares += found.jacobian[begin:].T @ found.jacobian[begin:]
         # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
         longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
-        covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer) + found.blur
+        covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer)
         return turn @ covariance @ turn.T, turn @ inverse @ turn.T, float(related.max())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import LeadsNowhereError, Problem, Recording
-from .solve import Solution, has_failed, least_squares_of, regressed
+from .shooting import COARSELY, FINELY, Level, can_shoot, delayed, shot
+from .solve import Solution, has_failed, least_squares_of
 
 __all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
 
@@ -24,7 +25,7 @@ COARSE = (0.02, 0.005)
 """Errors relative to swing and period that are added, one fit after another: of the slow model."""
 COARSE_OF_OWN = (0.05, 0.02, 0.005, 0.001, 0.0)
 """The same for the scene's own model."""
-MISFIT = 1e-4
+MISFIT = 1e-3
 """Probability of such a misfit by chance, below which the model does not explain a trace."""
 USUAL = 0.05
 """The same, above which a search has found what it looked for."""
@@ -33,7 +34,7 @@ CORRECTIONS, CORRECTED = 6, 0.1
 standard errors, below which this ends."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
-SMOOTH = 100.0
+SMOOTH = 30.0
 """Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
 """Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
@@ -46,12 +47,18 @@ CLEARLY = 3.0
 RANDOM_STARTS = 6
 MOST_RUNS = 700
 """Runs of the scene's model after which no further random start is completed."""
-TRIED, COMPLETED = 96, 4
+TRIED, COMPLETED = 40, 8
 """Random starts of the scene's own model that are tried, and the largest number that is completed."""
 SECANT = 0.03
 """Change of a coordinate for a derivative of noisy residuals."""
-FIRST, AGAIN = 30.0, 8.0
-"""Sizes of the first cloud of a search, and of one that ends near, in standard errors."""
+HOPS, FARTHEST = 8, 0.5
+"""Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
+AGAIN = 4
+"""Largest number of times that the best fit begins again."""
+OFTEN = 0.3
+"""Probability of a misfit by chance above which no other minimum of a rugged cost is sought."""
+SPREAD_OF_COST = 3.0
+"""Excess of the cost of cycles that are not alike, in its standard deviations, up to which it is what noise explains."""
 NEAR_SLOW, WIDE = 0.2, 1.4
 """Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
 SPREAD = 0.7
@@ -134,6 +141,10 @@ class Search:
                 self._beyond()
             elif not self.found:
                 self._stay()
+        if self.found and self.best.left is not None:
+            best = self.best
+            with suppress(Error):
+                self.found[self.found.index(best)] = replace(best, z=delayed(self.problem, best.z))
         if self.found and not self.problem.repeats:
             self._weigh()
 
@@ -146,22 +157,30 @@ class Search:
             self._add_nearest()
             return True
         self._propose(self.slow)
+        self.show(0.2)
         if not problem.repeats:
             return False
-        self.show(0.2)
-        if self.proposal is not None and self.slow.heard == problem.names:
+        if self.proposal is not None and self.slow.heard == problem.names and self._is_smooth(self.proposal):
             self.found += self._guided(self.slow, self.proposal)
-        if self.found and self._is_smooth():
+        if self._explains() and self._is_smooth(self.best.z):
             return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
-                self._attempt(begin)
+                if can_shoot(problem):
+                    self._add_shot(problem, begin, FINELY)
+                else:
+                    self._attempt(begin)
         return False
 
     def _beyond(self) -> None:
         """Fits from other starts, until one explains the trace, and at other misalignments."""
+        if can_shoot(self.problem):
+            self._shoot()
+            if self.found and self.problem.repeats:
+                self._along_the_angle()
+            return
         if not self.problem.repeats:
-            self._of_each_cycle()
+            self._stay()
             return
         if self.proposal is not None and not self._explains() and not self._is_near(self.proposal):
             self._attempt(self.proposal)
@@ -186,12 +205,11 @@ class Search:
             self.found.append(self.problem.at(self.proposal))
 
     def _weigh(self) -> None:
-        """Take the scatter of cycles that are not alike about those of the best fit for their error, and improve the fit with it."""
+        """Take the scatter of cycles that are not alike about those of the best fit for their error."""
         best = self.best
         recordings = enumerate(self.problem.recordings)
         better = tuple(each.reweighted(self.problem.cycles(best.z, k)) for k, each in recordings)
         self.problem = replace(self.problem, recordings=better)
-        self.found = [regressed(self.problem, best, AGAIN, self.random)]
 
     def _attempt(self, start: _Floats) -> None:
         """A fit from one start, or why there is none."""
@@ -220,12 +238,25 @@ class Search:
     def _is_near(self, start: _Floats) -> bool:
         return len(self._levels(start)) == 1
 
-    def _explains(self) -> bool:
-        return bool(self.found) and self.problem.misfit(self.best.z)[1] >= USUAL
+    def _explains(self, problem: Problem | None = None) -> bool:
+        problem = problem or self.problem
+        if not self.found:
+            return False
+        if problem.repeats:
+            with suppress(Error):
+                least = USUAL if self.best.left is None else OFTEN
+                return problem.misfit(self.best.z, self.best.left)[1] >= least
+            return False
+        left = sum(np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings)
+        if self.best.left is None or self.best.cost > left + SPREAD_OF_COST * math.sqrt(2.0 * left):
+            return False
+        return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
 
-    def _is_smooth(self) -> bool:
-        """Whether the best fit has many sticks in a cycle, or none: then one more or less does not matter."""
-        return not 0.0 < self.problem.cycles(self.best.z, 0).sticks < SMOOTH
+    def _is_smooth(self, z: _Floats) -> bool:
+        """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
+        with suppress(Error):
+            return not 0.0 < self.problem.cycles(z, 0, patient=False).sticks < SMOOTH
+        return False
 
     def _propose(self, slow: Problem) -> None:
         fits = []
@@ -246,14 +277,16 @@ class Search:
         return slow.cheapest(near, COARSE[0])[: self.starts]
 
     def _own_starts(self) -> list[_Floats]:
-        """The best of many random starts near the scene's values and near the slow model's fit."""
+        """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
         p = len(self.problem.names)
-        near_slow = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
+        near = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
+        others = [self.problem.place(each) for each in glances(self.problem.recordings[0])]
         starts = [self.given]
         for i in range(TRIED):
-            middle = self.given if i % 2 == 0 or self.proposal is None else self.proposal
+            middle = (self.given, self.proposal, others[int(self.random.integers(len(others)))])[i % 3]
+            middle = self.given if middle is None else middle
             start = middle.copy()
-            start[:p] += (SPREAD if middle is self.given else near_slow) * self.random.uniform(-1.0, 1.0, p)
+            start[:p] += (SPREAD if middle is self.given else near) * self.random.uniform(-1.0, 1.0, p)
             starts.append(start)
         return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:COMPLETED]
 
@@ -278,21 +311,48 @@ class Search:
         here = problem.residuals(z, 0.0)
         return [Solution(z, float(here @ here), new.jacobian)]
 
-    def _of_each_cycle(self) -> None:
-        """Fits of cycles that are not alike: rough ones from the best starts, then the best of these with the errors of the trace."""
-        problem = self.problem
-        rough = []
-        for start in self._own_starts()[: self.starts + 1]:
-            here = problem.at(start, COARSE_OF_OWN[0], SECANT)
-            rough.append(
-                regressed(problem, here, math.sqrt(max(here.cost, 1.0)), self.random, COARSE_OF_OWN[0])
-            )
-        for i, near in enumerate(sorted(rough, key=lambda each: each.cost)[: self.starts]):
-            self.show(0.4 + 0.5 * i / self.starts)
-            # The Jacobian with the errors of the trace, from large differences.
-            self.found.append(regressed(problem, problem.at(near.z, 0.0, SECANT), FIRST, self.random))
-            if self._explains():
+    def _shoot(self) -> None:
+        """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
+        few, rough = self.problem.of_few_cycles(), list[Solution]()
+        near = [] if few.repeats else [self.given, self.proposal]
+        starts = [each for each in near if each is not None and self._is_near(each)] + self._own_starts()
+        # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
+        for start in starts if few.repeats else ():
+            self._add_shot(few, start, (*COARSELY, *FINELY))
+        for start in () if few.repeats else starts[: self.starts + 2]:
+            with suppress(NoCycleError):
+                rough.append(shot(few, start, COARSELY))
+        for each in sorted(rough, key=lambda each: each.cost)[: self.starts]:
+            self._add_shot(few, each.z, FINELY)
+        self._hop(few, HOPS, 0.4)
+        # Again, from other rests.
+        for _ in range(AGAIN if self.found else 0):
+            before = self.best.cost
+            self._add_shot(few, self.best.z, FINELY[1:])
+            if self.best.cost > before - 1.0:
                 break
+        if self.found and few is not self.problem:
+            best, self.found = self.best, []
+            self._add_shot(self.problem, best.z, FINELY[1:])
+            # What explains few cycles need not explain all.
+            self._hop(self.problem, AGAIN, 0.8)
+
+    def _hop(self, problem: Problem, most: int, done: float) -> None:
+        """Fits from near the best one, along what the traces determine least, until one explains them."""
+        for i in range(most if self.found else 0):
+            if self._explains(problem):
+                break
+            self.show(done + (0.95 - done) * i / most)
+            root = np.linalg.cholesky(np.linalg.inv(problem.normal(self.best.jacobian)))
+            way = root @ self.random.standard_normal(root.shape[0])
+            hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
+            self._add_shot(problem, hop, (*COARSELY, *FINELY))
+
+    def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
+        try:
+            self.found.append(shot(problem, start, levels))
+        except NoCycleError as error:
+            self.faults.append(error)
 
     def _along_the_angle(self) -> None:
         """Fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.
@@ -300,11 +360,11 @@ class Search:
         A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
         """
         problem, first = self.problem, self.best
-        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth():
+        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth(first.z):
             return
-        if problem.misfit(first.z)[1] < MISFIT:
+        if problem.misfit(first.z, first.left)[1] < MISFIT:
             return
-        i = problem.names.index(ANGLE)
+        i, shoots = problem.names.index(ANGLE), can_shoot(problem)
         least = first
         for side in (1.0, -1.0):
             z, above = first.z.copy(), 0
@@ -315,14 +375,20 @@ class Search:
                 if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
                     break
                 known = {ANGLE: (math.copysign(angle, problem.begin[i]), HELD * angle)}
+                held = replace(problem, known={**problem.known, **known})
                 try:
-                    one = replace(problem, known={**problem.known, **known}).improved(z, self._levels(z))
+                    one = shot(held, z, FINELY) if shoots else held.improved(z, self._levels(z))
                 except NoCycleError:
                     above += 1
                     continue
                 z = one.z.copy()
+                # Without the residual of the angle that is held.
+                rows = len(first.jacobian)
+                one = replace(one, jacobian=one.jacobian[:rows], left=None)
                 self.found.append(one)
                 least = min(least, one, key=lambda each: each.cost)
                 above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
-        if least is not first:
+        if least is not first and shoots:
+            self._add_shot(problem, least.z, FINELY)
+        elif least is not first:
             self.found.append(least_squares_of(problem, least.z, 0.0))

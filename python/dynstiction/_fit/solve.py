@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +16,7 @@ from .models import NoCycleError
 if TYPE_CHECKING:
     from .problem import Problem
 
-__all__ = ["FAILED", "Solution", "derivatives", "has_failed", "least_squares_of", "regressed", "spread"]
+__all__ = ["FAILED", "Solution", "derivatives", "has_failed", "least_squares_of", "spread"]
 
 _Floats = NDArray[np.float64]
 
@@ -36,25 +35,17 @@ PERIOD_STEPS = 4
 MOST_STEPS = 30
 CONVERGED, ROUGHLY = 1e-6, 1e-2
 """Relative changes of cost and coordinates at which a search ends: with the errors of the traces, and with larger ones."""
-LEAST = 1e-6
-"""Added to the normal matrix, so that it has an inverse."""
-LARGEST = 0.7
-"""Largest change of a coordinate within a cloud."""
-CLOUD, MOST_CLOUDS, SHRINK = 28, 16, 0.6
-"""Number of points of a cloud, largest number of clouds, and the factor by which they shrink."""
-REACH, SMALL, SMALLEST = 2.0, 8.0, 3.0
-"""Largest step over the size of a cloud; sizes, in standard errors, below which the regression decides and the search ends."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A fit: the coordinates, the cost and the Jacobian of the residuals there, shape (residuals, coordinates)."""
 
     z: _Floats
     cost: float
     jacobian: _Floats
-    blur: _Floats | float = 0.0
-    """Covariance of the coordinates because residuals are noisy."""
+    left: _Floats | None = None
+    """Residuals without what the states of the cycles take, if they are known."""
 
 
 def spread(at: Residuals, places: Iterable[_Floats]) -> list[_Floats]:
@@ -177,56 +168,3 @@ def least_squares_of(
     if there @ there < here @ here:
         z, here = z + change, there
     return Solution(z, float(here @ here), full)
-
-
-def regressed(
-    problem: Problem, start: Solution, size: float, random: np.random.Generator, coarse: float = 0.0
-) -> Solution:
-    """The best fit of cycles that are not alike, whose residuals are noisy.
-
-    Gauss and Newton's method with the Jacobian by regression over a cloud of points, which shrinks.
-
-    The search begins with the values and the Jacobian of `start` and a cloud of this size, in standard errors of the coordinates; a share
-    `coarse` of swing and period is added to the errors.
-    """
-
-    def at(z: _Floats) -> _Floats:
-        return problem.residuals(z, coarse)
-
-    p = start.z.size
-    z, jacobian, blur = start.z, start.jacobian, np.zeros((p, p))
-    here, cost = z, start.cost
-    for _ in range(MOST_CLOUDS):
-        normal = jacobian.T @ jacobian
-        # No coordinate may vary by more than a cloud can be wide.
-        width = np.linalg.inv(normal + np.eye(p) * (size / LARGEST) ** 2)
-        half = np.linalg.cholesky(width) @ random.standard_normal((p, CLOUD // 2)) * size
-        away = np.concatenate([half.T, -half.T])
-        values = spread(at, z + away)
-        good = [k for k, each in enumerate(values) if not has_failed(each)]
-        if len(good) < 2 * p:
-            size *= SHRINK
-            continue
-        left = np.array([values[k] for k in good])
-        design = np.column_stack([np.ones(len(good)), away[good]])
-        line, *_ = np.linalg.lstsq(design, left, rcond=None)
-        middle, jacobian = line[0], line[1:].T
-        inverse = np.linalg.inv(jacobian.T @ jacobian + np.eye(p) * LEAST)
-        step = -inverse @ (jacobian.T @ middle)
-        off = (left - design @ line) @ jacobian @ inverse
-        blur = off.T @ off / max(len(good) - p - 1, 1) / len(good)
-        far = float(np.sqrt(step @ (jacobian.T @ jacobian) @ step))
-        step *= min(1.0, REACH * size * math.sqrt(p) / max(far, 1e-300))
-        best = int(np.argmin(np.sum(left**2, axis=1)))
-        there = at(z + step)
-        choices = [(float(there @ there), z + step), (float(left[best] @ left[best]), z + away[good][best])]
-        lowest, where = min(choices, key=lambda each: each[0])
-        if lowest < cost:
-            cost, here = lowest, where
-        # In a small cloud the regression knows the minimum better than the noise of one value.
-        z = z + step if size < SMALL else here
-        if far < size * math.sqrt(p):
-            size *= SHRINK
-        if size < SMALLEST:
-            break
-    return Solution(z, float(np.sum(at(z) ** 2)), jacobian, blur)

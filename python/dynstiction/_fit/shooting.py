@@ -1,0 +1,403 @@
+"""Fits by shooting: each cycle from its own rest, with exact derivatives, so that no long irregular motion is compared with another.
+
+After a slip an object comes to rest. How a slow cycle goes on hangs on the elongations of that rest, which are unknowns of the cycle, and
+on the parameters. Of cycles that are alike the mean is one, and it ends as it began.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import Error
+from ..tangents import derivatives
+from .models import FINER, NoCycleError, sampled_means, steady_velocity
+from .problem import CHAIN, Problem, Recording
+from .solve import Solution, spread
+from .waveform import EXACT, centred
+
+__all__ = ["COARSELY", "FINELY", "Level", "can_shoot", "delayed", "shot"]
+
+_Floats = NDArray[np.float64]
+
+
+class Level(NamedTuple):
+    """How coarsely residuals are seen."""
+
+    width: float
+    """Standard deviation of their smoothing [bins]: wide enough, it hides single sticks, whose number makes the cost rugged."""
+    share: float
+    """Of swing and period, added to the errors."""
+
+
+COARSELY = (Level(8.0, 0.01),)
+FINELY = (Level(8.0, 0.001), Level(0.0, 0.001), Level(0.0, 0.0))
+MOST_STEPS, LONGEST = 12, 0.3
+"""Largest number of steps of a fit, and of the change of a coordinate in one."""
+FIRST, LEAST, MORE, MOST = 1e-4, 1e-8, 30.0, 1.0
+"""Levenberg and Marquardt's damping: at first, least, its factor after a step that failed, and that at which a fit ends."""
+ENDS = 2e-3
+"""Decrease of the cost, over its square root, at which a fit ends."""
+PRIOR = 0.01
+"""Weight of the prior that keeps a step finite."""
+CAP, BAD = 4.0, 1.7
+"""Costs of one of many cycles that are not alike, over the median: above which it does not count (none of the tried rests is near), and
+other rests are tried."""
+STARTS = 2
+"""Rests of a run that are tried for a cycle."""
+OPEN = 0.03
+"""How far, relative to the swing, a cycle may end from where it began, but in the last fit."""
+MISSING = 0.25
+"""Largest share of the bins that are before the rest."""
+CHAIN_STEP = 1e-3
+"""Change of a coordinate of the chain for a derivative."""
+DELAYS, DELAY = 2, 0.02
+"""Steps to find a delay, and its change for a derivative."""
+
+
+class _Shot(NamedTuple):
+    """A cycle from a rest: weighted residuals, measured minus model, and derivatives of the model."""
+
+    off: _Floats
+    by_parameters: _Floats
+    by_state: _Floats
+    kept: NDArray[np.intp]
+    """Rows that are not before the rest."""
+    missing: float
+    """Number of bins before it: each costs what noise would."""
+    period: _Floats
+    """Change of the period with the parameters, of a cycle that ends as it began."""
+    closed: tuple[_Floats, _Floats]
+    """Changes of parameters, and of the delay, by what the state of such a cycle follows."""
+
+    @property
+    def cost(self) -> float:
+        return float(self.off @ self.off) + self.missing
+
+
+def can_shoot(problem: Problem) -> bool:
+    """Whether the scenes have derivatives, and each free parameter is one of them."""
+    scene = problem.recordings[0].scene
+    return problem.model == "full" and scene.friction.contact != "smoothed" and scene.integrator.method != "rk4"
+
+
+class _Shooting:
+    """Shots of all cycles of all traces at one level."""
+
+    def __init__(self, problem: Problem, level: Level) -> None:
+        self.problem, self.level = problem, level
+        self.targets = [
+            (k, row)
+            for k, each in enumerate(problem.recordings)
+            for row in ([each.waveform.rows.mean(axis=0)] if each.waveform.repeats else each.waveform.rows)
+        ]
+
+    def units(self, z: _Floats, k: int) -> _Floats:
+        """Units of the states of trace k [m]."""
+        return _units(self.problem.at_values(self.problem.recordings[k], z[: len(self.problem.names)]))
+
+    def shots(self, z: _Floats, states: _Floats, which: Sequence[int]) -> list[_Shot | None]:
+        """One for each of these cycles, None where the program gives no motion."""
+
+        def one(place: _Floats) -> object:
+            i = int(place[0])
+            try:
+                return _shot(self.problem, z, *self.targets[i], states[i], self.level)
+            except Error:
+                return None
+
+        return spread(one, [np.array([i]) for i in which])  # type: ignore[arg-type, return-value]
+
+    def rests(self, z: _Floats) -> list[_Floats]:
+        """States at the rests of the cycles in a run that are nearest to those of the traces, one array for each try."""
+        problem, found = self.problem, []
+        for k, record in enumerate(problem.recordings):
+            model = problem.cycles(z, k, patient=False)
+            wave = record.waveform
+            weights = wave.weights(max(self.level.share, FINELY[0].share))
+            rows = np.array([row for number, row in self.targets if number == k]) * weights
+            those, later = model.rows * weights, model.later * weights
+            steep = np.maximum(np.sum(later**2, axis=1), 1e-300)
+            along = rows @ later.T - np.sum(those * later, axis=1)
+            apart = np.sum(those**2, axis=1) - 2.0 * rows @ those.T - along**2 / steep
+            order = np.argsort(apart, axis=1)[:, :STARTS]
+            found.append([model.states[order[:, min(t, order.shape[1] - 1)]] for t in range(STARTS)])
+        return [np.vstack(each) for each in zip(*found, strict=True)]
+
+    def settled(
+        self, z: _Floats, states: _Floats | None, cost: float = 0.0
+    ) -> tuple[_Floats, list[_Shot | None]]:
+        """States near given ones, or near those of a run, that explain the cycles best, and the shots from them.
+
+        The given states are enough if they explain each cycle, at less than a cost.
+        """
+        every = range(len(self.targets))
+        fresh = self.rests(z) if states is None else []
+        states = (fresh.pop(0) if states is None else states).copy()
+        shots = self.shots(z, states, every)
+        if not fresh and not self.badly(shots) and self.cost(z, shots) < cost:
+            return states, shots
+
+        def take(those: _Floats, which: Sequence[int]) -> None:
+            for i, new in zip(which, self.shots(z, those, which), strict=True):
+                old = shots[i]
+                if new is not None and (old is None or new.cost < old.cost):
+                    shots[i], states[i] = new, those[i]
+
+        def refine(which: Sequence[int]) -> None:
+            those = states.copy()
+            for i in which:
+                here = shots[i]
+                if here is not None:
+                    step = np.linalg.lstsq(here.by_state, here.off, rcond=1e-9)[0]
+                    those[i, 1:] += step * self.units(z, self.targets[i][0])
+            take(those, which)
+
+        for those in fresh:
+            take(those, every)
+        refine(every)
+        bad = self.badly(shots)
+        if bad and not fresh:
+            for those in self.rests(z):
+                take(those, bad)
+            refine(bad)
+        return states, shots
+
+    def most(self, shots: Sequence[_Shot | None]) -> _Floats:
+        """Cost of each cycle above which it does not count, of many that are not alike."""
+        recordings = self.problem.recordings
+        alike = [recordings[k].waveform.repeats for k, _ in self.targets]
+        return np.where(alike, math.inf, CAP * np.median(_costs(shots)))
+
+    def badly(self, shots: Sequence[_Shot | None]) -> list[int]:
+        """Cycles that are explained much worse than most."""
+        return np.flatnonzero(~(_costs(shots) <= BAD / CAP * self.most(shots))).tolist()
+
+    def equations(self, z: _Floats, shots: Sequence[_Shot | None], damping: float) -> tuple[_Floats, _Floats, _Floats]:
+        """Normal matrix and gradient of the parameters, and the changes of the states with and without those of the parameters."""
+        p = len(self.problem.names)
+        matrix, pull = np.zeros((p, p)), np.zeros(p)
+        follow = np.zeros((len(shots), 2, p + 1))
+        counts = _costs(shots) <= self.most(shots)
+        for i, here in enumerate(shots):
+            if here is None or not counts[i]:
+                continue
+            a, n = here.by_parameters, here.by_state
+            inner = n.T @ n
+            inner += np.eye(2) * (damping + 1e-9) * np.trace(inner) * 0.5
+            follow[i] = np.linalg.solve(inner, n.T @ np.column_stack([-a, here.off]))
+            matrix += a.T @ (a + n @ follow[i, :, :p])
+            pull += a.T @ (here.off - n @ follow[i, :, p])
+        off, rows = self.problem.of_known(z)
+        matrix += rows.T @ rows
+        pull -= rows.T @ off
+        return matrix, pull, follow
+
+    def cost(self, z: _Floats, shots: Sequence[_Shot | None]) -> float:
+        """Sum of squares, of each cycle at most what counts."""
+        off, _ = self.problem.of_known(z)
+        return float(np.sum(np.minimum(_costs(shots), self.most(shots))) + off @ off)
+
+    def fitted(self, z: _Floats, states: _Floats | None) -> tuple[_Floats, _Floats, list[_Shot | None]]:
+        """Parameters and states by Levenberg and Marquardt's method."""
+        p = len(self.problem.names)
+        states, shots = self.settled(z, states)
+        cost, damping = self.cost(z, shots), FIRST
+        for _ in range(MOST_STEPS):
+            if not math.isfinite(cost):
+                raise NoCycleError("no stick-slip near this start")
+            matrix, pull, follow = self.equations(z, shots, damping)
+            step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)) + PRIOR * np.eye(p), pull)
+            share = min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
+            new, after = z.copy(), states.copy()
+            new[:p] += share * step
+            try:
+                for i, (k, _) in enumerate(self.targets):
+                    after[i, 1:] += share * (follow[i] @ np.append(step, 1.0)) * self.units(new, k)
+                after, there = self.settled(new, after, cost)
+                lower = self.cost(new, there)
+            except Error:
+                lower = math.inf
+            if lower < cost:
+                ended = cost - lower < ENDS * math.sqrt(cost)
+                z, states, shots, cost = new, after, there, lower
+                damping = max(0.1 * damping, LEAST)
+                if ended:
+                    break
+            else:
+                damping = MORE * max(damping, 100.0 * LEAST)
+                if damping > MOST:
+                    break
+        return z, states, shots
+
+
+def _costs(shots: Sequence[_Shot | None]) -> _Floats:
+    return np.array([math.inf if each is None else each.cost for each in shots])
+
+
+def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
+    """Fit from one start, with smoothing and errors that shrink.
+
+    Raises
+    ------
+    NoCycleError
+        If there is no stick-slip near this start.
+    """
+    z, states = start, None
+    for level in levels:
+        shooting = _Shooting(problem, level)
+        z, states, shots = shooting.fitted(z, None if level.width else states)
+    p = len(problem.names)
+    parts, lefts, counts = [], [], _costs(shots) <= shooting.most(shots)
+    for k, record in enumerate(problem.recordings):
+        bins = record.waveform.used.size
+        for i, here in enumerate(shots):
+            if shooting.targets[i][0] != k:
+                continue
+            part, left = np.zeros((bins, z.size)), np.zeros(bins)
+            parts.append(part)
+            lefts.append(left)
+            if here is None or not counts[i]:
+                continue
+            m = len(here.kept)
+            n, off, a = here.by_state[:m], here.off[:m], here.by_parameters[:m]
+            if record.waveform.repeats:
+                part[here.kept, :p] = a + n @ here.closed[0]
+                part[here.kept, p + k] = n @ here.closed[1]
+                left[here.kept] = -off
+            else:
+                # The state of the cycle takes what it can.
+                basis, _ = np.linalg.qr(n)
+                part[here.kept, :p] = a - basis @ (basis.T @ a)
+                left[here.kept] = basis @ (basis.T @ off) - off
+        period = np.zeros((1, z.size))
+        here = shots[[number for number, _ in shooting.targets].index(k)]
+        if here is not None:
+            period[0, :p] = here.period
+        parts.append(period)
+        lefts.append(np.zeros(1))
+    cost = shooting.cost(z, shots)
+    off, rows = problem.of_known(z)
+    parts.append(np.column_stack([rows, np.zeros((len(off), z.size - p))]))
+    lefts.append(off)
+    return Solution(z, cost, np.vstack(parts), np.concatenate(lefts))
+
+
+def delayed(problem: Problem, z: _Floats) -> _Floats:
+    """With the delays at which the motions of the scenes come nearest to traces whose cycles are alike."""
+    z, p = z.copy(), len(problem.names)
+    for k, record in enumerate(problem.recordings):
+        for _ in range(DELAYS if record.waveform.repeats else 0):
+            here = record.residuals(problem.cycles(z, k), 0.0)[:-1]
+            there = record.residuals(problem.cycles(z + DELAY * np.eye(z.size)[p + k], k), 0.0)[:-1]
+            way = (there - here) / DELAY
+            z[p + k] -= np.clip(way @ here / max(float(way @ way), 1e-300), -0.3, 0.3)
+    return z
+
+
+def _run_from(
+    problem: Problem, z: _Floats, here: Recording, state: _Floats, time: _Floats
+) -> tuple[dict[str, _Floats], dict[str, _Floats]]:
+    """Columns of a run from a state, and their changes with the coordinates of the parameters and those of the state."""
+    p, scene = len(problem.names), here.scene
+    scene = scene.replace(
+        initial={"elongation_x": float(state[1]), "elongation_y": float(state[2])},
+        scene={"t_end": float(time[-1]), "settle": 0.0},
+        output={"fields": ["pull_force", "u_x", "u_y", *(["X"] * (here.waveform.creep_edges.size > 0))]},
+    )
+    free = {name: name for name in problem.heard if name not in CHAIN}
+    free |= {tied: name for tied, (name, _) in problem.ties.items()}
+    run = derivatives(scene, [*free, "initial.elongation_x", "initial.elongation_y"], time)
+    turn = np.zeros((len(free) + 2, p + 2))
+    slopes = problem.slopes(z[:p])
+    for i, (key, name) in enumerate(free.items()):
+        turn[i, :p] = run.parameters[key] * slopes[problem.names.index(name)]
+    turn[-2:, p:] = np.diag(_units(here))
+    return run.columns, {name: column @ turn for name, column in run.derivatives.items()}
+
+
+def _units(here: Recording) -> _Floats:
+    """Elongations that the springs need for the swing of a trace [m]."""
+    system = here.scene.system
+    return here.waveform.swing / np.array([system.stiffness_x or 1.0, system.stiffness_y or 1.0])
+
+
+def _smoothing(n: int, width: float) -> _Floats:
+    """Matrix that smooths residuals of error one, which keep it."""
+    place = np.arange(n)
+    kernel = np.exp(-0.5 * ((place[:, np.newaxis] - place) / width) ** 2)
+    return np.asarray(kernel / np.sqrt(np.sum(kernel**2, axis=1))[:, np.newaxis])
+
+
+def _closing(
+    here: Recording, state: _Floats, time: _Floats, columns: dict[str, _Floats], changes: dict[str, _Floats]
+) -> tuple[_Floats, _Floats, _Floats, tuple[_Floats, _Floats]]:
+    """How far a cycle ends from where it began, with its changes; and period and state of a cycle that ends there: their changes."""
+    wave, units, p = here.waveform, _units(here), changes["u_x"].shape[1] - 2
+    ends = [np.interp(wave.period, time, columns[name]) for name in ("u_x", "u_y")]
+    gap = (np.array(ends) - state[1:]) / units
+    ends = [[np.interp(wave.period, time, each) for each in changes[name].T] for name in ("u_x", "u_y")]
+    ending = np.array(ends) / units[:, np.newaxis] - np.eye(2, p + 2, p)
+    phi = math.radians(here.scene.system.misalignment_deg or 0.0)
+    along = steady_velocity(here.scene) * np.array([math.cos(phi), math.sin(phi)]) / units
+    across = np.array([-along[1], along[0]]) / np.hypot(*along)
+    unknown = np.column_stack([ending[:, p:] @ across, along])
+    follow = -np.linalg.lstsq(unknown, ending[:, :p], rcond=1e-12)[0]
+    return gap, ending, follow[1] / here.period_error(0.0), (np.outer(across, follow[0]), along * wave.fall)
+
+
+def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, level: Level) -> _Shot:
+    """One cycle from a state: time after the slip [s], elongations [m]."""
+    p = len(problem.names)
+    problem.runs.append(k)
+    here = problem.at_values(problem.recordings[k], z[:p])
+    wave, chain = here.waveform, here.chain
+    finer = FINER if wave.repeats else 1
+    step, begin = wave.interval / finer, float(state[0])
+    end = max(wave.edges[-1], begin + wave.period) if wave.repeats else wave.edges[-1]
+    # A filter does not know what was before the rest.
+    first = int(np.searchsorted(wave.edges, begin + step + (1.0 / chain.filter if chain.filter else 0.0)))
+    missing = float(np.count_nonzero(wave.used[:first]))
+    if missing > MISSING * np.count_nonzero(wave.used):
+        raise NoCycleError("the rest is late in the cycle")
+    time = np.arange(math.ceil((end - begin) / step) + 2 * finer) * step
+    columns, changes = _run_from(problem, z, here, state, time)
+    velocity = steady_velocity(here.scene)
+    sense = math.copysign(1.0, velocity)
+
+    def means(values: _Floats, edges: _Floats) -> _Floats:
+        return sampled_means(time, values, edges[first:] - begin, finer)
+
+    pull, at = sense * columns["pull_force"], replace(chain, tare=0.0)
+    model = means(chain.response(step, pull), wave.edges)
+    change = [means(at.response(step, sense * each), wave.edges) for each in changes["pull_force"].T]
+    for i in (i for i, name in enumerate(problem.names) if name in CHAIN):
+        unit = np.eye(p)[i] * CHAIN_STEP
+        chains = (problem.at_values(problem.recordings[k], z[:p] + way * unit).chain for way in (1.0, -1.0))
+        more, less = (means(each.response(step, pull), wave.edges) for each in chains)
+        change[i] = (more - less) / (2.0 * CHAIN_STEP)
+    kept = np.arange(first, wave.time.size)
+    if wave.creep_edges.size:
+        way = sense * (columns["X"] - velocity * time)
+        model = np.append(model, centred(means(way, wave.creep_edges)))
+        ways = [centred(means(sense * each, wave.creep_edges)) for each in changes["X"].T]
+        change = [np.append(one, other) for one, other in zip(change, ways, strict=True)]
+        late = np.arange(wave.time.size + first, row.size)
+        kept, row = np.append(kept, late), row.copy()
+        row[late] = centred(row[late])
+    weights = wave.weights(level.share)[kept] / (1.0 if wave.repeats else math.sqrt(len(wave.rows)))
+    off, by = (row[kept] - model) * weights, np.array(change).T * weights[:, np.newaxis]
+    if level.width:
+        kernel = _smoothing(off.size, level.width)
+        off, by = kernel @ off, kernel @ by
+    period, closed = np.zeros(p), (np.zeros((2, p)), np.zeros(2))
+    if wave.repeats:
+        gap, ending, period, closed = _closing(here, state, time, columns, changes)
+        weight = 1.0 / (EXACT if level == FINELY[-1] else OPEN)
+        off, by = np.append(off, -gap * weight), np.vstack([by, ending * weight])
+    return _Shot(off, by[:, :p], by[:, p:], kept, missing, period, closed)
