@@ -176,8 +176,12 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         status, words = FileError.exit_status, f"{where}{error.strerror or error}"
-    except _EndedError as error:
-        _end(error.number)
+    except (_EndedError, RuntimeError) as error:
+        # Python wraps what is raised while a class is made, as in an import.
+        ended = error if isinstance(error, _EndedError) else error.__cause__
+        if not isinstance(ended, _EndedError):
+            raise
+        _end(ended.number)
     print(f"dynstiction: {printable(words) if status != DeckError.exit_status else words}", file=sys.stderr)
     return status
 

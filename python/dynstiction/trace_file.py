@@ -643,8 +643,16 @@ def _hdf5(name: str) -> _Binary:
 
     units: dict[str, str] = {}
 
-    def visit(path: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not path.startswith("#"):
+    def visit(path: str, link: Any) -> None:
+        if path.startswith("#"):
+            return
+        try:
+            item = file[path] if isinstance(link, h5py.HardLink) else dataset_in(file, path)
+        except FileError:
+            # It leads to another file, which is said if it is read.
+            units[path] = ""
+            return
+        if isinstance(item, h5py.Dataset):
             (unit,) = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))[:1].tolist() or [""]
             units[path] = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
 
@@ -662,7 +670,7 @@ def _hdf5(name: str) -> _Binary:
             return np.where(values == missing, np.nan, values) * scale + shift
 
     with open_file(name) as file:
-        file.visititems(visit)
+        file.visititems_links(visit)
     return _Binary(name, units, read, {})
 
 

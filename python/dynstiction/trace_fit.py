@@ -436,7 +436,11 @@ def _told(
             "constant; the errors allow for it, but the values may be wrong by more"
         )
     excess = ALSO * max(1.0, misfit)
-    others = [each for each in found if each is not best and (each.cost - best.cost < excess or _explains(problem, each))]
+    others = [
+        each
+        for each in found
+        if each is not best and (each.cost - best.cost < excess or _explains(problem, each))
+    ]
     sets = [_logarithms(problem, each, misfit) for each in others]
     sets = [each for each in sets if np.any(np.abs(each[0] - z) > error)]
     if any(np.any((np.abs(each[0] - z) > error)[told]) for each in sets):

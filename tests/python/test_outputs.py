@@ -24,7 +24,8 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "rig.nml").write_text(DECK)
     result = ds.run(DECK)
     result.save(folder / "rig.h5")
-    table = np.c_[result.time, result["spring_force_x"]][::5]
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(result.time.size)
+    table = np.c_[result.time, result["pull_force"] + noise][::5]
     np.savetxt(folder / "trace.csv", table, delimiter=",", header="time [s],force [N]", comments="")
     shutil.copy(folder / "trace.csv", folder / "trace.svg")
     shutil.copy(folder / "rig.h5", folder / "run.gif")

@@ -111,7 +111,9 @@ class Recording:
         weights = wave.weights(0.0) + 1e-12
         return np.asarray(wave.rows - explained_by_each(wave, model, weights) / weights)
 
-    def misfit(self, model: Cycles | None, parameters: int, left: _Floats | None = None) -> tuple[float, float]:
+    def misfit(
+        self, model: Cycles | None, parameters: int, left: _Floats | None = None
+    ) -> tuple[float, float]:
         """Mean square of a model's residuals over that expected from the scatter of the cycles, and the probability of such a misfit.
 
         With what is left of each weighted row, if that is known, no model is needed.

@@ -247,7 +247,9 @@ class Search:
                 least = USUAL if self.best.left is None else OFTEN
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
-        left = sum(np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings)
+        left = sum(
+            np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings
+        )
         if self.best.left is None or self.best.cost > left + SPREAD_OF_COST * math.sqrt(2.0 * left):
             return False
         return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT

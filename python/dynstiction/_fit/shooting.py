@@ -83,7 +83,9 @@ class _Shot(NamedTuple):
 def can_shoot(problem: Problem) -> bool:
     """Whether the scenes have derivatives, and each free parameter is one of them."""
     scene = problem.recordings[0].scene
-    return problem.model == "full" and scene.friction.contact != "smoothed" and scene.integrator.method != "rk4"
+    return (
+        problem.model == "full" and scene.friction.contact != "smoothed" and scene.integrator.method != "rk4"
+    )
 
 
 class _Shooting:
@@ -178,7 +180,9 @@ class _Shooting:
         """Cycles that are explained much worse than most."""
         return np.flatnonzero(~(_costs(shots) <= BAD / CAP * self.most(shots))).tolist()
 
-    def equations(self, z: _Floats, shots: Sequence[_Shot | None], damping: float) -> tuple[_Floats, _Floats, _Floats]:
+    def equations(
+        self, z: _Floats, shots: Sequence[_Shot | None], damping: float
+    ) -> tuple[_Floats, _Floats, _Floats]:
         """Normal matrix and gradient of the parameters, and the changes of the states with and without those of the parameters."""
         p = len(self.problem.names)
         matrix, pull = np.zeros((p, p)), np.zeros(p)
