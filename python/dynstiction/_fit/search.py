@@ -34,8 +34,8 @@ CORRECTIONS, CORRECTED = 6, 0.1
 standard errors, below which this ends."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
-SMOOTH = 30.0
-"""Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
+FEWEST, SMOOTH = 1.5, 30.0
+"""Numbers of sticks in a slow cycle below and above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
 """Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
 HELD = 1e-3
@@ -160,21 +160,26 @@ class Search:
         self.show(0.2)
         if not problem.repeats:
             return False
-        if self.proposal is not None and self.slow.heard == problem.names and self._is_smooth(self.proposal):
+        if self.proposal is not None and self.slow.heard == problem.names:
             self.found += self._guided(self.slow, self.proposal)
         if self._explains() and self._is_smooth(self.best.z):
             return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
-                if can_shoot(problem):
+                if self._shoots():
                     self._add_shot(problem, begin, FINELY)
                 else:
                     self._attempt(begin)
         return False
 
+    def _shoots(self) -> bool:
+        """Whether cycles are fitted by shooting: where many sticks make the cost smooth, derivatives by differences are better."""
+        smooth = self.problem.repeats and self.proposal is not None and self._is_smooth(self.proposal)
+        return can_shoot(self.problem) and not smooth
+
     def _beyond(self) -> None:
         """Fits from other starts, until one explains the trace, and at other misalignments."""
-        if can_shoot(self.problem):
+        if self._shoots():
             self._shoot()
             if self.found and self.problem.repeats:
                 self._along_the_angle()
@@ -255,9 +260,9 @@ class Search:
         return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
 
     def _is_smooth(self, z: _Floats) -> bool:
-        """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
+        """Whether the motion has many sticks in a cycle, or one at most: then one more or less does not matter."""
         with suppress(Error):
-            return not 0.0 < self.problem.cycles(z, 0, patient=False).sticks < SMOOTH
+            return not FEWEST < self.problem.cycles(z, 0, patient=False).sticks < SMOOTH
         return False
 
     def _propose(self, slow: Problem) -> None:
