@@ -34,8 +34,8 @@ CORRECTIONS, CORRECTED = 6, 0.1
 standard errors, below which this ends."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
-FEWEST, SMOOTH = 1.5, 30.0
-"""Numbers of sticks in a slow cycle below and above which the cost is smooth: one search finds its minimum."""
+SMOOTH = 30.0
+"""Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
 """Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
 HELD = 1e-3
@@ -260,9 +260,9 @@ class Search:
         return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
 
     def _is_smooth(self, z: _Floats) -> bool:
-        """Whether the motion has many sticks in a cycle, or one at most: then one more or less does not matter."""
+        """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
         with suppress(Error):
-            return not FEWEST < self.problem.cycles(z, 0, patient=False).sticks < SMOOTH
+            return not 0.0 < self.problem.cycles(z, 0, patient=False).sticks < SMOOTH
         return False
 
     def _propose(self, slow: Problem) -> None:
