@@ -561,7 +561,7 @@ contains
         end if
       end associate
     case ('events')
-      associate (log => self%writer%log(:self%writer%events))
+      associate (log => self%writer%log(1:self%writer%events))
         call make_room(self, 4, size(log))
         do i = 1, size(log)
           self%number(:, i) = [log(i)%time, real(log(i)%kind, wp), real(log(i)%occurs, wp), log(i)%period]

@@ -159,6 +159,13 @@ class _Fitted:
     def cost(self) -> float:
         return float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2))
 
+    def misfit(self) -> tuple[float, float]:
+        """Misfit and its probability; of values at which there is no run nothing is explained."""
+        try:
+            return self.problem.misfit(self.solution.z)
+        except Error:
+            return math.inf, 0.0
+
     def weighted_as(self, other: Problem) -> _Fitted:
         """The same with the errors of another problem of these traces."""
         weighted = [
@@ -172,7 +179,7 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     """Explanations by their evidence: the integral of the likelihood over the parameters, by Schwarz's approximation. Of several fits
     of one explanation it is that with the most.
     """
-    told = [each.problem.misfit(each.solution.z) for each in fits]
+    told = [each.misfit() for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
     bins = sum(int(np.count_nonzero(each.waveform.used)) + 1 for each in fits[0].problem.recordings)
     evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]

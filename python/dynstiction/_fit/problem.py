@@ -413,17 +413,23 @@ class Problem:
             begin += recording.size
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
 
-    def normal(self, jacobian: _Floats) -> _Floats:
-        """Normal matrix, with the prior that each parameter is known to a factor of ten."""
-        matrix: _Floats = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / PRIOR**2
-        return matrix
+    def root(self, jacobian: _Floats) -> _Floats:
+        """A root R of the inverse normal matrix R Rᵀ, with the prior that each parameter is known to a factor of ten.
+
+        From the Jacobian itself: of the normal matrix roundoff may leave no definite one.
+        """
+        _, sizes, axes = np.linalg.svd(
+            np.vstack([jacobian, np.eye(jacobian.shape[1]) / PRIOR]), full_matrices=False
+        )
+        return np.asarray(axes.T / sizes)
 
     def covariance(self, found: Solution) -> tuple[_Floats, _Floats, float]:
         """Covariance of logarithms and delays from the scatter of the cycles, inverse normal matrix, largest correlation of one cycle with the next."""
         p = found.z.size
         turn = np.eye(p)
         turn[: len(self.names), : len(self.names)] = self.slopes(found.z[: len(self.names)])
-        inverse = np.linalg.inv(self.normal(found.jacobian))
+        root = self.root(found.jacobian)
+        inverse = root @ root.T
         # The squares of what each cycle does to the gradient, and how a parameter's changes by one cycle and the next are related.
         squares, related = np.zeros((p, p)), np.zeros(p)
         begin = 0

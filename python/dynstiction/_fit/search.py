@@ -311,7 +311,7 @@ class Search:
                 new = least_squares_of(slow, z, 0.0, offset=here - slowly)
             except NoCycleError:
                 return []
-            errors = np.sqrt(np.diag(np.linalg.inv(problem.normal(new.jacobian))))
+            errors = np.linalg.norm(problem.root(new.jacobian), axis=1)
             change, z = np.abs(new.z - z), new.z
             if np.all(change < CORRECTED * errors):
                 break
@@ -350,7 +350,7 @@ class Search:
             if self._explains(problem):
                 break
             self.show(done + (0.95 - done) * i / most)
-            root = np.linalg.cholesky(np.linalg.inv(problem.normal(self.best.jacobian)))
+            root = problem.root(self.best.jacobian)
             way = root @ self.random.standard_normal(root.shape[0])
             hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
             self._add_shot(problem, hop, (*COARSELY, *FINELY))
