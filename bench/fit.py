@@ -95,11 +95,8 @@ def independent_trace_of(
     sys.path.insert(0, str(ROOT / "tests" / "audit"))
     from truth import build, parse  # noqa: PLC0415  (needs a compiler)
 
-    keys = {
-        name: value
-        for group in ("system", "friction", "drive")
-        for name, value in scene.groups()[group].items()
-    }
+    groups = scene.groups()
+    keys = groups["system"] | groups["friction"] | groups["drive"]
     loaded = 0.9 * keys["mu_0"] * keys["normal_load"] / keys["stiffness_x"]
     times = begin + np.arange(0.0, duration, 1.0 / rate)
     given = {name: value for name, value in keys.items() if isinstance(value, float)} | {

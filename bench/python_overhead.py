@@ -4,8 +4,8 @@
 
 The solver's time is `statistics/wall_time` of the same run: the integration, which is the same in the executable. Prints the
 medians of N runs [ms], and for the overhead also the least value, which depends least on other work of the machine; then the overhead
-of a run that takes the solver some microseconds, and the time of an attribute of a scene [us]. The time of the import is that of a new
-interpreter minus that of one that imports nothing. With PYTHONPATH it is the package of another revision that is measured.
+of a run that takes the solver some microseconds [us]. The time of the import is that of a new interpreter minus that of one that
+imports nothing.
 """
 
 import subprocess
@@ -42,8 +42,6 @@ def main() -> None:
     runs, results = timed(lambda: ds.run(scene), options.calls)
     spent = [run - result.statistics["wall_time"] for run, result in zip(runs, results, strict=True)]
     print(f"overhead of a short run: {1e6 * median(spent):.1f} us, least {1e6 * min(spent):.1f} us")
-    spent, _ = timed(lambda: scene.system.stiffness_x, options.calls)
-    print(f"attribute of a scene: {1e6 * median(spent):.1f} us, least {1e6 * min(spent):.1f} us")
     bare, loaded, numpy = (
         median(
             timed(lambda code=code: subprocess.run([sys.executable, "-c", code], check=True), options.runs)[0]
