@@ -4,8 +4,7 @@
 
 The solver's time is `statistics/wall_time` of the same run: the integration, which is the same in the executable. Prints the
 medians of N runs [ms], and for the overhead also the least value, which depends least on other work of the machine; then the overhead
-of a run that takes the solver some microseconds [us]. The time of the import is that of a new interpreter minus that of one that
-imports nothing.
+of a run that takes the solver some microseconds [us]. The time of the import is that of a new interpreter minus one without it.
 """
 
 import subprocess
