@@ -23,6 +23,7 @@ module dst_full_cycles
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
   use dst_slip_stick, only: slip_stick_t
+  use dst_slow_cycle, only: most_repeats
   use dst_state, only: state_t
   use dst_stepping, only: stepping_t
   use dst_stretch, only: moment_t, most_turns
@@ -33,7 +34,7 @@ module dst_full_cycles
   private
 
   public :: full_cycle_t, orbit_t, regularity_t, find_full_cycles
-  public :: settle, sharpen, map_of, steady, go_around, measure, shares, most_repeats
+  public :: settle, sharpen, map_of, steady, go_around, measure, shares
 
   !> Accuracy of the cycles, and of the motion among which they are searched. Ten times the former: the period of Fig. 3 changes by
   !> 2e-14, relative to it, and its multiplier by 2e-7.
@@ -41,8 +42,8 @@ module dst_full_cycles
   !> Two releases are the same if their angles differ by no more than this [rad], if the slope of the map between is not known.
   !> Convention.
   real(wp), parameter :: same = 1.0e-10_wp
-  !> A motion repeats after so many slow cycles at most. It is followed for so many. Conventions.
-  integer, parameter :: most_repeats = 8, followed = 400
+  !> A motion is followed for so many slow cycles. Convention.
+  integer, parameter :: followed = 400
   !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
   real(wp), parameter :: lengths = 200.0_wp
   !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always

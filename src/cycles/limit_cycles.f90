@@ -5,12 +5,13 @@ module dst_limit_cycles
   use dst_cycles, only: cycle_quantities, measures, peak, valley
   use dst_errors, only: error_t, raise, deck_error
   use dst_friction, only: falls_exponentially
-  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, go_around, most_repeats
+  use dst_full_cycles, only: full_cycle_t, regularity_t, find_full_cycles, map_of, steady, go_around
   use dst_kinds, only: wp, pi
   use dst_passage, only: passage_t
   use dst_release_map, only: release_map_t, watch_t
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
+  use dst_slow_cycle, only: most_repeats
   use dst_slow_cycles, only: find_slow_cycles
   use dst_slow_map, only: slow_map_t, slow_turn_t, new_slow_map
   use dst_slow_validity, only: slow_validity_t, slow_validity, common_accuracy
@@ -245,6 +246,7 @@ contains
       value(log_slope + 1:) = turn%measure(k)
     end associate
   end subroutine from_valley
+
   subroutine make_room(cycles, n)
     type(limit_cycles_t), intent(inout) :: cycles
     integer, intent(in) :: n

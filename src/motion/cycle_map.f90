@@ -18,7 +18,7 @@ module dst_cycle_map
   use dst_recurrence, only: recurrence_t
   use dst_release_map, only: release_map_t, new_release_map
   use dst_slip_stick, only: slip_stick_t
-  use dst_slow_cycle, only: slow_cycle_t
+  use dst_slow_cycle, only: slow_cycle_t, most_repeats
   use dst_state, only: state_t, instant_t
   use dst_stepper, only: work_count_t
   use dst_stepping, only: stepping_t
@@ -29,8 +29,6 @@ module dst_cycle_map
 
   public :: cycle_map_t, new_cycle_map
 
-  !> A motion repeats after so many slow cycles at most. Convention.
-  integer, parameter :: most_repeats = 8
   !> A slow cycle is taken for the one that it approaches if the angle and the duration differ by no more than this share of rtol,
   !> and by no more than a tenth of what cycles of the summary may. The difference of the durations is known and taken into account:
   !> errors do not add up. Conventions.

@@ -9,6 +9,7 @@ module dst_recurrence
   use dst_kinds, only: wp
   use dst_piece, only: piece_t
   use dst_slider, only: slider_t
+  use dst_slow_cycle, only: most_repeats
   use dst_state, only: state_t
   use dst_tangent, only: take_out_flow, n_changes
   implicit none
@@ -24,8 +25,6 @@ module dst_recurrence
   real(wp), parameter :: few = 4.0_wp
   !> Differences that do not shrink are taken for such that shrink by this factor. Convention.
   real(wp), parameter :: slowest = 0.99_wp
-  !> A period has so many slow cycles at most. Convention.
-  integer, parameter :: most_in_period = 8
 
   !> What is known of the motion since its last rest. Plain data.
   type :: recurrence_t
@@ -42,7 +41,7 @@ module dst_recurrence
     real(wp), private :: extreme = -huge(1.0_wp), extreme_at = 0.0_wp
     !> When the last peaks were [s], at places modulo their number; the number of peaks, and that with which the motion is watched
     !> again; whether there was a peak after the last look.
-    real(wp), private :: peaked_at(0:most_in_period) = 0.0_wp
+    real(wp), private :: peaked_at(0:most_repeats) = 0.0_wp
     integer, private :: peaks = 0, watched_from = 2
     logical, private :: has_peaked = .false.
   contains
@@ -132,7 +131,7 @@ contains
       self%apart = huge(1.0_wp)
       self%watched_from = self%peaks + max(1, min(self%peaks, int(0.5_wp*missing)))
       if (shrinks < slowest) return
-      self%in_period = 1 + modulo(self%in_period, most_in_period)
+      self%in_period = 1 + modulo(self%in_period, most_repeats)
       self%period = 0.0_wp
       if (self%in_period > 1) self%watched_from = max(self%peaks, self%in_period) + 1
     end if

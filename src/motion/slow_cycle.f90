@@ -11,7 +11,10 @@ module dst_slow_cycle
   implicit none
   private
 
-  public :: slow_cycle_t
+  public :: slow_cycle_t, most_repeats
+
+  !> A motion repeats after so many slow cycles at most. Convention.
+  integer, parameter :: most_repeats = 8
 
   !> Largest numbers of passages, and of pieces of those that were recorded. Conventions: a longer slow cycle is not reused.
   integer, parameter :: most_passages = 100000, most_pieces = 16000

@@ -10,6 +10,7 @@
 !> past.
 module dst_cycles
   use dst_kinds, only: wp, int64, pi
+  use dst_slow_cycle, only: most_repeats
   use dst_writer, only: quantity_t
   implicit none
   private
@@ -38,9 +39,9 @@ module dst_cycles
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
-  !> A motion repeats after so many cycles at most, if they agree to this share of their size. Conventions; twice as many as in
-  !> dst_cycle_map, where a slow cycle whose load has two peaks is one.
-  integer, parameter :: most_repeats = 16
+  !> A motion repeats after so many cycles at most, if they agree to this share of their size. Convention; a slow cycle whose load has
+  !> two peaks is two.
+  integer, parameter :: most_peaks = 2*most_repeats
   real(wp), parameter :: repeated = 1.0e-5_wp
 
   !> The measures of a cycle: durations [s], loads [N] and the advance in X in the direction of the drive [m].
@@ -442,7 +443,7 @@ contains
   pure integer function repeats(self) result(m)
     class(cycles_t), intent(in) :: self
 
-    do m = 1, most_repeats
+    do m = 1, most_peaks
       if (agrees_with(self, m, max(m, 2), repeated)) return
     end do
     m = 0
