@@ -39,6 +39,7 @@ module dst_derivatives
     character(longest_text), allocatable :: key(:)
     real(wp), allocatable :: parameter(:)                    !! values of the keys
     integer, allocatable :: selected(:)                      !! numbers of the columns
+    real(wp), allocatable, private :: whole(:)               !! a whole turn, of a column that is an angle; 0 of another
     !> The columns and then their changes per change of each parameter, one sample after another; and of each event the time, the
     !> kind, and the changes of the time.
     type(memory_writer_t) :: samples, events
@@ -75,6 +76,8 @@ contains
     if (.not. allocated(error) .and. size(self%key) == 0) &
       call raise(error, usage_error, 'no parameter is named: name one as GROUP.KEY, like system.mass')
     if (allocated(error)) return
+    self%whole = merge(2.0_wp*pi, merge(360.0_wp, 0.0_wp, columns(self%selected)%units == 'deg'), &
+      columns(self%selected)%units == 'rad')
     self%max_steps = scene%max_steps
     allocate (self%tangents(size(self%key)), self%trail(size(self%key)))
     do k = 1, size(self%key)
@@ -82,6 +85,8 @@ contains
         one%u = (variation%more%piece%to%u - variation%less%piece%to%u)/variation%apart
         one%y = (variation%more%piece%to%y - variation%less%piece%to%y)/variation%apart
         one%is_polar = self%steps%system%is_polar
+        ! What has begun is the same rig.
+        if (index(self%key(k), 'initial.') == 1) deallocate (variation%more, variation%less)
       end associate
     end do
     if (self%steps%piece%event /= no_event) call add_event(self, self%tangents%clock, error)
@@ -173,6 +178,7 @@ contains
 
     self%segment = self%steps%segment
     do k = 1, size(self%key)
+      if (.not. self%directions%variation(k)%is_there()) cycle
       associate (more => self%directions%variation(k)%more, less => self%directions%variation(k)%less)
         more%piece%drive = more%drive%segment(self%segment)
         less%piece%drive = less%drive%segment(self%segment)
@@ -222,8 +228,8 @@ contains
     real(wp) :: row(size(self%selected)*(1 + size(self%key)), 1)
     real(wp) :: change(size(self%selected), 0:size(self%key))
     type(state_t) :: state
-    real(wp) :: rate(n_changes), direction(n_changes), basis(0:max_degree), tau, elapsed
-    integer :: i, k
+    real(wp) :: rate(n_changes), direction(n_changes), basis(0:max_degree), tau, elapsed, by_state(size(self%selected), n_changes)
+    integer :: k
 
     associate (steps => self%steps, piece => self%steps%piece)
       state = piece%at(time)
@@ -239,6 +245,7 @@ contains
       end if
       rate = rate_in(piece, tau)
       change(:, 0) = row_by(steps, self%selected, state, piece%contact)
+      by_state = slopes_at(self, state)
       do k = 1, size(self%trail)
         associate (variation => self%directions%variation(k), one => self%trail(k))
           if (piece%contact == slips) then
@@ -247,51 +254,53 @@ contains
             end associate
           else
             direction = 0.0_wp
-            direction(:max_components) = one%inside(0, :max_components) + variation%drift(piece%from%time, elapsed, one%clock)
+            direction(:max_components) = one%inside(0, :max_components)
+            if (variation%is_there()) direction(:max_components) = direction(:max_components) &
+              + variation%drift(piece%from%time, elapsed, one%clock)
           end if
-          direction = direction - one%clock*rate
-          change(:, k) = difference(self%selected, row_by(variation%more, self%selected, state, piece%contact), &
+          change(:, k) = matmul(by_state, direction - one%clock*rate)
+          if (variation%is_there()) change(:, k) = change(:, k) + difference(self%whole, &
+            row_by(variation%more, self%selected, state, piece%contact), &
             row_by(variation%less, self%selected, state, piece%contact), variation%apart)
-          do i = 1, n_changes, max_components
-            call add_direction(i, min(n_changes, i + max_components - 1), change(:, k))
-          end do
         end associate
       end do
     end associate
     row = reshape(change, shape(row))
-
-  contains
-
-    !> Add what some of the unknowns do.
-    subroutine add_direction(first, last, changes)
-      integer, intent(in) :: first, last
-      real(wp), intent(inout) :: changes(:)
-      real(wp) :: ends(n_changes), scale(n_changes), by
-      type(state_t) :: more, less
-
-      associate (slider => self%steps%slider)
-        scale(:max_components) = max(abs(state%u), slider%law%static_limit/slider%stiffness)
-        scale(max_components + 1:) = max(abs(state%y), slow*minval(scale(:max_components)*sqrt(slider%stiffness/slider%mass)))
-        if (self%steps%system%is_polar) scale(max_components + 2) = 1.0_wp
-      end associate
-      ends = 0.0_wp
-      ends(first:last) = direction(first:last)
-      if (.not. any(abs(ends) > 0.0_wp)) return
-      by = small/maxval(abs(ends)/max(scale, tiny(1.0_wp)))
-      more = moved(by*ends)
-      less = moved(-by*ends)
-      changes = changes + difference(self%selected, row_by(self%steps, self%selected, more, self%steps%piece%contact), &
-        row_by(self%steps, self%selected, less, self%steps%piece%contact), 2.0_wp*by)
-    end subroutine add_direction
-
-    pure type(state_t) function moved(by)
-      real(wp), intent(in) :: by(n_changes)
-
-      moved = state
-      moved%u = state%u + by(:max_components)
-      moved%y = state%y + by(max_components + 1:)
-    end function moved
   end function row_at
+
+  !> Derivatives of the columns with the elongations and the unknowns of slip, in a state of the last piece.
+  function slopes_at(self, state) result(slopes)
+    class(derivatives_t), intent(in) :: self
+    type(state_t), intent(in) :: state
+    real(wp) :: slopes(size(self%selected), n_changes)
+    real(wp) :: by(n_changes)
+    type(state_t) :: more, less
+    integer :: i
+
+    associate (steps => self%steps, slider => self%steps%slider)
+      by(:max_components) = max(abs(state%u), slider%law%static_limit/slider%stiffness)
+      by(max_components + 1:) = max(merge(abs(state%y(1)), maxval(abs(state%y)), steps%system%is_polar), &
+        slow*minval(by(:max_components)*sqrt(slider%stiffness/slider%mass)))
+      if (steps%system%is_polar) by(max_components + 2) = 1.0_wp
+      by = max(small*by, tiny(1.0_wp))
+      slopes = 0.0_wp
+      do i = 1, max_components + merge(steps%system%unknowns, 0, steps%piece%contact == slips)
+        ! The model has no spring along this axis.
+        if (by(i) > huge(1.0_wp)) cycle
+        more = state
+        less = state
+        if (i <= max_components) then
+          more%u(i) = state%u(i) + by(i)
+          less%u(i) = state%u(i) - by(i)
+        else
+          more%y(i - max_components) = state%y(i - max_components) + by(i)
+          less%y(i - max_components) = state%y(i - max_components) - by(i)
+        end if
+        slopes(:, i) = difference(self%whole, row_by(steps, self%selected, more, steps%piece%contact), &
+          row_by(steps, self%selected, less, steps%piece%contact), 2.0_wp*by(i))
+      end do
+    end associate
+  end function slopes_at
 
   !> Columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.
   function row_by(rig, selected, state, contact) result(row)
@@ -307,15 +316,11 @@ contains
     call row_of(rig%slider, rig%instant_of(there, contact), selected, row)
   end function row_by
 
-  !> The difference quotient of two rows; angles have no whole turns.
-  pure function difference(selected, more, less, apart) result(slope)
-    integer, intent(in) :: selected(:)
-    real(wp), intent(in) :: more(:), less(:), apart
-    real(wp) :: slope(size(more)), whole(size(more))
+  !> The difference quotient of two rows of which some have whole turns, without these.
+  pure function difference(whole, more, less, apart) result(slope)
+    real(wp), intent(in) :: whole(:), more(:), less(:), apart
+    real(wp) :: slope(size(more))
 
-    whole = 0.0_wp
-    where (columns(selected)%units == 'rad') whole = 2.0_wp*pi
-    where (columns(selected)%units == 'deg') whole = 360.0_wp
     slope = more - less
     where (whole > 0.0_wp) slope = slope - whole*anint(slope/whole)
     slope = slope/apart
