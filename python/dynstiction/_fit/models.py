@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -20,6 +20,7 @@ __all__ = [
     "Cycles",
     "NoCycleError",
     "fastest_slip",
+    "finer_of",
     "full_cycles",
     "sampled_means",
     "slow_cycles",
@@ -42,7 +43,7 @@ TOLERANCE = 1e-7
 SLOW_METHOD = "radau5"
 """Method whose steps are short enough for cubic polynomials between their ends."""
 FINER = 4
-"""Samples of the full model for each sample of the trace, if its motion repeats."""
+"""Samples of the full model in the narrowest bin, if its motion repeats: where the samples of a trace are does not matter then."""
 CYCLES = 2.3
 """Number of cycles of the full model that are run if its motion repeats."""
 BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 40.0
@@ -50,10 +51,12 @@ BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 40.0
 fewer if the errors are not yet those of the trace."""
 LEAST_LIBRARY, MOST_SAMPLES = 40.0, 1e5
 """Fewest of these periods, and the number of samples above which there are fewer than usual."""
-MEAN_OF = 12.0
+MEAN_OF = 40.0
 """Periods that are used of a motion that does not repeat in time while a measured one does: for a rough mean."""
 LOADED = 0.95
 """Runs begin at rest with this share of the measured peak of the load, just before a slip: their motion settles soon."""
+SOON = 0.15
+"""A cycle begins in the longest rest in this share of a period at the beginning of its window."""
 LATER = 0.05
 """Step for the change of a cycle with the time of its slip, over the duration of the fall."""
 
@@ -79,7 +82,7 @@ class Cycles(NamedTuple):
     sticks: float
     """Number of rests of the object in a slow cycle."""
     states: _Floats
-    """First rest in the window of each cycle, shape (m, 3): time after the slip [s], elongations [m]; none of the slow model."""
+    """A rest near the beginning of the window of each cycle, shape (m, 3): time after the slip [s], elongations [m]; none of the slow model."""
 
 
 def _loaded(scene: Scene, wave: Waveform) -> Scene:
@@ -174,7 +177,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         if repeats:
             begin = float(result.time[-1])
             end = begin + CYCLES * float(summary["period"])
-    finer = FINER if repeats else 1
+    finer = finer_of(wave) if repeats else 1
     fine = run(
         scene,
         times=np.arange(begin, end, wave.interval / finer),
@@ -211,26 +214,47 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     elif slips.size > 1:
         period = float(np.mean(np.diff(slips)))
     way = sense * (fine["X"] - velocity * time) if wave.creep_edges.size else None
+    phases = [np.arange(k, time.size, finer) for k in range(finer)]
 
     def rows(delays: float) -> _Floats:
         at = edges + delays + inside[:, np.newaxis]
-        found = [sampled_means(time, force, at, finer)]
+        found = [sampled_means(time, force, at, phases)]
         if way is not None:
-            found.append(centred(sampled_means(time, way, at[:, : wave.creep_edges.size], finer)))
+            found.append(centred(sampled_means(time, way, at[:, : wave.creep_edges.size], phases)))
         return np.hstack(found)
 
     here = rows(0.0)
     there = np.zeros(here.shape) if wave.repeats else (rows(later) - here) / later
-    rests = np.append(np.flatnonzero(fine["sticking"]), time.size - 1)
-    at = rests[np.searchsorted(time[rests[:-1]], inside + edges[0])]
+    at = _rests(time, fine["sticking"] > 0.0, inside + edges[0], SOON * wave.period)
     states = np.column_stack([time[at] - inside, fine["u_x"][at], fine["u_y"][at]])
     return Cycles(here, period, there, float(fine.summary.get("sticks", 0.0)) * period / end, states)
 
 
-def sampled_means(time: _Floats, values: _Floats, edges: _Floats, finer: int) -> _Floats:
-    """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle."""
-    each = [bin_means(time[k::finer], values[k::finer], edges) for k in range(finer)]
-    return np.asarray(np.mean(each, axis=0))
+def _rests(time: _Floats, sticking: NDArray[np.bool_], times: _Floats, soon: float) -> NDArray[np.intp]:
+    """Samples in the middle of the longest rests that are soon after these times; where there is none, at the beginning of the next one."""
+    changes = np.diff(sticking.astype(int), prepend=0, append=0)
+    first, last = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
+    found = []
+    for low, high in zip(np.searchsorted(time, times), np.searchsorted(time, times + soon), strict=True):
+        begin, end = np.maximum(first, low), np.minimum(last, high)
+        k = int(np.argmax(end - begin)) if first.size else 0
+        if first.size and end[k] >= begin[k]:
+            found.append((begin[k] + end[k]) // 2)
+        else:
+            found.append(np.append(first[first > high], time.size - 1)[0])
+    return np.array(found, dtype=np.intp)
+
+
+def finer_of(wave: Waveform) -> int:
+    """Samples of a model for each sample of a trace."""
+    return max(1, math.ceil(FINER * wave.interval / float(np.diff(wave.edges).min())))
+
+
+def sampled_means(
+    time: _Floats, values: _Floats, edges: _Floats, phases: Sequence[NDArray[np.intp]]
+) -> _Floats:
+    """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle: at one of the phases."""
+    return np.asarray(np.mean([bin_means(time[each], values[each], edges) for each in phases], axis=0))
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:

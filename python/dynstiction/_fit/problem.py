@@ -20,7 +20,15 @@ from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
 from .solve import FAILED, Solution, derivatives, has_failed, least_squares_of, spread
 from .waveform import Waveform, smoothed
 
-__all__ = ["CHAIN", "LeadsNowhereError", "Problem", "Recording", "explained_by_each", "unit_of"]
+__all__ = [
+    "CHAIN",
+    "LeadsNowhereError",
+    "Problem",
+    "Recording",
+    "apart_in_time",
+    "explained_by_each",
+    "unit_of",
+]
 
 _Floats = NDArray[np.float64]
 
@@ -146,6 +154,14 @@ class Recording:
         error = wave.error * math.sqrt(len(wave.rows) / len(rows))
         return replace(self, waveform=replace(wave, rows=rows, error=error))
 
+    def of_mean(self) -> Recording:
+        """With the mean of the cycles for one that repeats."""
+        wave = self.waveform
+        if wave.repeats:
+            return self
+        scatter = smoothed(wave.rows.var(axis=0, ddof=1)) / len(wave.rows)
+        return replace(self, waveform=replace(wave, repeats=True, error=np.sqrt(wave.error**2 + scatter)))
+
     def reweighted(self, model: Cycles) -> Recording:
         """With the scatter of the cycles about those of the model as their error, if they are not alike."""
         wave = self.waveform
@@ -157,6 +173,22 @@ class Recording:
         return replace(self, waveform=replace(wave, error=np.maximum(wave.error, scatter)))
 
 
+def apart_in_time(wave: Waveform, model: Cycles, weights: _Floats) -> tuple[_Floats, _Floats]:
+    """Squares of the weighted difference of each measured cycle and each of the model, which is taken so much later [s]; both of shape
+    (cycles, cycles of the model).
+    """
+    rows, those, later = wave.rows * weights, model.rows * weights, model.later * weights
+    steep, most = _steepness(later), MOST_DELAY * wave.fall
+    along = rows @ later.T - np.sum(those * later, axis=1)
+    shift = np.clip(along / steep, -most, most)
+    apart = np.sum(rows**2, axis=1)[:, np.newaxis] - 2.0 * rows @ those.T + np.sum(those**2, axis=1)
+    return apart - 2.0 * shift * along + shift**2 * steep, shift
+
+
+def _steepness(later: _Floats) -> _Floats:
+    return np.maximum(np.sum(later**2, axis=1), 1e-300)
+
+
 def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
     """Weighted difference of each measured cycle and the model's cycle that is nearest to it, shape (cycles, bins).
 
@@ -164,17 +196,8 @@ def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Float
     The time of a measured slip has an error, along the derivative of the cycle with time.
     """
     rows, those, later = wave.rows * weights, model.rows * weights, model.later * weights
-    steep = np.maximum(np.sum(later**2, axis=1), 1e-300)
-    shift = np.clip(
-        (rows @ later.T - np.sum(those * later, axis=1)) / steep,
-        -MOST_DELAY * wave.fall,
-        MOST_DELAY * wave.fall,
-    )
-    apart = (
-        (np.sum(rows**2, axis=1)[:, np.newaxis] - 2.0 * rows @ those.T + np.sum(those**2, axis=1))
-        - 2.0 * shift * (rows @ later.T - np.sum(those * later, axis=1))
-        + shift**2 * steep
-    )
+    steep = _steepness(later)
+    apart, shift = apart_in_time(wave, model, weights)
     order = np.argsort(apart, axis=1)[:, : NEIGHBOURS + 1]
     nearest = order[:, 0]
     off = rows - those[nearest] - np.take_along_axis(shift, order[:, :1], axis=1) * later[nearest]
@@ -234,6 +257,10 @@ class Problem:
         if self.repeats:
             return self
         return replace(self, recordings=tuple(each.of_few_cycles() for each in self.recordings))
+
+    def of_means(self) -> Problem:
+        """The same with the means of cycles that are not alike for some that are."""
+        return replace(self, recordings=tuple(each.of_mean() for each in self.recordings), runs=[])
 
     @cached_property
     def heard(self) -> tuple[str, ...]:

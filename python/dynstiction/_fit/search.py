@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import LeadsNowhereError, Problem, Recording
-from .shooting import COARSELY, FINELY, Level, can_shoot, delayed, shot
+from .shooting import COARSELY, FINELY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
 __all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
@@ -30,8 +30,11 @@ MISFIT = 1e-3
 USUAL = 0.05
 """The same, above which a search has found what it looked for."""
 CORRECTIONS, CORRECTED = 6, 0.1
-"""Largest number of times that the difference between the scene's model and the slow one is computed, and the change of all coordinates, in
-standard errors, below which this ends."""
+"""Largest number of times that the difference between the scene's model and the slow one is computed for a fit, and the change of all
+coordinates, in standard errors, below which this ends."""
+MOST_CORRECTIONS, REACH, FEWEST_STARTS = 12, 0.2, 6
+"""The same number for starts, the standard deviation of the relative change of a value in one such step, and the number of starts below
+which random ones are added."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
 SMOOTH = 30.0
@@ -302,35 +305,52 @@ class Search:
 
         With many sticks in a cycle the slow model is near, and its derivatives are smooth where the other's cost is rough by a stick more or less.
         """
-        problem = self.problem
-        for _ in range(CORRECTIONS):
-            here, slowly = problem.residuals(z, 0.0), slow.residuals(z, 0.0)
-            if has_failed(here) or has_failed(slowly):
-                return []
-            try:
-                new = least_squares_of(slow, z, 0.0, offset=here - slowly)
-            except NoCycleError:
-                return []
+        problem, found = self.problem, None
+        for _, new in zip(range(CORRECTIONS), self._corrected(problem, slow, z, 0.0), strict=False):
             errors = np.linalg.norm(problem.root(new.jacobian), axis=1)
-            change, z = np.abs(new.z - z), new.z
+            change, z, found = np.abs(new.z - z), new.z, new
             if np.all(change < CORRECTED * errors):
                 break
-        here = problem.residuals(z, 0.0)
-        return [Solution(z, float(here @ here), new.jacobian)]
+        if found is None or has_failed(here := problem.residuals(z, 0.0)):
+            return []
+        return [Solution(z, float(here @ here), found.jacobian)]
+
+    def _corrected(
+        self, problem: Problem, slow: Problem, z: _Floats, coarse: float, longest: float = math.inf
+    ) -> Iterator[Solution]:
+        """Fits of the slow model, each corrected by its difference from the scene's own at the one before, in steps that are hardly longer."""
+        for _ in range(MOST_CORRECTIONS):
+            near = {name: (value, longest * abs(value)) for name, value in problem.named(z).items()}
+            known = {**near, **problem.known} if math.isfinite(longest) else problem.known
+            own, other = replace(problem, known=known), replace(slow, known=known)
+            here, slowly = own.residuals(z, coarse), other.residuals(z, coarse)
+            if has_failed(here) or has_failed(slowly):
+                return
+            try:
+                new = least_squares_of(other, z, coarse, offset=here - slowly)
+            except NoCycleError:
+                return
+            yield new
+            z = new.z
+
+    def _approach(self) -> list[_Floats]:
+        """Starts on the way that the slow model leads to the mean cycle, the nearest to the cycles first."""
+        few, means, starts = self.problem.of_few_cycles(), self.problem.of_means(), [self.given]
+        if self.proposal is not None:
+            starts.append(self.proposal)
+            steps = self._corrected(means, means.of_slow_model(), self.proposal, COARSE[-1], REACH)
+            starts += [each.z for each in steps]
+        if len(starts) < FEWEST_STARTS:
+            starts += self._own_starts()
+        return [starts[i] for i in np.argsort([cost_at(few, z, COARSELY[0]) for z in starts], kind="stable")]
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
-        few, rough = self.problem.of_few_cycles(), list[Solution]()
-        near = [] if few.repeats else [self.given, self.proposal]
-        starts = [each for each in near if each is not None and self._is_near(each)] + self._own_starts()
-        # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
-        for start in starts if few.repeats else ():
+        few, starts = self.problem.of_few_cycles(), self._approach()
+        for start in starts[: self.starts + 2]:
             self._add_shot(few, start, (*COARSELY, *FINELY))
-        for start in () if few.repeats else starts[: self.starts + 2]:
-            with suppress(NoCycleError):
-                rough.append(shot(few, start, COARSELY))
-        for each in sorted(rough, key=lambda each: each.cost)[: self.starts]:
-            self._add_shot(few, each.z, FINELY)
+            if self.found and not few.repeats and self._explains(few):
+                break
         self._hop(few, HOPS, 0.4)
         # Again, from other rests.
         for _ in range(AGAIN if self.found else 0):

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Error
+from ..scene import Scene
 from ..tangents import derivatives
-from .models import FINER, NoCycleError, sampled_means, steady_velocity
-from .problem import CHAIN, Problem, Recording
+from .models import NoCycleError, finer_of, sampled_means, steady_velocity
+from .problem import CHAIN, Problem, Recording, apart_in_time
 from .solve import Solution, spread
 from .waveform import EXACT, centred
 
-__all__ = ["COARSELY", "FINELY", "Level", "can_shoot", "delayed", "shot"]
+__all__ = ["COARSELY", "FINELY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
 
 _Floats = NDArray[np.float64]
 
@@ -48,12 +49,16 @@ PRIOR = 0.01
 CAP, BAD = 4.0, 1.7
 """Costs of one of many cycles that are not alike, over the median: above which it does not count (none of the tried rests is near), and
 other rests are tried."""
-STARTS = 2
-"""Rests of a run that are tried for a cycle."""
+NEWTON, BETTER = 4, 0.9
+"""Newton's steps for the state of a cycle, and the cost over that before up to which another is made."""
+STARTS = 6
+"""Rests of a run that are tried for a cycle which is explained badly."""
 OPEN = 0.03
 """How far, relative to the swing, a cycle may end from where it began, but in the last fit."""
 MISSING = 0.25
 """Largest share of the bins that are before the rest."""
+IN_PERIOD, IN_BIN, NARROW = 8.0, 4.0, 1.5
+"""Samples in a period of the fast oscillation, and in a long bin; bins around the slip are narrower than so many of the narrowest."""
 CHAIN_STEP = 1e-3
 """Change of a coordinate of the chain for a derivative."""
 DELAYS, DELAY = 2, 0.02
@@ -119,17 +124,18 @@ class _Shooting:
         """States at the rests of the cycles in a run that are nearest to those of the traces, one array for each try."""
         problem, found = self.problem, []
         for k, record in enumerate(problem.recordings):
-            model = problem.cycles(z, k, patient=False)
-            wave = record.waveform
-            weights = wave.weights(max(self.level.share, FINELY[0].share))
-            rows = np.array([row for number, row in self.targets if number == k]) * weights
-            those, later = model.rows * weights, model.later * weights
-            steep = np.maximum(np.sum(later**2, axis=1), 1e-300)
-            along = rows @ later.T - np.sum(those * later, axis=1)
-            apart = np.sum(those**2, axis=1) - 2.0 * rows @ those.T - along**2 / steep
-            order = np.argsort(apart, axis=1)[:, :STARTS]
-            found.append([model.states[order[:, min(t, order.shape[1] - 1)]] for t in range(STARTS)])
-        return [np.vstack(each) for each in zip(*found, strict=True)]
+            model, wave = problem.cycles(z, k), record.waveform
+            if wave.repeats:
+                wave = replace(wave, rows=wave.rows.mean(axis=0, keepdims=True))
+            apart, later = apart_in_time(wave, model, wave.weights(max(self.level.share, FINELY[0].share)))
+            tries = np.argsort(apart, axis=1)[:, np.minimum(np.arange(STARTS), len(model.rows) - 1)].T
+            # At rest the springs are stretched as the drive moves.
+            way = _pull(problem.at_values(record, z[: len(problem.names)]).scene)
+            late = np.take_along_axis(later, tries.T, axis=1).T
+            there = model.states[tries]
+            there[..., 1:] += late[..., np.newaxis] * way
+            found.append(there)
+        return list(np.concatenate(found, axis=1))
 
     def settled(
         self, z: _Floats, states: _Floats | None, cost: float = 0.0
@@ -139,35 +145,33 @@ class _Shooting:
         The given states are enough if they explain each cycle, at less than a cost.
         """
         every = range(len(self.targets))
-        fresh = self.rests(z) if states is None else []
-        states = (fresh.pop(0) if states is None else states).copy()
+        tries = self.rests(z) if states is None else []
+        states = (tries[0] if states is None else states).copy()
         shots = self.shots(z, states, every)
-        if not fresh and not self.badly(shots) and self.cost(z, shots) < cost:
+        if not tries and not self.badly(shots) and self.cost(z, shots) < cost:
             return states, shots
 
-        def take(those: _Floats, which: Sequence[int]) -> None:
-            for i, new in zip(which, self.shots(z, those, which), strict=True):
-                old = shots[i]
-                if new is not None and (old is None or new.cost < old.cost):
-                    shots[i], states[i] = new, those[i]
-
-        def refine(which: Sequence[int]) -> None:
-            those = states.copy()
-            for i in which:
-                here = shots[i]
-                if here is not None:
-                    step = np.linalg.lstsq(here.by_state, here.off, rcond=1e-9)[0]
+        def take(those: _Floats, which: Sequence[int], there: list[_Shot | None] | None = None) -> None:
+            """Begin with those states, whose shots may be known, then with where Newton's steps lead from them."""
+            before = np.full(len(states), math.inf)
+            for _ in range(1 + NEWTON):
+                there, those, leading = there or self.shots(z, those, which), those.copy(), []
+                for i, new in zip(which, there, strict=True):
+                    if new is None or not new.cost < BETTER * before[i]:
+                        continue
+                    old, before[i] = shots[i], new.cost
+                    if old is None or new.cost < old.cost:
+                        shots[i], states[i] = new, those[i]
+                    step = np.linalg.lstsq(new.by_state, new.off, rcond=1e-9)[0]
                     those[i, 1:] += step * self.units(z, self.targets[i][0])
-            take(those, which)
+                    leading.append(i)
+                which, there = leading, None
 
-        for those in fresh:
-            take(those, every)
-        refine(every)
-        bad = self.badly(shots)
-        if bad and not fresh:
-            for those in self.rests(z):
+        take(states.copy(), every, shots.copy())
+        for those in tries[1:] or (self.rests(z) if self.badly(shots) else ()):
+            bad = self.badly(shots)
+            if bad:
                 take(those, bad)
-            refine(bad)
         return states, shots
 
     def most(self, shots: Sequence[_Shot | None]) -> _Floats:
@@ -292,6 +296,15 @@ def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
     return Solution(z, cost, np.vstack(parts), np.concatenate(lefts))
 
 
+def cost_at(problem: Problem, z: _Floats, level: Level) -> float:
+    """Cost of parameters with the states that explain the cycles best; infinite where there is no stick-slip."""
+    shooting = _Shooting(problem, level)
+    try:
+        return shooting.cost(z, shooting.settled(z, None)[1])
+    except Error:
+        return math.inf
+
+
 def delayed(problem: Problem, z: _Floats) -> _Floats:
     """With the delays at which the motions of the scenes come nearest to traces whose cycles are alike."""
     z, p = z.copy(), len(problem.names)
@@ -325,6 +338,12 @@ def _run_from(
     return run.columns, {name: column @ turn for name, column in run.derivatives.items()}
 
 
+def _pull(scene: Scene) -> _Floats:
+    """How fast the drive stretches the springs of an object at rest [m/s]."""
+    phi = math.radians(scene.system.misalignment_deg or 0.0)
+    return steady_velocity(scene) * np.array([math.cos(phi), math.sin(phi)])
+
+
 def _units(here: Recording) -> _Floats:
     """Elongations that the springs need for the swing of a trace [m]."""
     system = here.scene.system
@@ -347,12 +366,34 @@ def _closing(
     gap = (np.array(ends) - state[1:]) / units
     ends = [[np.interp(wave.period, time, each) for each in changes[name].T] for name in ("u_x", "u_y")]
     ending = np.array(ends) / units[:, np.newaxis] - np.eye(2, p + 2, p)
-    phi = math.radians(here.scene.system.misalignment_deg or 0.0)
-    along = steady_velocity(here.scene) * np.array([math.cos(phi), math.sin(phi)]) / units
+    along = _pull(here.scene) / units
     across = np.array([-along[1], along[0]]) / np.hypot(*along)
     unknown = np.column_stack([ending[:, p:] @ across, along])
     follow = -np.linalg.lstsq(unknown, ending[:, :p], rcond=1e-12)[0]
     return gap, ending, follow[1] / here.period_error(0.0), (np.outer(across, follow[0]), along * wave.fall)
+
+
+def _samples(here: Recording, begin: float, end: float, finer: int) -> tuple[_Floats, list[NDArray[np.intp]]]:
+    """Times since a rest at which a model is sampled, and which of them are those of a trace, for each of its phases.
+
+    Long bins need few: enough to show the fast oscillation. A filter needs all.
+    """
+    wave, system = here.waveform, here.scene.system
+    step = wave.interval / finer
+    n = math.ceil((end - begin) / step) + 2 * finer
+    period = 2.0 * math.pi * math.sqrt((system.mass or 0.0) / (system.stiffness_y or 1.0))
+    widths = np.diff(wave.edges)
+    coarser = int(min(period / IN_PERIOD, widths[0] / IN_BIN) / step)
+    if here.chain.filter or coarser < 2:
+        return np.arange(n) * step, [np.arange(k, n, finer) for k in range(finer)]
+    # Bins are narrow around the slip.
+    fine = wave.edges[np.flatnonzero(widths < NARROW * widths.min())[[0, -1]] + [0, 1]] - begin
+    low, high = np.clip((fine / step + [-2.0 * finer, 2.0 * finer]).astype(int), 0, n)
+    parts = (np.arange(0, low, coarser), np.arange(low, high), np.arange(high, n + coarser, coarser))
+    time = np.concatenate(parts) * step
+    first, last = len(parts[0]), len(parts[0]) + len(parts[1])
+    coarse = np.append(np.arange(first), np.arange(last, time.size))
+    return time, [np.sort(np.append(coarse, np.arange(first + k, last, finer))) for k in range(finer)]
 
 
 def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, level: Level) -> _Shot:
@@ -361,7 +402,7 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     problem.runs.append(k)
     here = problem.at_values(problem.recordings[k], z[:p])
     wave, chain = here.waveform, here.chain
-    finer = FINER if wave.repeats else 1
+    finer = finer_of(wave) if wave.repeats else 1
     step, begin = wave.interval / finer, float(state[0])
     end = max(wave.edges[-1], begin + wave.period) if wave.repeats else wave.edges[-1]
     # A filter does not know what was before the rest.
@@ -369,13 +410,13 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     missing = float(np.count_nonzero(wave.used[:first]))
     if missing > MISSING * np.count_nonzero(wave.used):
         raise NoCycleError("the rest is late in the cycle")
-    time = np.arange(math.ceil((end - begin) / step) + 2 * finer) * step
+    time, phases = _samples(here, begin, end, finer)
     columns, changes = _run_from(problem, z, here, state, time)
     velocity = steady_velocity(here.scene)
     sense = math.copysign(1.0, velocity)
 
     def means(values: _Floats, edges: _Floats) -> _Floats:
-        return sampled_means(time, values, edges[first:] - begin, finer)
+        return sampled_means(time, values, edges[first:] - begin, phases)
 
     pull, at = sense * columns["pull_force"], replace(chain, tare=0.0)
     model = means(chain.response(step, pull), wave.edges)
