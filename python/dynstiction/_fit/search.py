@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +33,9 @@ USUAL = 0.05
 CORRECTIONS, CORRECTED = 6, 0.1
 """Largest number of times that the difference between the scene's model and the slow one is computed for a fit, and the change of all
 coordinates, in standard errors, below which this ends."""
-MOST_CORRECTIONS, REACH, FEWEST_STARTS = 12, 0.2, 6
-"""The same number for starts, the standard deviation of the relative change of a value in one such step, and the number of starts below
-which random ones are added."""
+MOST_CORRECTIONS, REACH, FEWEST_STARTS, NEARLY = 16, 0.15, 6, 0.3
+"""The same number for starts, the standard deviation of the relative change of a value in one such step, the number of starts below
+which random ones are added, and the mean square of coarse residuals below which no other start is sought."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
 SMOOTH = 30.0
@@ -50,14 +51,16 @@ CLEARLY = 3.0
 RANDOM_STARTS = 6
 MOST_RUNS = 700
 """Runs of the scene's model after which no further random start is completed."""
-TRIED, COMPLETED = 40, 8
-"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
+TRIED, COMPLETED, FINISHED = 120, 40, 8
+"""Random starts of the scene's own model that are tried, the largest number that is completed coarsely, and finely."""
 SECANT = 0.03
 """Change of a coordinate for a derivative of noisy residuals."""
 HOPS, FARTHEST = 8, 0.5
 """Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
-AGAIN = 4
-"""Largest number of times that the best fit begins again."""
+MOST_SHOTS = 10000
+"""Shots after which no further fit is begun from near the best one."""
+AGAIN, GAIN = 4, 0.99
+"""Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
 OFTEN = 0.3
 """Probability of a misfit by chance above which no other minimum of a rugged cost is sought."""
 SPREAD_OF_COST = 3.0
@@ -333,41 +336,65 @@ class Search:
             yield new
             z = new.z
 
-    def _approach(self) -> list[_Floats]:
-        """Starts on the way that the slow model leads to the mean cycle, the nearest to the cycles first."""
-        few, means, starts = self.problem.of_few_cycles(), self.problem.of_means(), [self.given]
+    def _approach(self, few: Problem) -> list[_Floats]:
+        """Starts, the nearest to the cycles first: the given values, and those to which the slow model leads by the mean of the cycles."""
+        means = self.problem.of_means()
+        near = NEARLY * sum(
+            len(each.waveform.rows) * np.count_nonzero(each.waveform.used) for each in few.recordings
+        )
+        starts, costs = [self.given], [cost_at(few, self.given, COARSELY[0])]
         if self.proposal is not None:
-            starts.append(self.proposal)
             steps = self._corrected(means, means.of_slow_model(), self.proposal, COARSE[-1], REACH)
-            starts += [each.z for each in steps]
-        if len(starts) < FEWEST_STARTS:
-            starts += self._own_starts()
-        return [starts[i] for i in np.argsort([cost_at(few, z, COARSELY[0]) for z in starts], kind="stable")]
+            for z in chain([self.proposal], (each.z for each in steps)):
+                starts.append(z)
+                costs.append(cost_at(few, z, COARSELY[0]))
+                if costs[-1] < near:
+                    break
+        if not few.repeats and len(starts) < FEWEST_STARTS and min(costs) > near:
+            more = self._own_starts()
+            starts, costs = starts + more, costs + [cost_at(few, z, COARSELY[0]) for z in more]
+        return [starts[i] for i in np.argsort(costs, kind="stable")]
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
-        few, starts = self.problem.of_few_cycles(), self._approach()
-        for start in starts[: self.starts + 2]:
-            self._add_shot(few, start, (*COARSELY, *FINELY))
-            if self.found and not few.repeats and self._explains(few):
-                break
+        few = self.problem.of_few_cycles()
+        starts = self._approach(few)[: self.starts + 2]
+        if few.repeats:
+            # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
+            rough = []
+            for start in starts + self._own_starts():
+                with suppress(NoCycleError):
+                    rough.append(shot(few, start, COARSELY))
+            for each in sorted(rough, key=lambda each: each.cost)[:FINISHED]:
+                self._add_shot(few, each.z, FINELY)
+        else:
+            for start in starts:
+                self._add_shot(few, start, FINELY)
+                self._again(few)
+                if self._explains(few):
+                    break
         self._hop(few, HOPS, 0.4)
-        # Again, from other rests.
-        for _ in range(AGAIN if self.found else 0):
-            before = self.best.cost
-            self._add_shot(few, self.best.z, FINELY[1:])
-            if self.best.cost > before - 1.0:
-                break
+        self._again(few)
         if self.found and few is not self.problem:
-            best, self.found = self.best, []
-            self._add_shot(self.problem, best.z, FINELY[1:])
+            found, self.found = self.found, []
+            self._add_shot(self.problem, min(found, key=lambda each: each.cost).z, FINELY[1:])
             # What explains few cycles need not explain all.
             self._hop(self.problem, AGAIN, 0.8)
+            if not self.found:
+                self.problem, self.found = few, found
+
+    def _again(self, problem: Problem) -> None:
+        """The best fit once more, from other rests, until that does not matter."""
+        for _ in range(AGAIN if self.found else 0):
+            before = self.best.cost
+            self._add_shot(problem, self.best.z, FINELY[1:])
+            if self.best.cost > GAIN * before:
+                break
 
     def _hop(self, problem: Problem, most: int, done: float) -> None:
         """Fits from near the best one, along what the traces determine least, until one explains them."""
         for i in range(most if self.found else 0):
-            if self._explains(problem):
+            if self._explains(problem) or len(problem.runs) > MOST_SHOTS:
                 break
             self.show(done + (0.95 - done) * i / most)
             root = problem.root(self.best.jacobian)
@@ -411,7 +438,8 @@ class Search:
                 z = one.z.copy()
                 # Without the residual of the angle that is held.
                 rows = len(first.jacobian)
-                one = replace(one, jacobian=one.jacobian[:rows], left=None)
+                left = None if one.left is None else one.left[:rows]
+                one = replace(one, jacobian=one.jacobian[:rows], left=left)
                 self.found.append(one)
                 least = min(least, one, key=lambda each: each.cost)
                 above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1

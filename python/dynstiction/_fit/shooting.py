@@ -38,7 +38,7 @@ class Level(NamedTuple):
 
 COARSELY = (Level(8.0, 0.01),)
 FINELY = (Level(8.0, 0.001), Level(0.0, 0.001), Level(0.0, 0.0))
-MOST_STEPS, LONGEST = 12, 0.3
+MOST_STEPS, LONGEST = 20, 0.3
 """Largest number of steps of a fit, and of the change of a coordinate in one."""
 FIRST, LEAST, MORE, MOST = 1e-4, 1e-8, 30.0, 1.0
 """Levenberg and Marquardt's damping: at first, least, its factor after a step that failed, and that at which a fit ends."""
