@@ -40,27 +40,31 @@ module dst_full_cycles
   !> 2e-14, relative to it, and its multiplier by 2e-7.
   real(wp), parameter :: rtol = 1.0e-11_wp, searching = 1.0e-8_wp
   !> Two releases are the same if their angles differ by no more than this [rad], if the slope of the map between is not known.
-  !> Convention.
+  !> Convention; twice: no change.
   real(wp), parameter :: same = 1.0e-10_wp
-  !> A motion is followed for so many slow cycles. Convention.
+  !> A motion is followed for so many slow cycles. Convention; twice: no change.
   integer, parameter :: followed = 400
-  !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention.
+  !> How long it may take: in lengths F_0/k_x of drive displacement, and as many periods of the free oscillation. Convention; twice:
+  !> no change.
   real(wp), parameter :: lengths = 200.0_wp
   !> Releases with which other orbits begin: in all directions, and around those of the motion of the scene if differences always
-  !> shrink there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions.
+  !> shrink there, if they do in the end, and if they do not; and slow cycles for which such an orbit is followed. Conventions;
+  !> twice each: no change.
   integer, parameter :: few = 8, some = 32, many = 128, explored = 60
-  !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention.
+  !> Orbits resolve cycles of n slow cycles if there is one between no more than this share of their releases. Convention; twice: no
+  !> change.
   real(wp), parameter :: resolved = 0.25_wp
   integer, parameter :: max_iterations = 40
-  !> Two cycles are the same if their releases differ by no more than this [rad]. Convention.
+  !> Two cycles are the same if their releases differ by no more than this [rad]. Convention; twice: the same cycles.
   real(wp), parameter :: alike = 1.0e-6_wp
   !> At a fixed point the map returns to it, and Newton's step to one leads no further, than so much [rad]. A jump of the map from
   !> one side of the diagonal to the other is none.
   real(wp), parameter :: missed = 1.0e-7_wp
   real(wp), parameter :: fine = 1.0e-13_wp
-  !> Slow cycles that are enough for the mean and the scatter of cycles: so many are kept. Convention.
+  !> Slow cycles that are enough for the mean and the scatter of cycles: so many are kept. Convention; twice: no change.
   real(wp), parameter :: long_enough = 200.0_wp
-  !> The share of what a search may cost after which an orbit is followed no further. Convention.
+  !> The share of what a search may cost after which an orbit is followed no further. Convention; twice: the same, but for one of 15
+  !> scenes in 1.5 times the time.
   real(wp), parameter :: share_of_orbit = 0.4_wp
   !> Nobody knows how many slips a search needs.
   real(wp), parameter :: unknown = -1.0_wp
@@ -199,7 +203,7 @@ contains
     type(release_map_t), intent(inout) :: map
     type(full_cycle_t), intent(inout) :: cycle
     logical, intent(out) :: found
-    !> Newton's steps, of which the last one is no longer than this [rad]. Conventions.
+    !> Newton's steps, of which the last one is no longer than this [rad]. Conventions; twice each: no change.
     integer, parameter :: most_steps = 5
     real(wp), parameter :: short = 1.0e-11_wp
     type(error_t), allocatable :: error
@@ -406,9 +410,9 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    !> To what two cycles agree that are the same one. Convention.
+    !> To what two cycles agree that are the same one. Convention; twice: no change.
     real(wp), parameter :: equal = 1.0e-6_wp
-    !> A motion that comes slowly to its cycle is followed for so many times as long. Convention.
+    !> A motion that comes slowly to its cycle is followed for so many times as long. Convention; twice: no change.
     real(wp), parameter :: patience = 8.0_wp
     type(scene_t) :: longer
     real(wp) :: value(size(summary_quantities))
@@ -451,7 +455,8 @@ contains
     type(scene_t), intent(in) :: scene
     type(orbit_t), allocatable, intent(inout) :: orbits(:)
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
-    !> A passage that takes longer than so many lengths F_0/k_x of drive displacement, and as many periods, has no end. Convention.
+    !> A passage that takes longer than so many lengths F_0/k_x of drive displacement, and as many periods, has no end. Convention;
+    !> twice: no change.
     real(wp), parameter :: long = 10.0_wp
     type(error_t), allocatable :: error
     type(orbit_t) :: orbit

@@ -35,7 +35,8 @@ module dst_limit_cycles
 
   !> The place to which a motion returns; slope of the map there and ln of its size; the measures of the cycles between.
   integer, parameter :: to = 1, slope_there = 2, log_slope = 3, return_values = 3 + measures
-  !> A passage that takes longer than this share of a long motion leads to no cycle that anybody looks for. Convention.
+  !> A passage that takes longer than this share of a long motion leads to no cycle that anybody looks for. Convention; twice: no
+  !> change.
   real(wp), parameter :: patience = 0.05_wp
   !> Accuracy of the slow motion. Ten times: the cycles of Fig. 3 change by 1e-13, relative to them.
   real(wp), parameter :: slow_rtol = 1.0e-12_wp

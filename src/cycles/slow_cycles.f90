@@ -18,7 +18,7 @@ module dst_slow_cycles
   !> Half of all: the same cycles in 300 random scenes.
   real(wp), parameter :: rough = 0.1_wp, least_step = 0.005_wp
   real(wp), parameter :: smallest = 1.0e-3_wp, invisible = 1.0e-7_wp, first_largest = 2.0_wp, scan_step = 0.3_wp
-  !> Doublings of the largest A in which every motion has to shrink. Convention.
+  !> Doublings of the largest A in which every motion has to shrink. Conventions; twice each: no change.
   integer, parameter :: max_doublings = 40, max_points = 2000
   !> Gain that represents a motion which reaches the equilibrium, and the largest value that root finding uses: beyond it only the
   !> sign matters.
@@ -26,9 +26,10 @@ module dst_slow_cycles
   !> Iterations for a zero, and its width in x: roundoff.
   integer, parameter :: max_iterations = 80
   real(wp), parameter :: close = 8.0_wp*epsilon(1.0_wp)
-  !> Roundoff of the gain, over the distance of the valley; and damping over sqrt(m k_x) that counts as zero. Conventions.
+  !> Roundoff of the gain, over the distance of the valley; and damping over sqrt(m k_x) that counts as zero. Conventions; twice
+  !> each: no change.
   real(wp), parameter :: roundoff = 1.0e-11_wp, least_damping = 1.0e-12_wp
-  !> Slope of the gain below which Newton's step is not used. Convention.
+  !> Slope of the gain below which Newton's step is not used. Convention; twice: no change.
   real(wp), parameter :: least_slope = 1.0e-6_wp
 
   !> The map at one place.

@@ -16,7 +16,8 @@ module dst_branch
 
   !> Halvings of the whole. Convention; one more: the same cycles of 12 random scenes.
   integer, parameter :: most_halvings = 7
-  !> Parts of a table in which passages are observed: its halves, their halves, and so on, 8 times. Convention.
+  !> Parts of a table in which passages are observed: its halves, their halves, and so on, 8 times. Convention; twice: measures
+  !> change by 6e-12.
   integer, parameter :: most_parts = 2**9 - 1
 
   !> An interval of the variable.

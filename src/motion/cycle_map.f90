@@ -36,9 +36,10 @@ module dst_cycle_map
   !> Slow cycles whose releases differ by no more than this [rad] stretch differences by the same factor. Convention; a thousand
   !> times: -0.24 for -0.172 with V = 0.2 mm/s, whose slopes change much near the end of sticks.
   real(wp), parameter :: alike = 1.0e-10_wp
-  !> Differences of this size are roundoff [rad]. Convention.
+  !> Differences of this size are roundoff [rad]. Convention; twice: no change.
   real(wp), parameter :: roundoff = 100.0_wp*epsilon(1.0_wp)
-  !> Of repetitions with so many events each is listed; and so many of their passages are described once and for all. Conventions.
+  !> Of repetitions with so many events each is listed; and so many of their passages are described once and for all. Conventions;
+  !> twice each: no change.
   integer, parameter :: most_listed = 100000, most_described = 1000
 
   !> Where the motion stands among its passages and slow cycles.

@@ -15,10 +15,12 @@ module dst_divergence
 
   !> Kinds of motion: it repeats, or small differences shrink; it is not known; they grow; it slides steadily; its cycles die out.
   integer, parameter :: regular = 1, undecided = 0, irregular = -1, steady_sliding = 2, ringing_down = 3
-  !> Smallest number of slow cycles, and number of standard errors by which the exponent has to differ from 0. Conventions.
+  !> Smallest number of slow cycles, and number of standard errors by which the exponent has to differ from 0. Conventions; twice
+  !> each: no change.
   integer, parameter :: least_count = 8
   real(wp), parameter :: certain = 3.0_wp
-  !> Number of slow cycles that are kept, and of batches for the standard error. Conventions.
+  !> Number of slow cycles that are kept, and of batches for the standard error. Conventions; twice the first: no change; the
+  !> second: the error by as much as it is uncertain.
   integer, parameter :: kept = 1024, most_batches = 8
   !> Smallest standard error of a few values that are alike: for a motion that repeats itself they are all the same.
   real(wp), parameter :: least_error = 0.01_wp

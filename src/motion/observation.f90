@@ -16,21 +16,21 @@ module dst_observation
 
   public :: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, pull, first_turn
 
-  !> The numbers: the time at rest or in creep [s], the largest |X'| [m/s], the pull force [N], positive if
-  !> the drive pulls, at its peak and at the valley that follows, with their times [s], and load [N], time [s] and X [m] at the points at which the load turns back. A passage with more of them is none
-  !> of several that are alike. Convention.
+  !> The numbers: the time at rest or in creep [s], the largest |X'| [m/s], the pull force [N], positive if the drive pulls, at its
+  !> peak and at the valley that follows, with their times [s], and load [N], time [s] and X [m] at the points at which the load
+  !> turns back. A passage with more of them is none of several that are alike. Convention; twice the turns: no change.
   integer, parameter :: creep_time = 1, largest_rate = 2, pull = 3, first_turn = 7, most_turns = 5
   integer, parameter :: observed = first_turn - 1 + 3*most_turns
   !> Permitted error of an interpolated number, relative to the largest one: this share of rtol, but no less than the second; and
   !> that of X relative to the elongation of the spring, from which it is found. Conventions; a tenth: no change of Fig. 3.
   real(wp), parameter :: share = 0.1_wp, smooth = 1.0e-8_wp, smooth_rate = 1.0e-7_wp, roundoff = 10.0_wp*epsilon(1.0_wp)
-  !> Permitted relative error of the times of the pull force, of which only a frequency is made. Convention.
+  !> Permitted relative error of the times of the pull force, of which only a frequency is made. Convention; twice: no change.
   real(wp), parameter :: rough = 1.0e-3_wp
   !> Most values of it that are compared.
   integer, parameter :: most_pulls = 512
-  !> A pull force turns back otherwise if it does so by more than this share of its size. Convention.
+  !> A pull force turns back otherwise if it does so by more than this share of its size. Convention; twice: no change.
   real(wp), parameter :: flat = 1.0e-7_wp
-  !> Error of a pull force that is not smooth, over the largest one that was seen. Convention.
+  !> Error of a pull force that is not smooth, over the largest one that was seen. Convention; twice: no change.
   real(wp), parameter :: doubtful = 10.0_wp
 
   !> A passage as it is seen from outside. Times and X count from its beginning.

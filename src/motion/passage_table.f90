@@ -23,9 +23,10 @@ module dst_passage_table
   !> The motion inside slip: change of u since the release [m], v [m/s], change of theta [rad].
   integer, parameter :: slip_columns = 4
   !> Panels into which a long piece in closed form is divided; and the number of pieces for which a panel is one of them: of more,
-  !> as explicit methods need, several are one panel. Conventions.
+  !> as explicit methods need, several are one panel. Conventions; twice: no change, and 4e-12 of a measure.
   integer, parameter :: closed_form_panels = 3, few_pieces = 128
-  !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention.
+  !> Permitted error of the motion inside the slip, of which samples are taken, over that of the measures. Convention; twice: no
+  !> change.
   real(wp), parameter :: allowed_inside = 300.0_wp
 
   !> Passages at Chebyshev points.

@@ -19,11 +19,11 @@ module dst_recurrence
 
   !> The load turns back where it leaves an extremum by more than this share of F_0, as for the cycles of a summary. Convention.
   real(wp), parameter :: threshold = 0.01_wp
-  !> A period that is wrong by a larger share is not corrected, but that of the last two peaks. Convention.
+  !> A period that is wrong by a larger share is not corrected, but that of the last two peaks. Convention; twice: no change.
   real(wp), parameter :: correctable = 0.1_wp
   !> If differences shrink so slowly that more periods are missing, half of them are left out. Convention.
   real(wp), parameter :: few = 4.0_wp
-  !> Differences that do not shrink are taken for such that shrink by this factor. Convention.
+  !> Differences that do not shrink are taken for such that shrink by this factor. Convention; half as far from 1: no change.
   real(wp), parameter :: slowest = 0.99_wp
 
   !> What is known of the motion since its last rest. Plain data.

@@ -11,7 +11,8 @@ module dst_remembered
 
   public :: remembered_t
 
-  !> So many passages are kept, no nearer to each other than this [rad], and so many are used at once. Conventions.
+  !> So many passages are kept, no nearer to each other than this [rad], and so many are used at once. Conventions; twice each: no
+  !> change.
   integer, parameter :: most = 256, most_used = 6
   real(wp), parameter :: apart = 1.0e-5_wp
 

@@ -16,7 +16,8 @@ module dst_slow_cycle
   !> A motion repeats after so many slow cycles at most. Convention.
   integer, parameter :: most_repeats = 8
 
-  !> Largest numbers of passages, and of pieces of those that were recorded. Conventions: a longer slow cycle is not reused.
+  !> Largest numbers of passages, and of pieces of those that were recorded. Conventions, twice each: no change; a longer slow cycle
+  !> is not reused.
   integer, parameter :: most_passages = 100000, most_pieces = 16000
 
   !> The number of passages, of recordings and of pieces in them, and the sum of all.

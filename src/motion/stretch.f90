@@ -20,7 +20,7 @@ module dst_stretch
   !> A place that does not exist.
   real(wp), parameter :: nowhere = 2.0_wp
   !> Permitted error of an interpolation, relative to the terms of the quantity, and the length of a part that is not halved any
-  !> more. Conventions: far below the digits of a summary; most stretches are one part.
+  !> more. Conventions; twice: an angle by 2e-7, and no change; far below the digits of a summary; most stretches are one part.
   real(wp), parameter :: accurate = 1.0e-9_wp, shortest = 1.0_wp/128.0_wp
   !> The quantities that are interpolated: X' [m/s], |k_x u_x| - F(v) [N], and the rate of the elongation [m/s].
   integer, parameter :: rate = 1, excess = 2, stretching = 3

@@ -50,7 +50,8 @@ module dst_creep_end
   !> Number of panels, for the search and for the integral. D of random sliders agrees with a fine midpoint rule to 2e-6. Twice: the
   !> same, so that it changes by less than 4e-6.
   integer, parameter :: panels = 64
-  !> Ratios beyond this power of two and its inverse are not multiplied. Convention: far from overflow, far from any rig.
+  !> Ratios beyond this power of two and its inverse are not multiplied. Convention, twice: no change; far from overflow, far from
+  !> any rig.
   integer, parameter :: most_power = maxexponent(1.0_wp)/8
   integer, parameter :: most_iterations = 100
   real(wp), parameter :: roundoff = 4.0_wp*epsilon(1.0_wp)

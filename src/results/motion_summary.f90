@@ -43,9 +43,9 @@ module dst_motion_summary
     quantity_t('map_error', '1', 'largest relative error of the cycle map, in passages that were left out'), &
     quantity_t('wall_time', 's', 'wall time of the run')]
 
-  !> A pull force that swings by less than this share of F_0 slides, and has no frequency. Convention.
+  !> A pull force that swings by less than this share of F_0 slides, and has no frequency. Convention; twice: no change.
   real(wp), parameter :: visible = 1.0e-6_wp
-  !> Of cycles that repeat so many are told: the others are alike. Convention.
+  !> Of cycles that repeat so many are told: the others are alike. Convention; twice: no change.
   integer(int64), parameter :: most_told = 1000
 
   !> What is known of a motion that does not rest: how small differences grow in its cycles. Plain data.

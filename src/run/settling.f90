@@ -25,11 +25,11 @@ module dst_settling
   real(wp), parameter :: lengths(6) = [10.0_wp, 30.0_wp, 100.0_wp, 300.0_wp, 1000.0_wp, 3000.0_wp]
   integer, parameter :: long_enough = 3
   real(wp), parameter :: lasting = 1.0e-3_wp, dying = 0.2_wp, clearly = 2.0_wp
-  !> Accuracy of the motion, and of the agreement of its cycles. Conventions.
+  !> Accuracy of the motion, and of the agreement of its cycles. Conventions; twice each: no change.
   real(wp), parameter :: rtol = 1.0e-6_wp, agreement = 1.0e-6_wp
-  !> Steps of a run, some seconds. Convention.
+  !> Steps of a run, some seconds. Convention; twice: no change.
   integer(int64), parameter :: max_steps = 200000_int64
-  !> Swing of the load over F_0 above which a motion is stick-slip. Convention.
+  !> Swing of the load over F_0 above which a motion is stick-slip. Convention; twice: no change.
   real(wp), parameter :: least_swing = 0.05_wp
 
   !> A motion, as far as it is.
