@@ -51,8 +51,10 @@ CLEARLY = 3.0
 RANDOM_STARTS = 6
 MOST_RUNS = 700
 """Runs of the scene's model after which no further random start is completed."""
-TRIED, COMPLETED, FINISHED = 120, 40, 8
-"""Random starts of the scene's own model that are tried, the largest number that is completed coarsely, and finely."""
+TRIED, COMPLETED = 40, 8
+"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
+SHOTS = 40
+"""The number that is shot at first, of three times as many."""
 SECANT = 0.03
 """Change of a coordinate for a derivative of noisy residuals."""
 HOPS, FARTHEST = 8, 0.5
@@ -289,19 +291,19 @@ class Search:
             near.append(start)
         return slow.cheapest(near, COARSE[0])[: self.starts]
 
-    def _own_starts(self) -> list[_Floats]:
+    def _own_starts(self, tried: int = TRIED, best: int = COMPLETED) -> list[_Floats]:
         """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
         p = len(self.problem.names)
         near = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
         others = [self.problem.place(each) for each in glances(self.problem.recordings[0])]
         starts = [self.given]
-        for i in range(TRIED):
+        for i in range(tried):
             middle = (self.given, self.proposal, others[int(self.random.integers(len(others)))])[i % 3]
             middle = self.given if middle is None else middle
             start = middle.copy()
             start[:p] += (SPREAD if middle is self.given else near) * self.random.uniform(-1.0, 1.0, p)
             starts.append(start)
-        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:COMPLETED]
+        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:best]
 
     def _guided(self, slow: Problem, z: _Floats) -> list[Solution]:
         """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
@@ -362,10 +364,10 @@ class Search:
         if few.repeats:
             # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
             rough = []
-            for start in starts + self._own_starts():
+            for start in starts + self._own_starts(3 * SHOTS, SHOTS):
                 with suppress(NoCycleError):
                     rough.append(shot(few, start, COARSELY))
-            for each in sorted(rough, key=lambda each: each.cost)[:FINISHED]:
+            for each in sorted(rough, key=lambda each: each.cost)[:COMPLETED]:
                 self._add_shot(few, each.z, FINELY)
         else:
             for start in starts:
