@@ -273,33 +273,46 @@ contains
     class(derivatives_t), intent(in) :: self
     type(state_t), intent(in) :: state
     real(wp) :: slopes(size(self%selected), n_changes)
-    real(wp) :: by(n_changes)
+    real(wp) :: by_u(max_components), by_y(size(state%y))
     type(state_t) :: more, less
     integer :: i
 
     associate (steps => self%steps, slider => self%steps%slider)
-      by(:max_components) = max(abs(state%u), slider%law%static_limit/slider%stiffness)
-      by(max_components + 1:) = max(merge(abs(state%y(1)), maxval(abs(state%y)), steps%system%is_polar), &
-        slow*minval(by(:max_components)*sqrt(slider%stiffness/slider%mass)))
-      if (steps%system%is_polar) by(max_components + 2) = 1.0_wp
-      by = max(small*by, tiny(1.0_wp))
+      by_u = abs(state%u)
+      where (slider%stiffness > 0.0_wp) by_u = max(by_u, slider%law%static_limit/slider%stiffness)
+      by_y = max(merge(abs(state%y(1)), maxval(abs(state%y)), steps%system%is_polar), &
+        slow*minval(by_u*sqrt(slider%stiffness/slider%mass), mask=slider%stiffness > 0.0_wp))
+      if (steps%system%is_polar) by_y(2) = 1.0_wp
+      by_u = max(small*by_u, tiny(1.0_wp))
+      by_y = max(small*by_y, tiny(1.0_wp))
       slopes = 0.0_wp
-      do i = 1, max_components + merge(steps%system%unknowns, 0, steps%piece%contact == slips)
+      do i = 1, max_components
         ! The model has no spring along this axis.
-        if (by(i) > huge(1.0_wp)) cycle
+        if (.not. slider%stiffness(i) > 0.0_wp) cycle
         more = state
         less = state
-        if (i <= max_components) then
-          more%u(i) = state%u(i) + by(i)
-          less%u(i) = state%u(i) - by(i)
-        else
-          more%y(i - max_components) = state%y(i - max_components) + by(i)
-          less%y(i - max_components) = state%y(i - max_components) - by(i)
-        end if
-        slopes(:, i) = difference(self%whole, row_by(steps, self%selected, more, steps%piece%contact), &
-          row_by(steps, self%selected, less, steps%piece%contact), 2.0_wp*by(i))
+        more%u(i) = state%u(i) + by_u(i)
+        less%u(i) = state%u(i) - by_u(i)
+        slopes(:, i) = between(by_u(i))
+      end do
+      do i = 1, merge(steps%system%unknowns, 0, steps%piece%contact == slips)
+        more = state
+        less = state
+        more%y(i) = state%y(i) + by_y(i)
+        less%y(i) = state%y(i) - by_y(i)
+        slopes(:, max_components + i) = between(by_y(i))
       end do
     end associate
+
+  contains
+
+    function between(by)
+      real(wp), intent(in) :: by
+      real(wp) :: between(size(self%selected))
+
+      between = difference(self%whole, row_by(self%steps, self%selected, more, self%steps%piece%contact), &
+        row_by(self%steps, self%selected, less, self%steps%piece%contact), 2.0_wp*by)
+    end function between
   end function slopes_at
 
   !> Columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.

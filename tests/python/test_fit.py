@@ -154,7 +154,7 @@ def test_random_starts_follow_the_seed(trace: ds.Trace, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(Problem, "improved", nothing)
     monkeypatch.setattr(search, "shot", nothing)
-    monkeypatch.setattr(search, "TRIED", 2)
+    monkeypatch.setattr(search, "SHOTS", 1)
     for seed in (3, 3, 4):
         tried.append(b"")
         with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
@@ -169,7 +169,7 @@ def test_values_of_the_slow_model_explain_nothing(monkeypatch: pytest.MonkeyPatc
         raise NoCycleError("steady sliding")
 
     monkeypatch.setattr(problem_module, "full_cycles", none)
-    monkeypatch.setattr(search, "TRIED", 2)
+    monkeypatch.setattr(search, "SHOTS", 1)
     with pytest.warns(ds.FitWarning, match="no stick-slip near these values"):
         found = ds.fit(RIG, trace_of(SLOW), ("system.misalignment_deg", "friction.mu_0"))
     assert found.model == "low_frequency" and found.scene.scene.model in (None, "full")
