@@ -22,6 +22,7 @@ __all__ = [
     "fastest_slip",
     "finer_of",
     "full_cycles",
+    "has_memory",
     "sampled_means",
     "slow_cycles",
     "slow_scene",
@@ -43,7 +44,8 @@ TOLERANCE = 1e-7
 SLOW_METHOD = "radau5"
 """Method whose steps are short enough for cubic polynomials between their ends."""
 FINER = 4
-"""Samples of the full model in the narrowest bin, if its motion repeats: where the samples of a trace are does not matter then."""
+"""Samples of the full model in the narrowest bin, if its motion repeats: where the samples of a trace are does not matter then. With a
+chain that has a memory, samples for each sample of the trace."""
 CYCLES = 2.3
 """Number of cycles of the full model that are run if its motion repeats."""
 BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 40.0
@@ -177,7 +179,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         if repeats:
             begin = float(result.time[-1])
             end = begin + CYCLES * float(summary["period"])
-    finer = finer_of(wave) if repeats else 1
+    finer = finer_of(wave, chain) if repeats else 1
     fine = run(
         scene,
         times=np.arange(begin, end, wave.interval / finer),
@@ -245,8 +247,15 @@ def _rests(time: _Floats, sticking: NDArray[np.bool_], times: _Floats, soon: flo
     return np.array(found, dtype=np.intp)
 
 
-def finer_of(wave: Waveform) -> int:
+def has_memory(chain: Chain) -> bool:
+    """Whether a chain shows what was before: it then needs all samples."""
+    return chain.filter is not None or chain.resonance is not None
+
+
+def finer_of(wave: Waveform, chain: Chain) -> int:
     """Samples of a model for each sample of a trace."""
+    if has_memory(chain):
+        return FINER
     return max(1, math.ceil(FINER * wave.interval / float(np.diff(wave.edges).min())))
 
 

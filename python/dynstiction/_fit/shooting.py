@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import Error
 from ..scene import Scene
 from ..tangents import derivatives
-from .models import NoCycleError, finer_of, sampled_means, steady_velocity
+from .models import NoCycleError, finer_of, has_memory, sampled_means, steady_velocity
 from .problem import CHAIN, Problem, Recording, apart_in_time
 from .solve import Solution, spread
 from .waveform import EXACT, centred
@@ -376,7 +376,7 @@ def _closing(
 def _samples(here: Recording, begin: float, end: float, finer: int) -> tuple[_Floats, list[NDArray[np.intp]]]:
     """Times since a rest at which a model is sampled, and which of them are those of a trace, for each of its phases.
 
-    Long bins need few: enough to show the fast oscillation. A filter needs all.
+    Long bins need few: enough to show the fast oscillation.
     """
     wave, system = here.waveform, here.scene.system
     step = wave.interval / finer
@@ -384,7 +384,7 @@ def _samples(here: Recording, begin: float, end: float, finer: int) -> tuple[_Fl
     period = 2.0 * math.pi * math.sqrt((system.mass or 0.0) / (system.stiffness_y or 1.0))
     widths = np.diff(wave.edges)
     coarser = int(min(period / IN_PERIOD, widths[0] / IN_BIN) / step)
-    if here.chain.filter or coarser < 2:
+    if has_memory(here.chain) or coarser < 2:
         return np.arange(n) * step, [np.arange(k, n, finer) for k in range(finer)]
     # Bins are narrow around the slip.
     fine = wave.edges[np.flatnonzero(widths < NARROW * widths.min())[[0, -1]] + [0, 1]] - begin
@@ -402,7 +402,7 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     problem.runs.append(k)
     here = problem.at_values(problem.recordings[k], z[:p])
     wave, chain = here.waveform, here.chain
-    finer = finer_of(wave) if wave.repeats else 1
+    finer = finer_of(wave, chain) if wave.repeats else 1
     step, begin = wave.interval / finer, float(state[0])
     end = max(wave.edges[-1], begin + wave.period) if wave.repeats else wave.edges[-1]
     # A filter does not know what was before the rest.
