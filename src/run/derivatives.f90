@@ -85,8 +85,6 @@ contains
         one%u = (variation%more%piece%to%u - variation%less%piece%to%u)/variation%apart
         one%y = (variation%more%piece%to%y - variation%less%piece%to%y)/variation%apart
         one%is_polar = self%steps%system%is_polar
-        ! What has begun is the same rig.
-        if (index(self%key(k), 'initial.') == 1) deallocate (variation%more, variation%less)
       end associate
     end do
     if (self%steps%piece%event /= no_event) call add_event(self, self%tangents%clock, error)
@@ -178,7 +176,6 @@ contains
 
     self%segment = self%steps%segment
     do k = 1, size(self%key)
-      if (.not. self%directions%variation(k)%is_there()) cycle
       associate (more => self%directions%variation(k)%more, less => self%directions%variation(k)%less)
         more%piece%drive = more%drive%segment(self%segment)
         less%piece%drive = less%drive%segment(self%segment)
@@ -254,12 +251,9 @@ contains
             end associate
           else
             direction = 0.0_wp
-            direction(:max_components) = one%inside(0, :max_components)
-            if (variation%is_there()) direction(:max_components) = direction(:max_components) &
-              + variation%drift(piece%from%time, elapsed, one%clock)
+            direction(:max_components) = one%inside(0, :max_components) + variation%drift(piece%from%time, elapsed, one%clock)
           end if
-          change(:, k) = matmul(by_state, direction - one%clock*rate)
-          if (variation%is_there()) change(:, k) = change(:, k) + difference(self%whole, &
+          change(:, k) = matmul(by_state, direction - one%clock*rate) + difference(self%whole, &
             row_by(variation%more, self%selected, state, piece%contact), &
             row_by(variation%less, self%selected, state, piece%contact), variation%apart)
         end associate
