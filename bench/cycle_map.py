@@ -52,7 +52,7 @@ def pair(scene: ds.Scene, rtol: float, runs: int) -> tuple[list[ds.Result], list
                 continue
             begun = time.process_time()
             results[cycle_map] = ds.run(
-                scene, integrator={"rtol": rtol, "cycle_map": cycle_map, "max_steps": 3_000_000}
+                scene, integrator={"rtol": rtol, "cycle_map": cycle_map, "max_steps": 30_000_000}
             )
             seconds[cycle_map] = min(seconds[cycle_map], time.process_time() - begun)
     return [results[each] for each in MAPS], [seconds[each] for each in MAPS]
@@ -118,7 +118,7 @@ def compare(
     apart = difference(auto, off)
     own = (
         difference(
-            ds.run(scene, integrator={"rtol": RTOL / 3.0, "cycle_map": "off", "max_steps": 3_000_000}), off
+            ds.run(scene, integrator={"rtol": RTOL / 3.0, "cycle_map": "off", "max_steps": 30_000_000}), off
         )
         if apart > SAME
         else 0.0
