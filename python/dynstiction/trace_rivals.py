@@ -300,7 +300,7 @@ def creep_test(
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
         show(0.3)
-        explained = any(one.problem.misfit(one.solution.z)[1] >= USUAL for one in resting)
+        explained = any(one.problem.misfit(one.solution.z)[1] >= MISFIT for one in resting)
         fits = _by_creep(creep, rng, explained)
         if fits:
             # The errors of cycles that are not alike are known from their fit.

@@ -93,15 +93,3 @@ def test_what_a_fit_lacks_is_found(deck: ds.Scene, rig: ds.Scene, lacks: str, va
     best = ds.explanations(found)[0]
     assert lacks in best.values and best.chance > 1e-3, best
     assert best.values[lacks] == pytest.approx(value, rel=0.05)
-
-
-@pytest.mark.full
-def test_a_fit_without_a_static_limit_lacks_one() -> None:
-    """In creep a limit that ages is as good; both leave some misfit, since a stick more or less makes the cost rugged."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ds.FitWarning)
-        deck = DECK.replace(system={"mass": 0.4})
-        found = ds.fit(deck, trace_of(RIG.replace(friction={"mu_static": 0.27})), ("system.misalignment_deg", "friction.mu_0"))
-    assert not found.explains
-    best = ds.explanations(found)[:2]
-    assert {each.name for each in best} == {"a static limit", "a limit that ages"}, best

@@ -33,7 +33,7 @@ __all__ = [
 _Floats = NDArray[np.float64]
 
 WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
-STATIC = "friction.mu_static"
+STATIC, KINETIC = "friction.mu_static", "friction.mu_0"
 CHAIN = {"chain.tare": "N", "chain.filter": "Hz", "chain.gain": "1"}
 """What can be free of a measuring chain, and its units."""
 LEAST_DROP = 1e-3
@@ -338,6 +338,11 @@ class Problem:
         linear = np.isfinite(self.scales)
         sizes = np.exp(np.where(linear, 0.0, z))
         values = np.where(linear, z * self.scales, np.copysign(sizes, self.begin))
+        if STATIC in self.names:
+            # At its end a static limit is the kinetic one; beyond, what is as far above it: the cost has no plateau.
+            i, begin = self.names.index(STATIC), self.recordings[0].scene.friction.mu_0
+            least = values[self.names.index(KINETIC)] if KINETIC in self.names else float(begin or 0.0)
+            values[i] = least + abs(values[i] - least)
         ends = np.array([self.bounds.get(name, (-math.inf, math.inf)) for name in self.names])
         return np.asarray(np.clip(values, *ends.T))
 
@@ -363,10 +368,6 @@ class Problem:
         """A trace with the values at these coordinates in its scene and chain."""
         values = {name: value for name, value in self.named(q).items() if name in self.heard}
         values |= {tied: by * values[name] for tied, (name, by) in self.ties.items() if name in values}
-        if STATIC in values:
-            # At its end a static limit is the kinetic one.
-            least = values.get("friction.mu_0", recording.scene.friction.mu_0)
-            values[STATIC] = max(values[STATIC], float(least or 0.0))
         return recording.changed(values)
 
     def cycles(self, z: _Floats, k: int, patient: bool = True) -> Cycles:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import LeadsNowhereError, Problem, Recording
-from .shooting import COARSELY, FINELY, Level, can_shoot, cost_at, delayed, shot
+from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
 __all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
@@ -63,6 +63,8 @@ MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
+CLOSE = 2.0
+"""Cost, over what noise costs, below which a fit is improved patiently."""
 OFTEN = 0.3
 """Probability of a misfit by chance above which no other minimum of a rugged cost is sought."""
 SPREAD_OF_COST = 3.0
@@ -379,7 +381,8 @@ class Search:
         self._again(few)
         if self.found and few is not self.problem:
             found, self.found = self.found, []
-            self._add_shot(self.problem, min(found, key=lambda each: each.cost).z, FINELY[1:])
+            best = min(found, key=lambda each: each.cost)
+            self._add_shot(self.problem, best.z, self._levels_near(few, best))
             # What explains few cycles need not explain all.
             self._hop(self.problem, AGAIN, 0.8)
             if not self.found:
@@ -389,9 +392,16 @@ class Search:
         """The best fit once more, from other rests, until that does not matter."""
         for _ in range(AGAIN if self.found else 0):
             before = self.best.cost
-            self._add_shot(problem, self.best.z, FINELY[1:])
+            self._add_shot(problem, self.best.z, self._levels_near(problem))
             if self.best.cost > GAIN * before:
                 break
+
+    def _levels_near(self, problem: Problem, best: Solution | None = None) -> tuple[Level, ...]:
+        """Levels that begin at the best fit to a problem's cycles: patience is for one that is near."""
+        noise = sum(
+            np.count_nonzero(one.waveform.used) * len(one.waveform.rows) for one in problem.recordings
+        )
+        return PATIENTLY if (best or self.best).cost < CLOSE * noise else FINELY[1:]
 
     def _hop(self, problem: Problem, most: int, done: float) -> None:
         """Fits from near the best one, along what the traces determine least, until one explains them."""

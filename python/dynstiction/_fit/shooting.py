@@ -22,7 +22,7 @@ from .problem import CHAIN, Problem, Recording, apart_in_time
 from .solve import Solution, spread
 from .waveform import EXACT, centred
 
-__all__ = ["COARSELY", "FINELY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
+__all__ = ["COARSELY", "FINELY", "PATIENTLY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
 
 _Floats = NDArray[np.float64]
 
@@ -34,10 +34,13 @@ class Level(NamedTuple):
     """Standard deviation of their smoothing [bins]: wide enough, it hides single sticks, whose number makes the cost rugged."""
     share: float
     """Of swing and period, added to the errors."""
+    patient: bool = False
+    """Whether the best rest of each cycle is sought until nothing is to be gained."""
 
 
 COARSELY = (Level(8.0, 0.01),)
 FINELY = (Level(8.0, 0.001), Level(0.0, 0.001), Level(0.0, 0.0))
+PATIENTLY = (Level(0.0, 0.001, patient=True), Level(0.0, 0.0, patient=True))
 MOST_STEPS, LONGEST = 20, 0.3
 """Largest number of steps of a fit, and of the change of a coordinate in one."""
 FIRST, LEAST, MORE, MOST = 1e-4, 1e-8, 30.0, 1.0
@@ -49,8 +52,11 @@ PRIOR = 0.01
 CAP, BAD = 4.0, 1.7
 """Costs of one of many cycles that are not alike, over the median: above which it does not count (none of the tried rests is near), and
 other rests are tried."""
-NEWTON, BETTER = 4, 0.9
-"""Newton's steps for the state of a cycle, and the cost over that before up to which another is made."""
+NEWTON, BETTER, GAINED = 4, 0.9, 1.0
+"""Newton's steps for the state of a cycle; the cost over that before up to which another is made; and, if patient, the decrease of the
+cost that it promises above which it is made whatever the last one did."""
+WELL = 2.0
+"""Excess of the cost of a cycle over what noise costs, in its standard deviations, up to which no other rest is tried if patient."""
 STARTS = 6
 """Rests of a run that are tried for a cycle which is explained badly."""
 OPEN = 0.03
@@ -157,19 +163,22 @@ class _Shooting:
             for _ in range(1 + NEWTON):
                 there, those, leading = there or self.shots(z, those, which), those.copy(), []
                 for i, new in zip(which, there, strict=True):
-                    if new is None or not new.cost < BETTER * before[i]:
+                    if new is None:
                         continue
-                    old, before[i] = shots[i], new.cost
+                    old = shots[i]
                     if old is None or new.cost < old.cost:
                         shots[i], states[i] = new, those[i]
                     step = np.linalg.lstsq(new.by_state, new.off, rcond=1e-9)[0]
-                    those[i, 1:] += step * self.units(z, self.targets[i][0])
-                    leading.append(i)
+                    gained = float(np.sum((new.by_state @ step) ** 2))
+                    if gained > GAINED if self.level.patient else new.cost < BETTER * before[i]:
+                        those[i, 1:] += step * self.units(z, self.targets[i][0])
+                        leading.append(i)
+                    before[i] = new.cost
                 which, there = leading, None
 
         take(states.copy(), every, shots.copy())
         for those in tries[1:] or (self.rests(z) if self.badly(shots) else ()):
-            bad = self.badly(shots)
+            bad = self.badly(shots, bool(tries) and self.level.patient)
             if bad:
                 take(those, bad)
         return states, shots
@@ -180,9 +189,13 @@ class _Shooting:
         alike = [recordings[k].waveform.repeats for k, _ in self.targets]
         return np.where(alike, math.inf, CAP * np.median(_costs(shots)))
 
-    def badly(self, shots: Sequence[_Shot | None]) -> list[int]:
-        """Cycles that are explained much worse than most."""
-        return np.flatnonzero(~(_costs(shots) <= BAD / CAP * self.most(shots))).tolist()
+    def badly(self, shots: Sequence[_Shot | None], patient: bool = False) -> list[int]:
+        """Cycles that are explained much worse than most; if patient, also those that noise does not explain."""
+        most = BAD / CAP * self.most(shots)
+        if patient:
+            used = [np.count_nonzero(self.problem.recordings[k].waveform.used) for k, _ in self.targets]
+            most = np.minimum(most, used + WELL * np.sqrt(2.0 * np.array(used)))
+        return np.flatnonzero(~(_costs(shots) <= most)).tolist()
 
     def equations(
         self, z: _Floats, shots: Sequence[_Shot | None], damping: float
@@ -443,6 +456,6 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     period, closed = np.zeros(p), (np.zeros((2, p)), np.zeros(2))
     if wave.repeats:
         gap, ending, period, closed = _closing(here, state, time, columns, changes)
-        weight = 1.0 / (EXACT if level == FINELY[-1] else OPEN)
+        weight = 1.0 / (EXACT if not level.share else OPEN)
         off, by = np.append(off, -gap * weight), np.vstack([by, ending * weight])
     return _Shot(off, by[:, :p], by[:, p:], kept, missing, period, closed)
