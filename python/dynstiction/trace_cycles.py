@@ -62,6 +62,10 @@ STRAIGHT = (0.3, 0.6)
 """Shares of the loading time between which the straight line of the loading is fitted."""
 FINE = 64
 """Least number of samples in a fall, after refinement by linear interpolation."""
+FILTERED, MORE = 4, 1.5
+"""Samples after which noise behind a low pass is another, and how much more of it there is then than from one to the next."""
+TINY = 1e-290
+"""Smallest divisor of a force."""
 DRIFTS = 4.0
 """Drift, in standard errors, above which there is a note."""
 
@@ -185,8 +189,14 @@ def find_cycles(trace: Trace) -> TraceCycles:
         If this is not a trace.
     """
     trace = instance("trace", trace, Trace, "give what read_trace, Trace or Trace.of returns")
-    noise = noise_level(trace.force)
-    falls = _falls(trace, noise)
+    noise, filtered = (noise_level(trace.force[::step]) for step in (1, FILTERED))
+    try:
+        falls = _falls(trace, max(noise, filtered))
+    except FileError:
+        # A coarse trace differs from sample to sample in other ways, too.
+        filtered, falls = 0.0, _falls(trace, noise)
+    if filtered > MORE * noise:
+        noise = filtered
     _refuse_few(trace, falls)
     slips = _slips(trace, falls)
     interval = trace.interval
@@ -372,7 +382,8 @@ def _time_above(
 
 
 def _share_above(force: _Floats, level: float, band: float) -> _Floats:
-    return np.clip((force - (level - band)) / (2.0 * band), 0.0, 1.0)
+    # Two readings of a coarse converter may be alike: no band is left between them.
+    return np.clip((force - (level - band)) / max(2.0 * band, 1e-12 * abs(level), TINY), 0.0, 1.0)
 
 
 def _peak(trace: Trace, first: int, onset: float, level: float, band: float) -> tuple[float, float]:

@@ -452,6 +452,14 @@ def test_the_bias_by_noise_is_below_the_standard_error(noise: float, names: tupl
         assert (0.2 if name == "period" else 0.5) < np.std(found) < 2.0, (name, np.std(found))
 
 
+def test_noise_behind_a_filter_is_no_slip() -> None:
+    """From one sample to the next it differs little, and behind a coarse converter some are alike."""
+    time = np.arange(0.0, 41.0, 5e-4)
+    noise = ds.Chain(filter=300.0, order=4).response(5e-4, np.random.default_rng(1).normal(0.0, 0.01, time.size))
+    force = np.round((5.0 + time % 3.9 / 3.9 + noise) * 1024.0) / 1024.0
+    assert len(ds.find_cycles(ds.Trace(time, force))) == 9
+
+
 def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
     trace = sawtooth()
     phase = (trace.time / PERIOD + 0.3) % 1.0

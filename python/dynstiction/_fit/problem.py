@@ -36,6 +36,8 @@ WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
 STATIC, KINETIC = "friction.mu_static", "friction.mu_0"
 CHAIN = {"chain.tare": "N", "chain.filter": "Hz", "chain.gain": "1"}
 """What can be free of a measuring chain, and its units."""
+HUGE = 300.0
+"""Logarithm of what is no coefficient of friction."""
 LEAST_DROP = 1e-3
 """Least weakening at the start of a fit, as a share of mu_0."""
 PRIOR = 2.3
@@ -317,6 +319,8 @@ class Problem:
         if self.weakening:
             i, j, k = self.weakening
             # A step of a fit may lead beyond the largest number.
+            if q[i] > HUGE:
+                raise NoCycleError("mu_0 would be beyond all numbers")
             limit = math.exp(q[i]) - math.exp(min(q[j] + q[k], q[i] + 1.0))
             if limit <= 0.0:
                 raise NoCycleError("mu_inf would be negative")
