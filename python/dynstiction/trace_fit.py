@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
-from ._fit.models import fastest_slip, slow_cycles, steady_velocity
+from ._fit.models import NoCycleError, fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, USUAL, Search
 from ._fit.solve import Solution
@@ -385,9 +385,13 @@ def fit(
         )
         search = Search(given, starts, generator(rng), show)
         search.run()
+        show(1.0)
         if search.found:
-            show(1.0)
-            return _told(search.problem, search.found, search.problem, search.slow or given)
+            try:
+                return _told(search.problem, search.found, search.problem, search.slow or given)
+            except NoCycleError as error:
+                # Each cycle is explained, but a run does not come to them.
+                search.faults.append(error)
         if search.slow is None or search.proposal is None:
             raise UsageError(
                 f"{given.recordings[0].scene.name}: no stick-slip near any start: begin with values of {', '.join(given.names)} with which "
@@ -396,7 +400,6 @@ def fit(
         why = search.faults[-1] if search.faults else "the slow model's has none"
         note = f"the model {given.model} has no stick-slip near these values ({why}): they are those of low_frequency"
         best = search.slow.improved(search.proposal, (0.0,))
-        show(1.0)
         return _told(search.slow, [best], given, search.slow, note)
 
 
