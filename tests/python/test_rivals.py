@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import dynstiction as ds
 import numpy as np
 import pytest
@@ -85,11 +83,21 @@ def test_a_deck_without_rest_is_refused() -> None:
         (SLOW.replace(system={"mass": 0.4}), SLOW_RIG.replace(drive={"velocity": 1.1e-3}), "drive.velocity", 1.1e-3),
     ],
 )
+@pytest.mark.filterwarnings("ignore::dynstiction.FitWarning")
 def test_what_a_fit_lacks_is_found(deck: ds.Scene, rig: ds.Scene, lacks: str, value: float) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ds.FitWarning)
-        found = ds.fit(deck, trace_of(rig), ("system.misalignment_deg", "friction.mu_0"))
+    found = ds.fit(deck, trace_of(rig), ("system.misalignment_deg", "friction.mu_0"))
     assert not found.explains
     best = ds.explanations(found)[0]
     assert lacks in best.values and best.chance > 1e-3, best
     assert best.values[lacks] == pytest.approx(value, rel=0.05)
+
+
+@pytest.mark.full
+@pytest.mark.xfail(reason="in the cost a static limit beside creep is as narrow as a needle", strict=True)
+@pytest.mark.filterwarnings("ignore::dynstiction.FitWarning")
+def test_a_fit_without_a_static_limit_lacks_one() -> None:
+    """In creep a limit that ages is as good; both leave some misfit, since a stick more or less makes the cost rugged."""
+    rig = RIG.replace(friction={"mu_static": 0.27})
+    found = ds.fit(DECK.replace(system={"mass": 0.4}), trace_of(rig), ("system.misalignment_deg", "friction.mu_0"))
+    assert not found.explains
+    assert {each.name for each in ds.explanations(found)[:2]} == {"a static limit", "a limit that ages"}

@@ -249,6 +249,11 @@ class Problem:
         """Whether the cycles of each trace are alike."""
         return all(each.waveform.repeats for each in self.recordings)
 
+    @property
+    def noise(self) -> int:
+        """What noise costs, if each cycle is explained by itself: the number of bins."""
+        return sum(np.count_nonzero(one.waveform.used) * len(one.waveform.rows) for one in self.recordings)
+
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""
         recordings = tuple(replace(each, scene=slow_scene(each.scene)) for each in self.recordings)
@@ -342,7 +347,7 @@ class Problem:
         linear = np.isfinite(self.scales)
         sizes = np.exp(np.where(linear, 0.0, z))
         values = np.where(linear, z * self.scales, np.copysign(sizes, self.begin))
-        if STATIC in self.names:
+        if STATIC in self.names and KINETIC not in self.ties:
             # At its end a static limit is the kinetic one; beyond, what is as far above it: the cost has no plateau.
             i, begin = self.names.index(STATIC), self.recordings[0].scene.friction.mu_0
             least = values[self.names.index(KINETIC)] if KINETIC in self.names else float(begin or 0.0)

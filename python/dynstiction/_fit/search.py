@@ -262,9 +262,7 @@ class Search:
                 least = USUAL if self.best.left is None else OFTEN
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
-        left = sum(
-            np.count_nonzero(each.waveform.used) * len(each.waveform.rows) for each in problem.recordings
-        )
+        left = problem.noise
         if self.best.left is None or self.best.cost > left + SPREAD_OF_COST * math.sqrt(2.0 * left):
             return False
         return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
@@ -343,9 +341,7 @@ class Search:
     def _approach(self, few: Problem) -> list[_Floats]:
         """Starts, the nearest to the cycles first: the given values, and those to which the slow model leads by the mean of the cycles."""
         means = self.problem.of_means()
-        near = NEARLY * sum(
-            len(each.waveform.rows) * np.count_nonzero(each.waveform.used) for each in few.recordings
-        )
+        near = NEARLY * few.noise
         starts, costs = [self.given], [cost_at(few, self.given, COARSELY[0])]
         if self.proposal is not None:
             steps = self._corrected(means, means.of_slow_model(), self.proposal, COARSE[-1], REACH)
@@ -398,10 +394,7 @@ class Search:
 
     def _levels_near(self, problem: Problem, best: Solution | None = None) -> tuple[Level, ...]:
         """Levels that begin at the best fit to a problem's cycles: patience is for one that is near."""
-        noise = sum(
-            np.count_nonzero(one.waveform.used) * len(one.waveform.rows) for one in problem.recordings
-        )
-        return PATIENTLY if (best or self.best).cost < CLOSE * noise else FINELY[1:]
+        return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
     def _hop(self, problem: Problem, most: int, done: float) -> None:
         """Fits from near the best one, along what the traces determine least, until one explains them."""
