@@ -33,8 +33,14 @@ picture=${file%.h5}.png
 
 is_new=no
 [[ -e $venv/bin/dynstiction ]] || is_new=yes
-prepare
-build_program -Dtests=false
+prepare_to_build
+# The packages that a picture needs come beside the compilation.
+install() {
+  add_requirements run &
+  build_program -Dtests=false
+  wait $! || exit
+}
+locked install
 say "Running $deck"
 # From here on the program itself handles Ctrl-C.
 trap - INT

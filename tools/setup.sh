@@ -134,10 +134,14 @@ report_progress() {
 # prepare [SET]...: install everything that a run and a picture need, and the packages of tools/requirements_SET.txt; afterwards
 # .venv/bin comes first in PATH.
 prepare() {
+  prepare_to_build
+  is_prepared || add_requirements run "$@"
+}
+prepare_to_build() {
   check_place
   find_python
   install_system_packages
-  is_prepared || locked create_environment "$@"
+  is_prepared || locked create_environment
   # Debian's compilers and pkg-config, not those of an active conda.
   if has_apt; then PATH=/usr/bin:/bin:/usr/sbin:/sbin:$PATH; fi
   export PATH=$venv/bin:$PATH
@@ -218,24 +222,18 @@ apt_install() {
 # What is to be installed, a line each.
 lines_of() { cat "$@" | grep -v '^#'; }
 
-# create_environment [SET]...: .venv, with the packages of tools/requirements.txt and of the sets. What its list says is compared with what is needed:
-# an environment of another folder or Python, or one whose making or removal was interrupted, is made again. Builds contain paths of it.
+# create_environment: .venv, with the packages of tools/requirements.txt. What its list says is compared with what is needed: an environment of
+# another folder or Python, or one whose making or removal was interrupted, is made again. Builds contain paths of it.
 create_environment() {
-  local set files=("$checkout/tools/requirements.txt")
-  for set in "$@"; do files+=("$checkout/tools/requirements_$set.txt"); done
-  if is_whole "$venv" "${files[@]}"; then return; fi
-  if ! is_whole "$venv" "${files[0]}"; then
-    # What makes a build count as configured is removed first, because removing may be interrupted, too.
-    mkdir -p "$checkout/build"
-    rm -f "$checkout"/build/*/configured
-    find "$checkout/build" -mindepth 1 -maxdepth 1 ! -name lock ! -name tmp -exec rm -rf {} +
-    new_environment "$venv" "${files[@]}"
-    return
-  fi
-  add_requirements "$@"
+  if is_whole "$venv" "$checkout/tools/requirements.txt"; then return; fi
+  # What makes a build count as configured is removed first, because removing may be interrupted, too.
+  mkdir -p "$checkout/build"
+  rm -f "$checkout"/build/*/configured
+  find "$checkout/build" -mindepth 1 -maxdepth 1 ! -name lock ! -name tmp -exec rm -rf {} +
+  new_environment "$venv" "$checkout/tools/requirements.txt"
 }
 
-# Additional requirements of tests and packages, by sets.
+# Additional requirements of runs, tests and packages, by sets.
 add_requirements() {
   local set requirements
   for set in "$@"; do
@@ -277,13 +275,13 @@ new_environment() {
 # install_into FOLDER REQUIREMENTS...
 install_into() {
   local folder=$1 file files=() list
-  say "Installing into $folder (about 30 s): $(lines_of "${@:2}" | tr '\n' ' ')"
+  say "Installing into $folder: $(lines_of "${@:2}" | tr '\n' ' ')"
   for file in "${@:2}"; do files+=(-r "$file"); done
   pip_install "$folder" "${files[@]}"
   list=$folder/installed
   { [[ ! -e $list ]] || cat "$list"; lines_of "${@:2}"; mark_of "$folder"; } > "$list.new"
   mv "$list.new" "$list"
-  if (($# > 2)) || [[ $2 != */requirements.txt ]]; then
+  if [[ $2 == */tools/requirements_* && $2 != */requirements_run.txt ]]; then
     # Tests start Python often, and may not be allowed to write bytecode.
     busy "$checkout/build/bytecode.log" '' "$folder/bin/python" -I -m compileall -q -j 0 "$folder/lib" || true
   fi
