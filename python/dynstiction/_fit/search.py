@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +32,21 @@ USUAL = 0.05
 CORRECTIONS, CORRECTED = 6, 0.1
 """Largest number of times that the difference between the scene's model and the slow one is computed for a fit, and the change of all
 coordinates, in standard errors, below which this ends."""
-MOST_CORRECTIONS, REACH, FEWEST_STARTS, NEARLY = 16, 0.15, 6, 0.3
-"""The same number for starts, the standard deviation of the relative change of a value in one such step, the number of starts below
-which random ones are added, and the mean square of coarse residuals below which no other start is sought."""
+MOST_CORRECTIONS, NEARLY = 8, 0.3
+"""The same number for starts, and the mean square of coarse residuals below which no other start is sought."""
+WEAKENING_VELOCITY = "friction.v_f"
+FACTORS = (
+    (1.0, 1.0),
+    (1.5, 1.0),
+    (0.67, 1.0),
+    (1.0, 2.0),
+    (1.0, 0.5),
+    (1.5, 2.0),
+    (0.67, 0.5),
+    (1.5, 0.5),
+    (0.67, 2.0),
+)
+"""Misalignment and v_f that are held on the way to a start, over those that are given."""
 NEAR = 100.0
 """Misfit below which a fit begins with the errors of the trace."""
 SMOOTH = 30.0
@@ -320,58 +331,75 @@ class Search:
             return []
         return [Solution(z, float(here @ here), found.jacobian)]
 
-    def _corrected(
-        self, problem: Problem, slow: Problem, z: _Floats, coarse: float, longest: float = math.inf
-    ) -> Iterator[Solution]:
-        """Fits of the slow model, each corrected by its difference from the scene's own at the one before, in steps that are hardly longer."""
-        for _ in range(MOST_CORRECTIONS):
-            near = {name: (value, longest * abs(value)) for name, value in problem.named(z).items()}
-            known = {**near, **problem.known} if math.isfinite(longest) else problem.known
-            own, other = replace(problem, known=known), replace(slow, known=known)
-            here, slowly = own.residuals(z, coarse), other.residuals(z, coarse)
+    def _corrected(self, problem: Problem, slow: Problem, z: _Floats, coarse: float) -> Iterator[Solution]:
+        """Fits of the slow model, each corrected by its difference from the scene's own at the one before."""
+        while True:
+            here, slowly = problem.residuals(z, coarse), slow.residuals(z, coarse)
             if has_failed(here) or has_failed(slowly):
                 return
             try:
-                new = least_squares_of(other, z, coarse, offset=here - slowly)
+                new = least_squares_of(slow, z, coarse, offset=here - slowly)
             except NoCycleError:
                 return
             yield new
             z = new.z
 
-    def _approach(self, few: Problem) -> list[_Floats]:
-        """Starts, the nearest to the cycles first: the given values, and those to which the slow model leads by the mean of the cycles."""
-        means = self.problem.of_means()
-        near = NEARLY * few.noise
-        starts, costs = [self.given], [cost_at(few, self.given, COARSELY[0])]
-        if self.proposal is not None:
-            steps = self._corrected(means, means.of_slow_model(), self.proposal, COARSE[-1], REACH)
-            for z in chain([self.proposal], (each.z for each in steps)):
-                starts.append(z)
-                costs.append(cost_at(few, z, COARSELY[0]))
-                if costs[-1] < near:
+    def _approach(self, few: Problem) -> Iterator[_Floats]:
+        """Starts: where the slow model leads by the mean of the cycles, or the given values if they are nearer to the cycles.
+
+        The mean hardly shows misalignment and v_f, along which a fit to it would wander: these are held, at the given values and then at others.
+        """
+        held = [name for name in (ANGLE, WEAKENING_VELOCITY) if name in self.problem.names]
+        near, given = NEARLY * few.noise, self.problem.named(self.given)
+        best, least = self.given, cost_at(few, self.given, COARSELY[0])
+        for factors in FACTORS if held else FACTORS[:1]:
+            hold = {name: given[name] * factor for name, factor in zip(held, factors, strict=False)}
+            for z in self._held(hold) if least > near else ():
+                cost = cost_at(few, z, COARSELY[0])
+                if cost < least:
+                    best, least = z, cost
+                if least < near:
                     break
-        if not few.repeats and len(starts) < FEWEST_STARTS and min(costs) > near:
-            more = self._own_starts()
-            starts, costs = starts + more, costs + [cost_at(few, z, COARSELY[0]) for z in more]
-        return [starts[i] for i in np.argsort(costs, kind="stable")]
+            yield best
+            least = math.inf
+
+    def _held(self, hold: Mapping[str, float]) -> Iterator[_Floats]:
+        """Ever better values for the mean of the cycles with some of them held."""
+        means = self.problem.of_means()
+        known = {**means.known, **{name: (value, HELD * abs(value)) for name, value in hold.items()}}
+        own = replace(means, known=known)
+        slow = own.of_slow_model()
+        near = [self.problem.named(start) for start in (self.given, self.proposal) if start is not None]
+        near += [self.problem.named(self.problem.place(each)) for each in glances(self.problem.recordings[0])]
+        starts = slow.cheapest([slow.place({**each, **hold}) for each in near], COARSE[0])
+        for start in starts[: self.starts]:
+            with suppress(NoCycleError):
+                z = slow.improved(start, COARSE).z
+                yield z
+                for _, new in zip(
+                    range(MOST_CORRECTIONS), self._corrected(own, slow, z, COARSE[-1]), strict=False
+                ):
+                    yield new.z
+                return
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
         few = self.problem.of_few_cycles()
-        starts = self._approach(few)[: self.starts + 2]
+        approach = self._approach(few)
         if few.repeats:
             # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
             rough = []
-            for start in starts + self._own_starts(3 * SHOTS, SHOTS):
+            for start in [next(approach), *self._own_starts(3 * SHOTS, SHOTS)]:
                 with suppress(NoCycleError):
                     rough.append(shot(few, start, COARSELY))
             for each in sorted(rough, key=lambda each: each.cost)[:COMPLETED]:
                 self._add_shot(few, each.z, FINELY)
         else:
-            for start in starts:
+            for i, start in enumerate(approach):
+                self.show(0.2 + 0.2 * i / len(FACTORS))
                 self._add_shot(few, start, FINELY)
                 self._again(few)
-                if self._explains(few):
+                if self._explains(few) or len(few.runs) > MOST_SHOTS:
                     break
         self._hop(few, HOPS, 0.4)
         self._again(few)
@@ -387,6 +415,8 @@ class Search:
     def _again(self, problem: Problem) -> None:
         """The best fit once more, from other rests, until that does not matter."""
         for _ in range(AGAIN if self.found else 0):
+            if self._explains(problem):
+                break
             before = self.best.cost
             self._add_shot(problem, self.best.z, self._levels_near(problem))
             if self.best.cost > GAIN * before:
