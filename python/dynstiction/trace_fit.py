@@ -16,7 +16,7 @@ from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
-from ._fit.search import ALSO, MISFIT, USUAL, Search
+from ._fit.search import ALSO, MISFIT, USUAL, Search, is_noise
 from ._fit.solve import Solution
 from ._fit.waveform import waveform_of
 from ._progress import progress_bar
@@ -494,10 +494,10 @@ def _told(
 
 
 def _explains(problem: Problem, found: Solution) -> bool:
-    """Whether a fit is a minimum of its own, of a mean cycle, that explains the traces: where the cost is rugged no search is sure of the
-    least one.
-    """
-    return problem.repeats and found.left is not None and problem.misfit(found.z, found.left)[1] >= USUAL
+    """Whether a fit is a minimum of its own that explains the traces: where the cost is rugged no search is sure of the least one."""
+    if problem.repeats:
+        return found.left is not None and problem.misfit(found.z, found.left)[1] >= USUAL
+    return is_noise(problem, found)
 
 
 def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:

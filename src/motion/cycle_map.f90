@@ -106,6 +106,7 @@ module dst_cycle_map
     procedure :: show_passage
     procedure :: block_duration
     procedure :: lasted
+    procedure :: slow_cycles_in
     procedure :: instant
     procedure :: events
     procedure :: next_instant
@@ -405,6 +406,17 @@ contains
       lasted = last%measure(duration)*(real(slow_cycles, wp)/real(kept, wp))
     end associate
   end function lasted
+
+  !> The number of the last slow cycles that took this time [s] together, to a thousandth; 0 if none did.
+  pure integer function slow_cycles_in(self, time) result(number)
+    class(cycle_map_t), intent(in) :: self
+    real(wp), intent(in) :: time
+
+    do number = int(min(int(most_repeats, int64), self%orbit%slow_cycles)), 1, -1
+      if (abs(self%lasted(number) - time) <= 1.0e-3_wp*time) return
+    end do
+    number = 0
+  end function slow_cycles_in
 
   !> Time until V changes, or the motion ends [s].
   pure real(wp) function time_left(self)

@@ -228,7 +228,7 @@ contains
     class(motion_t), intent(in) :: motion
     real(wp), intent(out) :: value(:)
     real(wp) :: exponent, exponent_error
-    integer :: verdict, told, repeats
+    integer :: verdict, told, repeats, m
 
     if (motion%in_closed_form) then
       call summary_values(self%summary_t, value)
@@ -261,14 +261,14 @@ contains
     exponent_error = exponent
     select type (motion)
     class is (cycle_map_t)
-      if (motion%orbit%repeats > 0) repeats = motion%orbit%repeats
+      ! The map's slow cycles in a repetition; the load may have more peaks in them, or fewer.
+      m = motion%orbit%repeats
+      if (m == 0 .and. repeats > 0) m = motion%slow_cycles_in(real(repeats, wp)*of('period'))
+      if (m > 0 .and. .not. ieee_is_nan(of('period'))) repeats = max(1, nint(motion%lasted(m)/of('period')))
       if (.not. self%restless%growth%is_followed) then
         call put('conditioning', motion%orbit%divergence%conditioning())
-        if (repeats > 0) then
-          ! Two releases between which the motion alternates are two cycles of the load, if they come nearer to each other.
-          exponent = motion%orbit%divergence%mean_of(repeats)
-          if (.not. ieee_is_nan(exponent + of('period'))) exponent = exponent*real(repeats, wp) &
-            /real(max(1, nint(motion%lasted(repeats)/of('period'))), wp)
+        if (m > 0) then
+          exponent = motion%orbit%divergence%mean_of(m)*real(m, wp)/real(max(1, repeats), wp)
         else
           call motion%orbit%divergence%estimate(exponent, exponent_error, told)
         end if

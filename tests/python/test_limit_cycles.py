@@ -464,6 +464,18 @@ def test_eight_slow_cycles_with_two_peaks_each_repeat(cycle_map: str) -> None:
     assert said["repeats"] * said["lyapunov_exponent"] == pytest.approx(cycle.log_multiplier, rel=1e-4)
 
 
+def test_a_repetition_that_has_just_set_in_has_the_exponent_of_its_cycle() -> None:
+    """Eight peaks of the load in six turns of the force, after an irregular beginning."""
+    scene = FIG3.replace(
+        mass=0.47747611209378393, stiffness_x=6300.89920189386, stiffness_y=365943.7713153857, misalignment_deg=3.2563746444553288,
+        mu_0=0.15039926972148066, mu_inf=0.10970037522583123, v_f=0.003252046142968699, normal_load=24.397929900405437,
+        velocity=0.0028969639683968777, rtol=1e-10, interval=1000.0,
+    )  # fmt: skip
+    found = [ds.run(scene, t_end=t_end).summary for t_end in (122.0, 122.747, 124.0, 128.0, 200.0, 460.0)]
+    exponents = [each["lyapunov_exponent"] for each in found if each["repeats"] > 0]
+    assert len(exponents) > 1 and exponents == pytest.approx([-0.09771819] * len(exponents), rel=1e-3)
+
+
 def test_a_cycle_without_a_rest_is_waited_for() -> None:
     """Differences shrink by a hundredth in a cycle, so that it has not settled after the usual time."""
     scene = at(0.0234, 3.5627, 2.6252e5).replace(mass=1.1628, mu_inf=0.18802, v_f=5.3465e-3)

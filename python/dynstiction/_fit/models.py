@@ -33,8 +33,9 @@ _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6
 """The motion has settled if two cycles agree to this."""
-LONGEST = (100.0, 1000.0)
-"""Longest time to settle, in measured periods: the second for a regular motion if the errors are those of the trace."""
+LONGEST, SOONEST = (100.0, 1000.0), 20.0
+"""Longest time to settle, in measured periods: the second for a regular motion if the errors are those of the trace, the last for a rough
+mean."""
 MOST_STEPS = 20_000
 """Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
 MOST_STEPS_OF_OWN = 200_000
@@ -51,7 +52,7 @@ CYCLES = 2.3
 BEGINNING, LIBRARY, FEWER = 10.0, 240.0, 40.0
 """Periods that are left out, and those that are used, of a motion that does not repeat: so many cycles that each measured one is near;
 fewer if the errors are not yet those of the trace."""
-LEAST_LIBRARY, MOST_SAMPLES = 40.0, 1e5
+LEAST_LIBRARY, MOST_SAMPLES = 40.0, 5e5
 """Fewest of these periods, and the number of samples above which there are fewer than usual."""
 MEAN_OF = 40.0
 """Periods that are used of a motion that does not repeat in time while a measured one does: for a rough mean."""
@@ -279,7 +280,7 @@ def _settled(
     integrator: dict[str, object] = {"max_steps": MOST_STEPS_OF_OWN}
     if precise:
         integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS}
-    for longest in LONGEST:
+    for longest in LONGEST if patient or precise else (SOONEST,):
         try:
             result = run_sampled(
                 scene,

@@ -16,7 +16,7 @@ from .problem import LeadsNowhereError, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
-__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances"]
+__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances", "is_noise"]
 
 _Floats = NDArray[np.float64]
 
@@ -74,6 +74,8 @@ MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
+OTHERS = 3
+"""Other minima of a rugged cost that are sought beside one that explains all cycles."""
 CLOSE = 2.0
 """Cost, over what noise costs, below which a fit is improved patiently."""
 OFTEN = 0.3
@@ -124,6 +126,14 @@ def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
                 "friction.mu_inf": max(peak - half * (1.0 + LAG * share), 0.1 * peak) / load,
                 "friction.v_f": share * fastest,
             }
+
+
+def is_noise(problem: Problem, found: Solution) -> bool:
+    """Whether what a fit to cycles that are not alike leaves of each is what noise explains, and of their mean."""
+    least = problem.noise
+    if found.left is None or found.cost > least + SPREAD_OF_COST * math.sqrt(2.0 * least):
+        return False
+    return problem.misfit(found.z, found.left)[1] >= MISFIT
 
 
 class Search:
@@ -273,10 +283,7 @@ class Search:
                 least = USUAL if self.best.left is None else OFTEN
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
-        left = problem.noise
-        if self.best.left is None or self.best.cost > left + SPREAD_OF_COST * math.sqrt(2.0 * left):
-            return False
-        return problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
+        return is_noise(problem, self.best)
 
     def _is_smooth(self, z: _Floats) -> bool:
         """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
@@ -374,7 +381,7 @@ class Search:
         starts = slow.cheapest([slow.place({**each, **hold}) for each in near], COARSE[0])
         for start in starts[: self.starts]:
             with suppress(NoCycleError):
-                z = slow.improved(start, COARSE).z
+                z = slow.reached(start, COARSE).z
                 yield z
                 for _, new in zip(
                     range(MOST_CORRECTIONS), self._corrected(own, slow, z, COARSE[-1]), strict=False
@@ -407,8 +414,8 @@ class Search:
             found, self.found = self.found, []
             best = min(found, key=lambda each: each.cost)
             self._add_shot(self.problem, best.z, self._levels_near(few, best))
-            # What explains few cycles need not explain all.
-            self._hop(self.problem, AGAIN, 0.8)
+            # What explains few cycles need not explain all, and may not be the only minimum that does.
+            self._hop(self.problem, AGAIN, 0.8, OTHERS)
             if not self.found:
                 self.problem, self.found = few, found
 
@@ -426,16 +433,18 @@ class Search:
         """Levels that begin at the best fit to a problem's cycles: patience is for one that is near."""
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
-    def _hop(self, problem: Problem, most: int, done: float) -> None:
+    def _hop(self, problem: Problem, most: int, done: float, least: int = 0) -> None:
         """Fits from near the best one, along what the traces determine least, until one explains them."""
         for i in range(most if self.found else 0):
-            if self._explains(problem) or len(problem.runs) > MOST_SHOTS:
+            if (i >= least and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
                 break
             self.show(done + (0.95 - done) * i / most)
             root = problem.root(self.best.jacobian)
             way = root @ self.random.standard_normal(root.shape[0])
             hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
-            self._add_shot(problem, hop, (*COARSELY, *FINELY))
+            self._add_shot(
+                problem, hop, (*COARSELY, *FINELY) if problem.repeats else self._levels_near(problem)
+            )
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:
