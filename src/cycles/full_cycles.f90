@@ -57,6 +57,8 @@ module dst_full_cycles
   integer, parameter :: max_iterations = 40
   !> Two cycles are the same if their releases differ by no more than this [rad]. Convention; twice: the same cycles.
   real(wp), parameter :: alike = 1.0e-6_wp
+  !> To what the measures of two cycles agree that are the same one. Convention; twice: no change.
+  real(wp), parameter :: equal = 1.0e-6_wp
   !> At a fixed point the map returns to it, and Newton's step to one leads no further, than so much [rad]. A jump of the map from
   !> one side of the diagonal to the other is none.
   real(wp), parameter :: missed = 1.0e-7_wp
@@ -178,6 +180,7 @@ contains
     type(release_map_t), intent(inout) :: map
     type(error_t), allocatable, intent(out) :: error
     type(release_map_t) :: exact
+    type(full_cycle_t), allocatable :: found_by_release(:)
     logical :: found
     integer :: i, k
 
@@ -192,11 +195,22 @@ contains
       call improve(exact, cycles(i), found)
       if (.not. (found .or. cycles(i)%measure(period) > 0.0_wp)) call improve(map, cycles(i), found)
     end do
-    ! What was found twice came to the same.
-    cycles = pack(cycles, cycles%measure(period) > 0.0_wp .and. [(cycles(i)%release(1) > pi .or. &
-      all([(abs(cycles(k)%release(1) - cycles(i)%release(1)) > alike, k=1, i - 1)]), i=1, size(cycles))])
+    ! What was found twice came to the same; the end of a run may be a cycle that was found by its release.
+    found_by_release = pack(cycles, cycles%release(1) <= pi .and. cycles%measure(period) > 0.0_wp)
+    cycles = pack(cycles, cycles%measure(period) > 0.0_wp .and. [(merge(.not. is_among(found_by_release, cycles(i)%measure), &
+      all([(abs(cycles(k)%release(1) - cycles(i)%release(1)) > alike, k=1, i - 1)]), cycles(i)%release(1) > pi), &
+      i=1, size(cycles))])
     map = exact
   end subroutine sharpen
+
+  !> Whether one of the cycles has these measures.
+  pure logical function is_among(cycles, measure)
+    type(full_cycle_t), intent(in) :: cycles(:)
+    real(wp), intent(in) :: measure(measures)
+    integer :: i
+
+    is_among = any([(all(abs(cycles(i)%measure - measure) <= equal*abs(measure)), i=1, size(cycles))])
+  end function is_among
 
   !> Newton's method to a cycle of a map near another one, and its measures.
   subroutine improve(map, cycle, found)
@@ -410,10 +424,9 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    !> To what two cycles agree that are the same one. Convention; twice: no change.
-    real(wp), parameter :: equal = 1.0e-6_wp
-    !> A motion that comes slowly to its cycle is followed for so many times as long. Convention; twice: no change.
-    real(wp), parameter :: patience = 8.0_wp
+    !> A motion that comes slowly to its cycle is followed for so many times as long if differences then shrink as far as exp(-far).
+    !> Conventions; twice each: no change.
+    real(wp), parameter :: patience = 8.0_wp, far = 10.0_wp
     type(scene_t) :: longer
     real(wp) :: value(size(summary_quantities))
     logical :: repeats
@@ -425,7 +438,7 @@ contains
       if (allocated(error)) return
       repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
       if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
-      if (repeats .or. regularity%cycles == 0) exit
+      if (repeats .or. regularity%cycles == 0 .or. .not. -of('lyapunov_exponent')*patience*of('cycles') > far) exit
       longer%t_end = patience*scene%t_end
     end do
     regularity%swing = of('swing')
@@ -434,7 +447,7 @@ contains
     else if (repeats) then
       regularity%exponent = of('lyapunov_exponent')
       regularity%error = of('lyapunov_error')
-      if (.not. any([(all(abs(cycles(i)%measure - regularity%mean) <= equal*abs(regularity%mean)), i=1, size(cycles))])) &
+      if (.not. is_among(cycles, regularity%mean)) &
         cycles = [cycles, full_cycle_t(measure=regularity%mean, log_multiplier=regularity%exponent)]
       regularity%verdict = regular
       regularity%repeats = 1

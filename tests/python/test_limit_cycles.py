@@ -476,6 +476,19 @@ def test_a_repetition_that_has_just_set_in_has_the_exponent_of_its_cycle() -> No
     assert len(exponents) > 1 and exponents == pytest.approx([-0.09771819] * len(exponents), rel=1e-3)
 
 
+def test_a_cycle_to_which_a_motion_without_a_rest_comes_is_listed_once() -> None:
+    scene = FIG3.replace(
+        misalignment_deg=2.806758529,
+        velocity=0.022558003,
+        mass=0.393886974,
+        mu_inf=0.18940855,
+        v_f=0.00225921973,
+        stiffness_y=1326.998763,
+    )
+    (cycle,) = ds.cycles(scene).cycles
+    assert cycle.stable and cycle.release_angle > 0.0
+
+
 def test_a_cycle_without_a_rest_is_waited_for() -> None:
     """Differences shrink by a hundredth in a cycle, so that it has not settled after the usual time."""
     scene = at(0.0234, 3.5627, 2.6252e5).replace(mass=1.1628, mu_inf=0.18802, v_f=5.3465e-3)
