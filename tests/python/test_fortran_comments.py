@@ -11,62 +11,29 @@ from programs import ROOT
 FOLDER = ROOT / "src"
 SOURCES = sorted([*FOLDER.rglob("*.f90*"), *(ROOT / "python" / "core").glob("*.f90")])
 PREFIX = r"(?:(?:pure|elemental|impure|recursive|module|logical|integer|real\(\w+\)|type\(\w+\)|character\([^)]*\))\s+)*"
-
-
-def statements(text: str) -> list[tuple[int, str]]:
-    """Line number and text of each statement, continuation lines joined."""
-    found: list[tuple[int, str]] = []
-    going_on = False
-    for number, line in enumerate(text.splitlines()):
-        code = line.strip()
-        if code.startswith("!"):
-            continue
-        if going_on:
-            found[-1] = (found[-1][0], found[-1][1].rstrip("& ") + " " + code.lstrip("&"))
-        else:
-            found.append((number, code))
-        going_on = bool(re.search(r"&\s*(!.*)?$", code))
-    return found
+DEFINITION = (
+    rf"^ *(?:{PREFIX}(?:subroutine|function)|type(?:, *[^:\n]*)?(?: *::)?|interface|enumerator *::.*"
+    r"|[a-z(][^!\n]*\b(?:parameter|protected|save|bind\(c\))[^:\n]*::(?:[^!\n]|&\n)*?) *\b{name}\b(?! *::).*"
+)
+COMMENT = r"^ *!>.*\n(?: *!.*\n|.*\bparameter\b[^:\n]*::.*\n)*"
 
 
 def public_names(text: str) -> set[str]:
-    lists = (re.match(r"public :: (.*)", statement) for _, statement in statements(text))
-    return {name.strip().lower() for names in lists if names for name in names[1].split("!")[0].split(",")}
-
-
-def defines(statement: str, name: str) -> bool:
-    word = re.escape(name)
-    return bool(
-        re.match(rf"{PREFIX}(?:subroutine|function)\s+{word}\b", statement, re.IGNORECASE)
-        or re.match(rf"type(?:\s*,[^:]*)?(?:\s*::)?\s*{word}$", statement, re.IGNORECASE)
-        or re.match(rf"interface\s+{word}\b", statement, re.IGNORECASE)
-        or re.match(rf"[a-z].*\b(?:parameter|protected|save|bind\(c\)).*::.*\b{word}\b\s*(?:\([^)]*\))?\s*=?", statement, re.IGNORECASE)
-        or re.match(rf"enumerator\s*::.*\b{word}\b", statement, re.IGNORECASE)
-    )  # fmt: skip
-
-
-def has_comment(lines: list[str], number: int) -> bool:
-    """Whether line `number`, or its paragraph of declarations, has a comment."""
-    if "!!" in lines[number]:
-        return True
-    declaration = "::" in lines[number] and "procedure" not in lines[number]
-    while number > 0:
-        number -= 1
-        above = lines[number].strip()
-        if above.startswith("!>"):
-            return True
-        if not (declaration and "::" in above and "parameter" in above):
-            return False
-    return False
+    lists = re.findall(r"^ *public :: ((?:[^!\n&]|& *\n)*)", text, re.MULTILINE)
+    return {name.strip(" &\n").lower() for names in lists for name in names.split(",")}
 
 
 def undocumented(text: str) -> list[str]:
-    lines = text.splitlines()
-    missing = [] if lines[0].startswith("!>") else ["the file"]
+    missing = [] if text.startswith("!>") else ["the file"]
     for name in sorted(public_names(text)):
-        places = [number for number, statement in statements(text) if defines(statement, name)]
+        definition = DEFINITION.replace("{name}", re.escape(name))
+        found = re.findall(definition, text, re.MULTILINE | re.IGNORECASE)
         # What is only passed on from another module is documented there.
-        if places and not any(has_comment(lines, number) for number in places):
+        if (
+            found
+            and not any("!!" in line for line in found)
+            and not re.search(COMMENT + definition, text, re.MULTILINE | re.IGNORECASE)
+        ):
             missing.append(name)
     return missing
 
