@@ -333,8 +333,7 @@ what_may_differ() {
 }
 
 # build FOLDER [MESON OPTION]...: configure and compile.
-build() { locked build_now "$@"; }
-build_now() {
+build() {
   configure "$@"
   compile_in "$1"
 }

@@ -194,8 +194,7 @@ manual_tests() {
 }
 
 tests_with_checks() {
-  configure "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
-  compile_in "$debug"
+  build "$debug" -Dpython=false -Doptimization=1 -Ddebug=true -Dwerror=true -Db_coverage=true "-Dfortran_args=$checks"
   find "$debug" -name '*.gcda' -delete
   unit_tests 'Fortran unit tests with run-time checks' "$debug"
   # Files, streams and messages compute nothing that these do not; with --full all of them run.
@@ -212,9 +211,8 @@ tests_with_checks() {
 tests_with_sanitizers() {
   # libgfortran and HDF5 keep their buffers until the program ends.
   export ASAN_OPTIONS=detect_leaks=0
-  configure "$sanitized" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=address,undefined -Db_lundef=false \
+  build "$sanitized" -Dpython=false -Doptimization=1 -Ddebug=true -Db_sanitize=address,undefined -Db_lundef=false \
     -Dfortran_args=-fno-sanitize-recover=all -Dc_args=-fno-sanitize-recover=all
-  compile_in "$sanitized"
   unit_tests 'Fortran unit tests with AddressSanitizer and UBSan' "$sanitized" $([[ $level == full ]] || printf -- '--no-suite long')
   if [[ $level == full ]]; then
     DYNSTICTION_EXE=$sanitized/src/dynstiction python_tests 'Decks with AddressSanitizer and UBSan' -m 'deck and not full' "${all_python[@]}"
@@ -276,8 +274,7 @@ main() {
 
   if [[ $level == full ]]; then
     export DYNSTICTION_FULL=1
-    configure "$quad" -Dprecision=quad
-    compile_in "$quad"
+    build "$quad" -Dprecision=quad
     export DYNSTICTION_QUAD_EXE=$quad/src/dynstiction-quad
     unit_tests 'Fortran unit tests in quadruple precision' "$quad"
   fi
