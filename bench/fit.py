@@ -40,6 +40,8 @@ SHORTEST = 0.25
 """Longest slip, as a share of the period."""
 ALIKE = 0.01
 """Least scatter of the period of an irregular rig, relative to it."""
+MOST_STICKS = 100.0
+"""Largest number of sticks in a slow cycle of an irregular rig."""
 AWAY = 0.3
 """Largest change of a logarithm from the true value to the start of a fit."""
 
@@ -71,7 +73,10 @@ def rigs(
             slip, period = about["slip_duration"], about["period"]
         else:
             continue
-        if irregular and about["period_scatter"] < ALIKE * period:
+        if irregular and not (
+            about["period_scatter"] >= ALIKE * period
+            and 2.0 <= about["sticks"] / about["cycles"] <= MOST_STICKS
+        ):
             continue
         if slip * rate >= FASTEST and slip <= SHORTEST * period:
             yield values, scene, float(period), float(settled.time[-1])

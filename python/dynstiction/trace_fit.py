@@ -16,7 +16,7 @@ from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
-from ._fit.search import ALSO, MISFIT, USUAL, Search, is_noise
+from ._fit.search import ALSO, MISFIT, USUAL, Search, costs_noise, is_noise
 from ._fit.solve import Solution
 from ._fit.waveform import waveform_of
 from ._progress import progress_bar
@@ -411,7 +411,7 @@ def _told(
     best = min(found, key=lambda each: each.cost)
     misfit, chance = problem.misfit(best.z, best.left)
     covariance, inverse, related = problem.covariance(best)
-    covariance *= max(1.0, misfit)
+    covariance *= max(1.0, misfit) * (1.0 + _searched(problem, found, best))
     z = problem.logarithms(best.z[:p])
     broad, error = np.sqrt(np.diag(inverse))[:p], np.sqrt(np.diag(covariance))[:p]
     # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
@@ -491,6 +491,16 @@ def _told(
         problem,
         best.z,
     )
+
+
+def _searched(problem: Problem, found: Sequence[Solution], best: Solution) -> float:
+    """How well a search knows the least cost, if each of many cycles is explained by itself: by as much as that of the next minimum differs.
+
+    Values up to the square root of this times their standard errors away may belong to a minimum that was not found.
+    """
+    if problem.repeats:
+        return 0.0
+    return min((e.cost - best.cost for e in found if e is not best and costs_noise(problem, e)), default=0.0)
 
 
 def _explains(problem: Problem, found: Solution) -> bool:

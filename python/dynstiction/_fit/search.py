@@ -16,7 +16,17 @@ from .problem import LeadsNowhereError, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
-__all__ = ["ALSO", "ANGLE", "COARSE_OF_OWN", "MISFIT", "USUAL", "Search", "glances", "is_noise"]
+__all__ = [
+    "ALSO",
+    "ANGLE",
+    "COARSE_OF_OWN",
+    "MISFIT",
+    "USUAL",
+    "Search",
+    "costs_noise",
+    "glances",
+    "is_noise",
+]
 
 _Floats = NDArray[np.float64]
 
@@ -74,7 +84,7 @@ MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
-OTHERS = 3
+OTHERS = 1
 """Other minima of a rugged cost that are sought beside one that explains all cycles."""
 CLOSE = 2.0
 """Cost, over what noise costs, below which a fit is improved patiently."""
@@ -128,12 +138,15 @@ def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
             }
 
 
-def is_noise(problem: Problem, found: Solution) -> bool:
-    """Whether what a fit to cycles that are not alike leaves of each is what noise explains, and of their mean."""
+def costs_noise(problem: Problem, found: Solution) -> bool:
+    """Whether a fit to cycles that are not alike costs no more than what noise does."""
     least = problem.noise
-    if found.left is None or found.cost > least + SPREAD_OF_COST * math.sqrt(2.0 * least):
-        return False
-    return problem.misfit(found.z, found.left)[1] >= MISFIT
+    return found.left is not None and found.cost <= least + SPREAD_OF_COST * math.sqrt(2.0 * least)
+
+
+def is_noise(problem: Problem, found: Solution) -> bool:
+    """Whether what such a fit leaves of each cycle is what noise explains, and of their mean."""
+    return costs_noise(problem, found) and problem.misfit(found.z, found.left)[1] >= MISFIT
 
 
 class Search:
@@ -424,9 +437,9 @@ class Search:
         for _ in range(AGAIN if self.found else 0):
             if self._explains(problem):
                 break
-            before = self.best.cost
-            self._add_shot(problem, self.best.z, self._levels_near(problem))
-            if self.best.cost > GAIN * before:
+            before, levels = self.best.cost, self._levels_near(problem)
+            self._add_shot(problem, self.best.z, levels)
+            if levels is PATIENTLY or self.best.cost > GAIN * before:
                 break
 
     def _levels_near(self, problem: Problem, best: Solution | None = None) -> tuple[Level, ...]:

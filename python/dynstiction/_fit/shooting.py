@@ -40,7 +40,7 @@ class Level(NamedTuple):
 
 COARSELY = (Level(8.0, 0.01),)
 FINELY = (Level(8.0, 0.001), Level(0.0, 0.001), Level(0.0, 0.0))
-PATIENTLY = (Level(0.0, 0.001, patient=True), Level(0.0, 0.0, patient=True))
+PATIENTLY = (Level(0.0, 0.0, patient=True),)
 MOST_STEPS, LONGEST = 20, 0.3
 """Largest number of steps of a fit, and of the change of a coordinate in one."""
 FIRST, LEAST, MORE, MOST = 1e-4, 1e-8, 30.0, 1.0
@@ -55,6 +55,8 @@ other rests are tried."""
 NEWTON, BETTER, GAINED = 4, 0.9, 1.0
 """Newton's steps for the state of a cycle; the cost over that before up to which another is made; and, if patient, the decrease of the
 cost that it promises above which it is made whatever the last one did."""
+FRESH = 8
+"""Largest number of times that better rests are sought in a run when a fit has ended, if patient."""
 WELL = 2.0
 """Excess of the cost of a cycle over what noise costs, in its standard deviations, up to which no other rest is tried if patient."""
 STARTS = 6
@@ -225,9 +227,23 @@ class _Shooting:
         return float(np.sum(np.minimum(_costs(shots), self.most(shots))) + off @ off)
 
     def fitted(self, z: _Floats, states: _Floats | None) -> tuple[_Floats, _Floats, list[_Shot | None]]:
+        """Parameters and states that explain the cycles best; if patient, with other rests where these are better, as long as that helps."""
+        z, states, shots = self.descended(z, *self.settled(z, states))
+        for _ in range(FRESH if self.level.patient else 0):
+            before = self.cost(z, shots)
+            others, there = self.settled(z, None)
+            for i in np.flatnonzero(_costs(there) < _costs(shots)):
+                states[i], shots[i] = others[i], there[i]
+            if self.cost(z, shots) > before - GAINED:
+                break
+            z, states, shots = self.descended(z, states, shots)
+        return z, states, shots
+
+    def descended(
+        self, z: _Floats, states: _Floats, shots: list[_Shot | None]
+    ) -> tuple[_Floats, _Floats, list[_Shot | None]]:
         """Parameters and states by Levenberg and Marquardt's method."""
         p = len(self.problem.names)
-        states, shots = self.settled(z, states)
         cost, damping = self.cost(z, shots), FIRST
         for _ in range(MOST_STEPS):
             if not math.isfinite(cost):
