@@ -21,8 +21,7 @@ shift
 [[ -r $deck ]] || die "$deck: no such deck; those of the paper are in $checkout/inputs"
 
 file=$(basename "$deck" .nml).h5
-named=no
-previous=
+named=no previous=
 for argument in "$@"; do
   case $previous in -o | --output) file=$argument named=yes ;; esac
   case $argument in --output=*) file=${argument#--output=} named=yes ;; esac
