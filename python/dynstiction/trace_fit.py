@@ -494,13 +494,12 @@ def _told(
 
 
 def _searched(problem: Problem, found: Sequence[Solution], best: Solution) -> float:
-    """How well a search knows the least cost, if each of many cycles is explained by itself: by as much as that of the next minimum differs.
+    """How well a search knows the least cost, if each of many cycles is explained by itself: by as much as its last minimum was lower.
 
     Values up to the square root of this times their standard errors away may belong to a minimum that was not found.
     """
-    if problem.repeats:
-        return 0.0
-    return min((e.cost - best.cost for e in found if e is not best and costs_noise(problem, e)), default=0.0)
+    before = [each.cost for each in found[: found.index(best)] if costs_noise(problem, each)]
+    return min(before) - best.cost if before and best is found[-1] and not problem.repeats else 0.0
 
 
 def _explains(problem: Problem, found: Solution) -> bool:

@@ -447,10 +447,13 @@ class Search:
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
     def _hop(self, problem: Problem, most: int, done: float, least: int = 0) -> None:
-        """Fits from near the best one, along what the traces determine least, until one explains them."""
+        """Fits from near the best one, along what the traces determine least, until one explains them and the last was no better."""
+        before = math.inf
         for i in range(most if self.found else 0):
-            if (i >= least and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
+            settled = i >= least and (least == 0 or before - self.best.cost < ALSO)
+            if (settled and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
                 break
+            before = self.best.cost
             self.show(done + (0.95 - done) * i / most)
             root = problem.root(self.best.jacobian)
             way = root @ self.random.standard_normal(root.shape[0])
