@@ -34,12 +34,12 @@ is_new=no
 [[ -e $venv/bin/dynstiction ]] || is_new=yes
 prepare_to_build
 # The packages that a picture needs come beside the compilation.
-install() {
+install_side_by_side() {
   add_requirements run &
   build_program -Dtests=false
   wait $! || exit
 }
-locked install
+is_prepared || locked install_side_by_side
 say "Running $deck"
 # From here on the program itself handles Ctrl-C.
 trap - INT

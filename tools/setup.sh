@@ -243,17 +243,17 @@ add_requirements() {
   done
 }
 
-# is_whole FOLDER REQUIREMENTS...: whether the environment there has a Python, and its list, which is written when pip has ended, names what the
-# files name, that folder and the wanted Python. If not, $faults says what is missing.
+# is_whole FOLDER REQUIREMENTS: whether the environment there has a Python, and its list, which is written when pip has ended, names what the
+# file names, that folder and the wanted Python. If not, $faults says what is missing.
 is_whole() {
   local list=$1/installed
   [[ -e $list ]] || list=/dev/null
-  faults=$({ lines_of "${@:2}"; mark_of "$1"; } | grep -vxF -f "$list") || faults=
+  faults=$({ lines_of "$2"; mark_of "$1"; } | grep -vxF -f "$list") || faults=
   [[ -x $1/bin/python && -z $faults ]]
 }
 mark_of() { printf 'Python %s in %s\n' "$python_version" "$1"; }
 
-# new_environment FOLDER REQUIREMENTS...
+# new_environment FOLDER REQUIREMENTS
 new_environment() {
   local folder=$1 log=$checkout/build/venv.log free
   [[ ! -e $folder ]] || say "Making $folder again: ${faults%%$'\n'*}"
@@ -269,17 +269,15 @@ new_environment() {
   mkdir -p "$folder"
   : > "$folder/made_by_tools"
   busy "$log" '' "$python" -I -m venv "$folder" || { cat "$log" >&2; die "no environment: see above"; }
-  install_into "$folder" "${@:2}"
+  install_into "$folder" "$2"
 }
 
-# install_into FOLDER REQUIREMENTS...
+# install_into FOLDER REQUIREMENTS
 install_into() {
-  local folder=$1 file files=() list
-  say "Installing into $folder: $(lines_of "${@:2}" | tr '\n' ' ')"
-  for file in "${@:2}"; do files+=(-r "$file"); done
-  pip_install "$folder" "${files[@]}"
-  list=$folder/installed
-  { [[ ! -e $list ]] || cat "$list"; lines_of "${@:2}"; mark_of "$folder"; } > "$list.new"
+  local folder=$1 list=$1/installed
+  say "Installing into $folder: $(lines_of "$2" | tr '\n' ' ')"
+  pip_install "$folder" -r "$2"
+  { [[ ! -e $list ]] || cat "$list"; lines_of "$2"; mark_of "$folder"; } > "$list.new"
   mv "$list.new" "$list"
   if [[ $2 == */tools/requirements_* && $2 != */requirements_run.txt ]]; then
     # Tests start Python often, and may not be allowed to write bytecode.

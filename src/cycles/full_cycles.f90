@@ -9,7 +9,7 @@
 module dst_full_cycles
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: new_motion
-  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold
+  use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold, repeated
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
@@ -424,9 +424,9 @@ contains
     type(full_cycle_t), allocatable, intent(inout) :: cycles(:)
     type(regularity_t), intent(inout) :: regularity
     type(error_t), allocatable, intent(out) :: error
-    !> A motion that comes slowly to its cycle is followed for so many times as long if differences then shrink as far as exp(-far).
-    !> Conventions; twice each: no change.
-    real(wp), parameter :: patience = 8.0_wp, far = 10.0_wp
+    !> A motion that comes slowly to its cycle is followed for so many times as long, if differences then shrink until it repeats.
+    !> Convention; twice: no change.
+    real(wp), parameter :: patience = 8.0_wp
     type(scene_t) :: longer
     real(wp) :: value(size(summary_quantities))
     logical :: repeats
@@ -438,7 +438,8 @@ contains
       if (allocated(error)) return
       repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
       if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
-      if (repeats .or. regularity%cycles == 0 .or. .not. -of('lyapunov_exponent')*patience*of('cycles') > far) exit
+      if (repeats .or. regularity%cycles == 0) exit
+      if (.not. of('lyapunov_exponent')*patience*of('cycles') < log(repeated)) exit
       longer%t_end = patience*scene%t_end
     end do
     regularity%swing = of('swing')

@@ -407,7 +407,8 @@ contains
     end associate
   end function lasted
 
-  !> The number of the last slow cycles that took this time [s] together, to a thousandth; 0 if none did.
+  !> The number of the last slow cycles that took this time [s] together, to a thousandth; 0 if none did. One more or less takes
+  !> some tenth more or less, as at most eight are compared.
   pure integer function slow_cycles_in(self, time) result(number)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: time

@@ -15,7 +15,7 @@ module dst_cycles
   implicit none
   private
 
-  public :: cycles_t, recent_cycles_t, extremum_t, threshold
+  public :: cycles_t, recent_cycles_t, extremum_t, threshold, repeated
   public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, most_cycles
 
   ! The effects of "twice" were measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven

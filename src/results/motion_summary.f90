@@ -264,11 +264,12 @@ contains
       ! The map's slow cycles in a repetition; the load may have more peaks in them, or fewer.
       m = motion%orbit%repeats
       if (m == 0 .and. repeats > 0) m = motion%slow_cycles_in(real(repeats, wp)*of('period'))
+      if (m > 0) repeats = m
       if (m > 0 .and. .not. ieee_is_nan(of('period'))) repeats = max(1, nint(motion%lasted(m)/of('period')))
       if (.not. self%restless%growth%is_followed) then
         call put('conditioning', motion%orbit%divergence%conditioning())
         if (m > 0) then
-          exponent = motion%orbit%divergence%mean_of(m)*real(m, wp)/real(max(1, repeats), wp)
+          exponent = motion%orbit%divergence%mean_of(m)*real(m, wp)/real(repeats, wp)
         else
           call motion%orbit%divergence%estimate(exponent, exponent_error, told)
         end if
