@@ -498,8 +498,9 @@ def _searched(problem: Problem, found: Sequence[Solution], best: Solution) -> fl
 
     Values up to the square root of this times their standard errors away may belong to a minimum that was not found.
     """
-    before = [each.cost for each in found[: found.index(best)] if costs_noise(problem, each)]
-    return min(before) - best.cost if before and best is found[-1] and not problem.repeats else 0.0
+    if problem.repeats or best is not found[-1]:
+        return 0.0
+    return min((each.cost - best.cost for each in found[:-1] if costs_noise(problem, each)), default=0.0)
 
 
 def _explains(problem: Problem, found: Solution) -> bool:

@@ -32,8 +32,10 @@ __all__ = [
 
 _Floats = NDArray[np.float64]
 
-WEAKENING = ("friction.mu_0", "friction.mu_inf", "friction.v_f")
-STATIC, KINETIC = "friction.mu_static", "friction.mu_0"
+STATIC, KINETIC, VELOCITY = "friction.mu_static", "friction.mu_0", "friction.v_f"
+WEAKENING = (KINETIC, "friction.mu_inf", VELOCITY)
+HELD = 1e-3
+"""Relative error with which a value is held."""
 CHAIN = {"chain.tare": "N", "chain.filter": "Hz", "chain.gain": "1"}
 """What can be free of a measuring chain, and its units."""
 HUGE = 300.0
@@ -268,6 +270,11 @@ class Problem:
     def of_means(self) -> Problem:
         """The same with the means of cycles that are not alike for some that are."""
         return replace(self, recordings=tuple(each.of_mean() for each in self.recordings), runs=[])
+
+    def holding(self, values: Mapping[str, float]) -> Problem:
+        """The same with some parameters held at these values."""
+        held = {name: (value, HELD * abs(value)) for name, value in values.items()}
+        return replace(self, known={**self.known, **held})
 
     @cached_property
     def heard(self) -> tuple[str, ...]:

@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
-from .problem import LeadsNowhereError, Problem, Recording
+from .problem import VELOCITY, LeadsNowhereError, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
@@ -44,7 +45,6 @@ CORRECTIONS, CORRECTED = 6, 0.1
 coordinates, in standard errors, below which this ends."""
 MOST_CORRECTIONS, NEARLY = 8, 0.3
 """The same number for starts, and the mean square of coarse residuals below which no other start is sought."""
-WEAKENING_VELOCITY = "friction.v_f"
 FACTORS = (
     (1.0, 1.0),
     (1.5, 1.0),
@@ -63,8 +63,6 @@ SMOOTH = 30.0
 """Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
 """Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
-HELD = 1e-3
-"""Relative error with which an angle is held."""
 ALSO = 3.84
 """Excess of the cost, over the misfit, up to which other values explain a trace as well: 95 % of one parameter."""
 CLEARLY = 3.0
@@ -84,8 +82,6 @@ MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
-OTHERS = 1
-"""Other minima of a rugged cost that are sought beside one that explains all cycles."""
 CLOSE = 2.0
 """Cost, over what noise costs, below which a fit is improved patiently."""
 OFTEN = 0.3
@@ -342,7 +338,7 @@ class Search:
         With many sticks in a cycle the slow model is near, and its derivatives are smooth where the other's cost is rough by a stick more or less.
         """
         problem, found = self.problem, None
-        for _, new in zip(range(CORRECTIONS), self._corrected(problem, slow, z, 0.0), strict=False):
+        for new in islice(self._corrected(problem, slow, z, 0.0), CORRECTIONS):
             errors = np.linalg.norm(problem.root(new.jacobian), axis=1)
             change, z, found = np.abs(new.z - z), new.z, new
             if np.all(change < CORRECTED * errors):
@@ -369,38 +365,38 @@ class Search:
 
         The mean hardly shows misalignment and v_f, along which a fit to it would wander: these are held, at the given values and then at others.
         """
-        held = [name for name in (ANGLE, WEAKENING_VELOCITY) if name in self.problem.names]
+        held = [name for name in (ANGLE, VELOCITY) if name in self.problem.names]
         near, given = NEARLY * few.noise, self.problem.named(self.given)
-        best, least = self.given, cost_at(few, self.given, COARSELY[0])
-        for factors in FACTORS if held else FACTORS[:1]:
-            hold = {name: given[name] * factor for name, factor in zip(held, factors, strict=False)}
+        best: _Floats | None = self.given
+        least = cost_at(few, self.given, COARSELY[0])
+        for factors in dict.fromkeys(each[: len(held)] for each in FACTORS):
+            hold = {name: given[name] * factor for name, factor in zip(held, factors, strict=True)}
             for z in self._held(hold) if least > near else ():
                 cost = cost_at(few, z, COARSELY[0])
                 if cost < least:
                     best, least = z, cost
                 if least < near:
                     break
-            yield best
-            least = math.inf
+            if best is not None:
+                yield best
+            best, least = None, math.inf
 
     def _held(self, hold: Mapping[str, float]) -> Iterator[_Floats]:
         """Ever better values for the mean of the cycles with some of them held."""
-        means = self.problem.of_means()
-        known = {**means.known, **{name: (value, HELD * abs(value)) for name, value in hold.items()}}
-        own = replace(means, known=known)
+        own = self.problem.of_means().holding(hold)
         slow = own.of_slow_model()
         near = [self.problem.named(start) for start in (self.given, self.proposal) if start is not None]
         near += [self.problem.named(self.problem.place(each)) for each in glances(self.problem.recordings[0])]
         starts = slow.cheapest([slow.place({**each, **hold}) for each in near], COARSE[0])
         for start in starts[: self.starts]:
-            with suppress(NoCycleError):
+            try:
                 z = slow.reached(start, COARSE).z
-                yield z
-                for _, new in zip(
-                    range(MOST_CORRECTIONS), self._corrected(own, slow, z, COARSE[-1]), strict=False
-                ):
-                    yield new.z
-                return
+            except NoCycleError:
+                continue
+            yield z
+            corrected = self._corrected(own, slow, z, COARSE[-1])
+            yield from (each.z for each in islice(corrected, MOST_CORRECTIONS))
+            return
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
@@ -428,7 +424,7 @@ class Search:
             best = min(found, key=lambda each: each.cost)
             self._add_shot(self.problem, best.z, self._levels_near(few, best))
             # What explains few cycles need not explain all, and may not be the only minimum that does.
-            self._hop(self.problem, AGAIN, 0.8, OTHERS)
+            self._hop(self.problem, AGAIN, 0.8, until_no_better=True)
             if not self.found:
                 self.problem, self.found = few, found
 
@@ -446,12 +442,12 @@ class Search:
         """Levels that begin at the best fit to a problem's cycles: patience is for one that is near."""
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
-    def _hop(self, problem: Problem, most: int, done: float, least: int = 0) -> None:
-        """Fits from near the best one, along what the traces determine least, until one explains them and the last was no better."""
+    def _hop(self, problem: Problem, most: int, done: float, until_no_better: bool = False) -> None:
+        """Fits from near the best one, along what the traces determine least, until one explains them, or the last is no better besides."""
         before = math.inf
         for i in range(most if self.found else 0):
-            settled = i >= least and (least == 0 or before - self.best.cost < ALSO)
-            if (settled and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
+            ends = not until_no_better or before - self.best.cost < ALSO
+            if (ends and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
                 break
             before = self.best.cost
             self.show(done + (0.95 - done) * i / most)
@@ -488,8 +484,7 @@ class Search:
                 angle = math.exp(z[i])
                 if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
                     break
-                known = {ANGLE: (math.copysign(angle, problem.begin[i]), HELD * angle)}
-                held = replace(problem, known={**problem.known, **known})
+                held = problem.holding({ANGLE: math.copysign(angle, problem.begin[i])})
                 try:
                     one = shot(held, z, FINELY) if shoots else held.improved(z, self._levels(z))
                 except NoCycleError:

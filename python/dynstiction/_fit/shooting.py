@@ -231,7 +231,10 @@ class _Shooting:
         z, states, shots = self.descended(z, *self.settled(z, states))
         for _ in range(FRESH if self.level.patient else 0):
             before = self.cost(z, shots)
-            others, there = self.settled(z, None)
+            try:
+                others, there = self.settled(z, None)
+            except Error:
+                break
             for i in np.flatnonzero(_costs(there) < _costs(shots)):
                 states[i], shots[i] = others[i], there[i]
             if self.cost(z, shots) > before - GAINED:
