@@ -33,13 +33,7 @@ picture=${file%.h5}.png
 is_new=no
 [[ -e $venv/bin/dynstiction ]] || is_new=yes
 prepare_to_build
-# The packages that a picture needs come beside the compilation.
-install_side_by_side() {
-  add_requirements run &
-  build_program -Dtests=false
-  wait $! || exit
-}
-is_prepared || locked install_side_by_side
+is_prepared || locked build_beside_packages
 say "Running $deck"
 # From here on the program itself handles Ctrl-C.
 trap - INT

@@ -372,6 +372,15 @@ install_program() {
   load_completion
 }
 
+# The same while the packages that a picture needs are installed.
+build_beside_packages() {
+  local packages
+  add_requirements run &
+  packages=$!
+  build_program -Dtests=false
+  wait "$packages" || exit
+}
+
 # The same with all tests.
 build_release() { is_prepared || locked install_release; }
 install_release() {

@@ -477,14 +477,7 @@ def test_a_repetition_that_has_just_set_in_has_the_exponent_of_its_cycle() -> No
 
 
 def test_a_cycle_to_which_a_motion_without_a_rest_comes_is_listed_once() -> None:
-    scene = FIG3.replace(
-        misalignment_deg=2.806758529,
-        velocity=0.022558003,
-        mass=0.393886974,
-        mu_inf=0.18940855,
-        v_f=0.00225921973,
-        stiffness_y=1326.998763,
-    )
+    scene = at(0.022558003, 2.806758529, 1326.998763).replace(mass=0.393886974, mu_inf=0.18940855, v_f=0.00225921973)
     (cycle,) = ds.cycles(scene).cycles
     assert cycle.stable and cycle.log_multiplier == pytest.approx(-2.587134, abs=1e-4)
 

@@ -122,6 +122,15 @@ def test_an_environment_is_made_once_and_again_when_it_was_not_finished(checkout
     assert calls(checkout) == ["pip", "compileall"]
 
 
+def test_packages_come_beside_the_compilation(checkout: Path) -> None:
+    build = "build_program() { busy build/log '' true; }\ncreate_environment\nlocked build_beside_packages\necho built"
+    assert in_setup(checkout, build, status=0).stdout == "built\n"
+    assert calls(checkout) == ["venv", "pip", "pip"]
+    (checkout / "offline").touch()
+    (checkout / ".venv" / "installed").write_text((checkout / ".venv" / "installed").read_text().replace("h5py", "other"))
+    assert "built" not in in_setup(checkout, build, status=1).stdout
+
+
 def test_an_environment_of_somebody_else_is_kept(checkout: Path) -> None:
     own = checkout / ".venv" / "own"
     own.parent.mkdir()
