@@ -374,9 +374,8 @@ install_program() {
 
 # The same while the packages that a picture needs are installed.
 build_beside_packages() {
-  local packages
   add_requirements run &
-  packages=$!
+  local packages=$!
   build_program -Dtests=false
   wait "$packages" || exit
 }
