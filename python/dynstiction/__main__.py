@@ -13,7 +13,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ._arguments import names_in, nearest
 from ._commands import PROGRAM, Layout, add_commands
 from ._native import catalogue
-from ._output import check_outputs, put
+from ._output import check_outputs, put, unfinished
+from ._progress import shown
 from .errors import (
     DeckError,
     Error,
@@ -51,12 +52,6 @@ READER_GONE = 141
 
 class _ReaderGoneError(Exception):
     pass
-
-
-class _EndedError(BaseException):
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
 
 
 class _Parser(argparse.ArgumentParser):
@@ -151,7 +146,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         Name by which the user called the program.
     """
     try:
-        with _signals_raised():
+        with _ended_by_signals():
             given = list(sys.argv[1:] if arguments is None else arguments)
             parser = _parser(program)
             if given[:1] == ["complete"]:
@@ -176,54 +171,40 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         status, words = FileError.exit_status, f"{where}{error.strerror or error}"
-    except (_EndedError, RuntimeError) as error:
-        # Python wraps what is raised while a class is made, as in an import.
-        ended = error if isinstance(error, _EndedError) else error.__cause__
-        if not isinstance(ended, _EndedError):
-            raise
-        _end(ended.number)
     print(f"dynstiction: {printable(words) if status != DeckError.exit_status else words}", file=sys.stderr)
     return status
 
 
-def _end(number: int) -> NoReturn:
-    """End by a signal, so that the shell that called sees how the command ended."""
-    print(f"dynstiction: stopped by {signal.Signals(number).name}", file=sys.stderr, flush=True)
+def _end(number: int, _: object) -> None:
+    """Remove files that are being written, and end by the signal, so that the shell that called sees how the command ended.
+
+    Nothing is raised: in an import, and in a function that C has called, it would be lost, changed, or abort the process.
+    """
+    for part in unfinished:
+        with suppress(OSError):
+            os.unlink(part)
+    line = f"dynstiction: stopped by {signal.Signals(number).name}\n"
+    with suppress(OSError):
+        os.write(2, f"\n{line}".encode() if shown else line.encode())
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
-    raise SystemExit(128 + number)
-
-
-def _end_all_the_same(lost: sys.UnraisableHookArgs) -> None:
-    """Python drops what is raised while it deletes an object, or in a function that C has called; a signal ends the command there."""
-    if isinstance(lost.exc_value, _EndedError):
-        _end(lost.exc_value.number)
-    sys.__unraisablehook__(lost)
 
 
 @contextmanager
-def _signals_raised() -> Iterator[None]:
-    """SIGINT and SIGTERM end what is in progress; files that are being written are removed."""
-
-    def end(number: int, _: object) -> NoReturn:
-        raise _EndedError(number)
-
-    numbers = (signal.SIGINT, signal.SIGTERM)
+def _ended_by_signals() -> Iterator[None]:
+    """SIGINT and SIGTERM end the process, unless the caller ignores them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in numbers}
-    sys.unraisablehook = _end_all_the_same
-    for number in numbers:
-        # What the caller ignores stays ignored.
-        if before[number] != signal.SIG_IGN:
-            signal.signal(number, end)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:
+            signal.signal(number, _end)
     try:
         yield
     finally:
-        sys.unraisablehook = sys.__unraisablehook__
-        for number in numbers:
-            signal.signal(number, before[number])
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _parser(program: str) -> _Parser:

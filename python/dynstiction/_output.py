@@ -16,6 +16,9 @@ Path = str | os.PathLike[str]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
+unfinished: set[str] = set()
+"""Files that are being written."""
+
 
 def check_outputs(
     outputs: Iterable[Path], inputs: Iterable[Path] = (), *, overwrite: bool, hdf5: bool = False
@@ -104,6 +107,7 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     check_outputs([name], overwrite=overwrite, hdf5=data.startswith(HDF5))
     place = os.path.realpath(name)
     part = f"{place}.{os.urandom(4).hex()}.part"
+    unfinished.add(part)
     try:
         with open(part, "xb") as stream:
             stream.write(data)
@@ -120,6 +124,7 @@ def put(path: Path, data: bytes, *, overwrite: bool) -> None:
     finally:
         with contextlib.suppress(OSError):
             os.unlink(part)
+        unfinished.discard(part)
 
 
 def _name(part: str, place: str, *, overwrite: bool) -> None:
