@@ -41,12 +41,6 @@ module dst_posix
       import :: c_int, c_char
       character(c_char), intent(in) :: from(*), to(*)
     end function naming_call
-
-    subroutine file_call(path, descriptor) bind(c)
-      import :: c_int, c_char
-      character(c_char), intent(in) :: path(*)
-      integer(c_int), value :: descriptor
-    end subroutine file_call
   end interface
 
   procedure(plain_call), bind(c, name='dst_listen_to_requests') :: listen_to_requests
@@ -63,8 +57,6 @@ module dst_posix
   procedure(descriptor_call), bind(c, name='dst_close') :: c_close
   procedure(naming_call), bind(c, name='rename') :: c_rename
   procedure(naming_call), bind(c, name='dst_place') :: c_place
-  procedure(file_call), bind(c, name='dst_keep_mode') :: c_keep_mode
-  procedure(file_call), bind(c, name='dst_remove_own') :: c_remove_own
 
   !> Whether two names, or two moments, refer to one file.
   interface operator(==)
@@ -74,7 +66,20 @@ module dst_posix
     end function is_same_file
   end interface operator(==)
 
+  ! gfortran 12 passes a number after a text by reference to a procedure that is declared by such a form.
   interface
+    subroutine c_keep_mode(path, descriptor) bind(c, name='dst_keep_mode')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: descriptor
+    end subroutine c_keep_mode
+
+    subroutine c_remove_own(path, descriptor) bind(c, name='dst_remove_own')
+      import :: c_int, c_char
+      character(c_char), intent(in) :: path(*)
+      integer(c_int), value :: descriptor
+    end subroutine c_remove_own
+
     type(c_ptr) function c_reason() bind(c, name='dst_reason')
       import :: c_ptr
     end function c_reason

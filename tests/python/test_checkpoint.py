@@ -220,6 +220,14 @@ def test_a_signal_stops_within_one_long_advance(program, tmp_path):
     assert assert_whole(file) < 1e8
 
 
+def test_a_second_name_that_a_kill_has_left_is_removed(program, tmp_path):
+    file = tmp_path / "x.h5"
+    program.run(SCENES["creep"], file, status=0)
+    part_of(file).hardlink_to(file)
+    program("run", "--overwrite", INPUTS / "fig3.nml", "-o", file, settings=["scene.t_end=0.5"], status=0)
+    assert list(tmp_path.iterdir()) == [file]
+
+
 # Files that are made whole while the run goes on.
 
 
