@@ -16,7 +16,8 @@ from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, slow_cycles, steady_velocity
 from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
-from ._fit.search import ALSO, MISFIT, USUAL, Search, costs_noise, is_noise
+from ._fit.search import ALSO, MISFIT, USUAL, Search
+from ._fit.shooting import GAINED
 from ._fit.solve import Solution
 from ._fit.waveform import waveform_of
 from ._progress import progress_bar
@@ -411,7 +412,7 @@ def _told(
     best = min(found, key=lambda each: each.cost)
     misfit, chance = problem.misfit(best.z, best.left)
     covariance, inverse, related = problem.covariance(best)
-    covariance *= max(1.0, misfit) * (1.0 + _searched(problem, found, best))
+    covariance *= max(1.0, misfit)
     z = problem.logarithms(best.z[:p])
     broad, error = np.sqrt(np.diag(inverse))[:p], np.sqrt(np.diag(covariance))[:p]
     # Where the trace has no information, the inverse is that of the prior, and the scatter does not show this.
@@ -438,7 +439,12 @@ def _told(
             f"the cycles change slowly (correlation of one with the next {related:.2f}): the load, the speed or the zero of the force is not "
             "constant; the errors allow for it, but the values may be wrong by more"
         )
-    excess = ALSO * max(1.0, misfit)
+    # The rest of each cycle is sought until little is to be gained: no nearer are costs known where each has its own.
+    excess = (
+        ALSO * max(1.0, misfit)
+        if problem.repeats
+        else GAINED * sum(len(r.waveform.rows) for r in problem.recordings)
+    )
     others = [
         each
         for each in found
@@ -493,21 +499,9 @@ def _told(
     )
 
 
-def _searched(problem: Problem, found: Sequence[Solution], best: Solution) -> float:
-    """How well a search knows the least cost, if each of many cycles is explained by itself: by as much as its last minimum was lower.
-
-    Values up to the square root of this times their standard errors away may belong to a minimum that was not found.
-    """
-    if problem.repeats or best is not found[-1]:
-        return 0.0
-    return min((each.cost - best.cost for each in found[:-1] if costs_noise(problem, each)), default=0.0)
-
-
 def _explains(problem: Problem, found: Solution) -> bool:
-    """Whether a fit is a minimum of its own that explains the traces: where the cost is rugged no search is sure of the least one."""
-    if problem.repeats:
-        return found.left is not None and problem.misfit(found.z, found.left)[1] >= USUAL
-    return is_noise(problem, found)
+    """Whether a fit to cycles that are alike explains the traces: where the cost is rugged no search is sure of the least one."""
+    return problem.repeats and found.left is not None and problem.misfit(found.z, found.left)[1] >= USUAL
 
 
 def _logarithms(problem: Problem, found: Solution, misfit: float) -> _Floats:

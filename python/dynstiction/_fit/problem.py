@@ -500,6 +500,10 @@ class Problem:
         # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
         longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
         covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer)
+        if not self.repeats:
+            # What noise there is in each cycle is known: some forty cycles may scatter by less.
+            more = np.sqrt(np.maximum(1.0, np.diag(inverse) / np.diag(covariance)))
+            covariance *= np.outer(more, more)
         return turn @ covariance @ turn.T, turn @ inverse @ turn.T, float(related.max())
 
 

@@ -26,7 +26,6 @@ __all__ = [
     "Search",
     "costs_noise",
     "glances",
-    "is_noise",
 ]
 
 _Floats = NDArray[np.float64]
@@ -80,6 +79,8 @@ HOPS, FARTHEST = 8, 0.5
 """Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
 MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
+STRIDE, MOST_STRIDES = 2.0, 12
+"""Distance from the best fit at which others begin, in standard errors, and their largest number."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
 CLOSE = 2.0
@@ -138,11 +139,6 @@ def costs_noise(problem: Problem, found: Solution) -> bool:
     """Whether a fit to cycles that are not alike costs no more than what noise does."""
     least = problem.noise
     return found.left is not None and found.cost <= least + SPREAD_OF_COST * math.sqrt(2.0 * least)
-
-
-def is_noise(problem: Problem, found: Solution) -> bool:
-    """Whether what such a fit leaves of each cycle is what noise explains, and of their mean."""
-    return costs_noise(problem, found) and problem.misfit(found.z, found.left)[1] >= MISFIT
 
 
 class Search:
@@ -292,7 +288,7 @@ class Search:
                 least = USUAL if self.best.left is None else OFTEN
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
-        return is_noise(problem, self.best)
+        return costs_noise(problem, self.best) and problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
 
     def _is_smooth(self, z: _Floats) -> bool:
         """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
@@ -419,12 +415,15 @@ class Search:
                     break
         self._hop(few, HOPS, 0.4)
         self._again(few)
+        if not few.repeats:
+            self._walk(few)
         if self.found and few is not self.problem:
             found, self.found = self.found, []
             best = min(found, key=lambda each: each.cost)
             self._add_shot(self.problem, best.z, self._levels_near(few, best))
-            # What explains few cycles need not explain all, and may not be the only minimum that does.
-            self._hop(self.problem, AGAIN, 0.8, until_no_better=True)
+            # What explains few cycles need not explain all.
+            self._hop(self.problem, AGAIN, 0.8)
+            self._walk(self.problem)
             if not self.found:
                 self.problem, self.found = few, found
 
@@ -442,14 +441,11 @@ class Search:
         """Levels that begin at the best fit to a problem's cycles: patience is for one that is near."""
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
-    def _hop(self, problem: Problem, most: int, done: float, until_no_better: bool = False) -> None:
-        """Fits from near the best one, along what the traces determine least, until one explains them, or the last is no better besides."""
-        before = math.inf
+    def _hop(self, problem: Problem, most: int, done: float) -> None:
+        """Fits from near the best one, along what the traces determine least, until one explains them."""
         for i in range(most if self.found else 0):
-            ends = not until_no_better or before - self.best.cost < ALSO
-            if (ends and self._explains(problem)) or len(problem.runs) > MOST_SHOTS:
+            if self._explains(problem) or len(problem.runs) > MOST_SHOTS:
                 break
-            before = self.best.cost
             self.show(done + (0.95 - done) * i / most)
             root = problem.root(self.best.jacobian)
             way = root @ self.random.standard_normal(root.shape[0])
@@ -457,6 +453,26 @@ class Search:
             self._add_shot(
                 problem, hop, (*COARSELY, *FINELY) if problem.repeats else self._levels_near(problem)
             )
+
+    def _walk(self, problem: Problem) -> None:
+        """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled."""
+        p, side, worse = len(problem.names), 1.0, 0
+        for _ in range(MOST_STRIDES if self.found and costs_noise(problem, self.best) else 0):
+            if worse > 1:
+                break
+            before = self.best
+            root = problem.root(before.jacobian)[:p]
+            sizes, axes = np.linalg.eigh(root @ root.T)
+            way = axes[:, -1] * math.copysign(
+                STRIDE * math.sqrt(sizes[-1]), axes[np.abs(axes[:, -1]).argmax(), -1]
+            )
+            there = before.z.copy()
+            there[:p] += side * way * min(1.0, FARTHEST / np.abs(way).max())
+            self._add_shot(problem, there, PATIENTLY)
+            if self.best.cost > before.cost - ALSO:
+                side, worse = -side, worse + 1
+            else:
+                worse = 0
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:

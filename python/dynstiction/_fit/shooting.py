@@ -22,7 +22,7 @@ from .problem import CHAIN, Problem, Recording, apart_in_time
 from .solve import Solution, spread
 from .waveform import EXACT, centred
 
-__all__ = ["COARSELY", "FINELY", "PATIENTLY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
+__all__ = ["COARSELY", "FINELY", "GAINED", "PATIENTLY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
 
 _Floats = NDArray[np.float64]
 
@@ -57,10 +57,8 @@ NEWTON, BETTER, GAINED = 4, 0.9, 1.0
 cost that it promises above which it is made whatever the last one did."""
 FRESH = 8
 """Largest number of times that better rests are sought in a run when a fit has ended, if patient."""
-WELL = 2.0
-"""Excess of the cost of a cycle over what noise costs, in its standard deviations, up to which no other rest is tried if patient."""
 STARTS = 6
-"""Rests of a run that are tried for a cycle which is explained badly."""
+"""Rests of a run that are tried for a cycle which is explained badly; if patient, for each."""
 OPEN = 0.03
 """How far, relative to the swing, a cycle may end from where it began, but in the last fit."""
 MISSING = 0.25
@@ -129,16 +127,20 @@ class _Shooting:
         return spread(one, [np.array([i]) for i in which])  # type: ignore[arg-type, return-value]
 
     def rests(self, z: _Floats) -> list[_Floats]:
-        """States at the rests of the cycles in a run that are nearest to those of the traces, one array for each try."""
+        """States at the rests of cycles in a run that come near those of the traces, one array for each try.
+
+        A cycle begins with one number. Along it the distance from a measured cycle has a minimum for each number of sticks: the lowest of these are tried.
+        """
         problem, found = self.problem, []
         for k, record in enumerate(problem.recordings):
             model, wave = problem.cycles(z, k), record.waveform
             if wave.repeats:
                 wave = replace(wave, rows=wave.rows.mean(axis=0, keepdims=True))
             apart, later = apart_in_time(wave, model, wave.weights(max(self.level.share, FINELY[0].share)))
-            tries = np.argsort(apart, axis=1)[:, np.minimum(np.arange(STARTS), len(model.rows) - 1)].T
             # At rest the springs are stretched as the drive moves.
             way = _pull(problem.at_values(record, z[: len(problem.names)]).scene)
+            order = np.argsort(model.states[:, 1] * way[1] - model.states[:, 2] * way[0])
+            tries = order[_lowest_minima(apart[:, order], STARTS)].T
             late = np.take_along_axis(later, tries.T, axis=1).T
             there = model.states[tries]
             there[..., 1:] += late[..., np.newaxis] * way
@@ -172,17 +174,19 @@ class _Shooting:
                         shots[i], states[i] = new, those[i]
                     step = np.linalg.lstsq(new.by_state, new.off, rcond=1e-9)[0]
                     gained = float(np.sum((new.by_state @ step) ** 2))
-                    if gained > GAINED if self.level.patient else new.cost < BETTER * before[i]:
+                    promises = gained > GAINED and new.cost - gained < shots[i].cost
+                    if promises if self.level.patient else new.cost < BETTER * before[i]:
                         those[i, 1:] += step * self.units(z, self.targets[i][0])
                         leading.append(i)
                     before[i] = new.cost
                 which, there = leading, None
 
         take(states.copy(), every, shots.copy())
+        patient = bool(tries) and self.level.patient
         for those in tries[1:] or (self.rests(z) if self.badly(shots) else ()):
-            bad = self.badly(shots, bool(tries) and self.level.patient)
-            if bad:
-                take(those, bad)
+            which = every if patient else self.badly(shots)
+            if which:
+                take(those, which)
         return states, shots
 
     def most(self, shots: Sequence[_Shot | None]) -> _Floats:
@@ -191,13 +195,9 @@ class _Shooting:
         alike = [recordings[k].waveform.repeats for k, _ in self.targets]
         return np.where(alike, math.inf, CAP * np.median(_costs(shots)))
 
-    def badly(self, shots: Sequence[_Shot | None], patient: bool = False) -> list[int]:
-        """Cycles that are explained much worse than most; if patient, also those that noise does not explain."""
-        most = BAD / CAP * self.most(shots)
-        if patient:
-            used = [np.count_nonzero(self.problem.recordings[k].waveform.used) for k, _ in self.targets]
-            most = np.minimum(most, used + WELL * np.sqrt(2.0 * np.array(used)))
-        return np.flatnonzero(~(_costs(shots) <= most)).tolist()
+    def badly(self, shots: Sequence[_Shot | None]) -> list[int]:
+        """Cycles that are explained much worse than most."""
+        return np.flatnonzero(~(_costs(shots) <= BAD / CAP * self.most(shots))).tolist()
 
     def equations(
         self, z: _Floats, shots: Sequence[_Shot | None], damping: float
@@ -278,6 +278,15 @@ class _Shooting:
 
 def _costs(shots: Sequence[_Shot | None]) -> _Floats:
     return np.array([math.inf if each is None else each.cost for each in shots])
+
+
+def _lowest_minima(values: _Floats, count: int) -> NDArray[np.intp]:
+    """Where each row has its lowest minima, shape (rows, count), the lowest first; the lowest once more in place of those that it has not."""
+    beside = np.pad(values, ((0, 0), (1, 1)), constant_values=math.inf)
+    are = (values <= beside[:, :-2]) & (values <= beside[:, 2:])
+    values = np.where(are, values, math.inf)
+    found = np.argsort(values, axis=1)[:, np.minimum(np.arange(count), values.shape[1] - 1)]
+    return np.where(np.take_along_axis(values, found, axis=1) < math.inf, found, found[:, :1])
 
 
 def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
