@@ -501,8 +501,9 @@ class Problem:
         longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
         covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer)
         if not self.repeats:
-            # What noise there is in each cycle is known: some forty cycles may scatter by less.
-            more = np.sqrt(np.maximum(1.0, np.diag(inverse) / np.diag(covariance)))
+            # What noise there is in each cycle is known: some forty cycles may scatter by less. No such cycle hangs on the delays.
+            free, more = range(len(self.names)), np.ones(p)
+            more[free] = np.sqrt(np.maximum(1.0, np.diag(inverse)[free] / np.diag(covariance)[free]))
             covariance *= np.outer(more, more)
         return turn @ covariance @ turn.T, turn @ inverse @ turn.T, float(related.max())
 
