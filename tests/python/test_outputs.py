@@ -118,7 +118,9 @@ def test_what_cannot_be_written_is_refused_before_the_work(folder: Path) -> None
                                      ("animate", "rig.h5", "-o", "x.gif", "--seconds", "100"), ("paper", "-o", "figures")])  # fmt: skip
 def test_a_signal_ends_a_command_with_one_line(folder: Path, command: tuple[str, ...], number: signal.Signals) -> None:
     process = Program(PACKAGE.first, folder).start(*command)
-    wait_until(lambda: catches_signals(process.pid), "the handler")
+    status = Path(f"/proc/{process.pid}/status")
+    # The package, once imported, has a handler for SIGTERM; for SIGINT it has Python's.
+    wait_until(lambda: int(status.read_text().partition("SigCgt:")[2].split()[0], 16) >> (signal.SIGTERM - 1) & 1, "the handler")
     time.sleep(0.5)
     process.send_signal(number)
     errors = process.communicate(timeout=60)[1]
@@ -126,13 +128,6 @@ def test_a_signal_ends_a_command_with_one_line(folder: Path, command: tuple[str,
     lines = [line for line in errors.splitlines() if not line.startswith(("deck ", "figure "))]
     assert lines == [f"dynstiction: stopped by {number.name}"]
     assert not list(folder.rglob("*.part"))
-
-
-def catches_signals(process: int) -> bool:
-    """Whether a process has imported the package, which gives it a handler for SIGTERM; for SIGINT it has Python's."""
-    status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
-    caught = status.partition("SigCgt:")[2].split()[0]
-    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 
 STRANGERS = ("json", "numpy", "h5py", "matplotlib", "csv", "argparse", "xarray", "scipy", "dynstiction", "typing", "struct", "mmap",

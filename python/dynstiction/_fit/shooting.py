@@ -55,7 +55,7 @@ other rests are tried."""
 NEWTON, BETTER, GAINED = 4, 0.9, 1.0
 """Newton's steps for the state of a cycle; the cost over that before up to which another is made; and, if patient, the decrease of the
 cost that it promises above which it is made whatever the last one did."""
-FRESH = 8
+FRESH = 2
 """Largest number of times that better rests are sought in a run when a fit has ended, if patient."""
 STARTS = 6
 """Rests of a run that are tried for a cycle which is explained badly; if patient, for each."""
