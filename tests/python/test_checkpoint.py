@@ -220,14 +220,6 @@ def test_a_signal_stops_within_one_long_advance(program, tmp_path):
     assert assert_whole(file) < 1e8
 
 
-def test_a_second_name_that_a_kill_has_left_is_removed(program, tmp_path):
-    file = tmp_path / "x.h5"
-    program.run(SCENES["creep"], file, status=0)
-    part_of(file).hardlink_to(file)
-    program("run", "--overwrite", INPUTS / "fig3.nml", "-o", file, settings=["scene.t_end=0.5"], status=0)
-    assert list(tmp_path.iterdir()) == [file]
-
-
 # Files that are made whole while the run goes on.
 
 
@@ -345,7 +337,7 @@ def test_a_solver_that_gave_up_is_refused(program, tmp_path):
 
 
 def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
-    """The file-size limit ends the run; the last whole file stays, and with a higher limit the run continues from it."""
+    """The last whole file stays, and with a higher limit the run continues from it. A second name, which a kill has left, is removed."""
     file = tmp_path / "x.h5"
     limit = limited(resource.RLIMIT_FSIZE, 5_000_000)
     done = program.run(SCENES["several seconds"], file, "output.checkpoint_interval=0.01", preexec_fn=limit)
@@ -353,6 +345,7 @@ def test_a_limit_that_is_met_is_not_the_end(program, references, tmp_path):
     assert_whole(file)
     assert_refused(program.resume(file, preexec_fn=limit), "file-size limit")
     assert_whole(file)
+    part_of(file).hardlink_to(file)
     program.resume(file, status=0)
     assert_same(file, references("several seconds"))
     assert list(tmp_path.iterdir()) == [file]
