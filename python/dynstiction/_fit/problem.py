@@ -474,8 +474,9 @@ class Problem:
         turn[: len(self.names), : len(self.names)] = self.slopes(found.z[: len(self.names)])
         root = self.root(found.jacobian)
         inverse = root @ root.T
-        # The squares of what each cycle does to the gradient, and how a parameter's changes by one cycle and the next are related.
-        squares, related = np.zeros((p, p)), np.zeros(p)
+        # What each cycle does to the gradient, and how a parameter's changes by one cycle and the next are related.
+        rows: list[_Floats] = []
+        related = np.zeros(p)
         begin = 0
         for k, recording in enumerate(self.recordings):
             wave, n = recording.waveform, len(recording.waveform.rows)
@@ -490,22 +491,22 @@ class Problem:
                     off = found.left[begin - len(part) : begin - 1].reshape(n, -1)
                 pulls = np.einsum("ij,ijk->ik", off, part[:-1].reshape(n, -1, p))
             lost = 1 if wave.repeats else len(self.names)
-            squares += pulls.T @ pulls * n / max(n - lost, 1) + np.outer(part[-1], part[-1])
+            rows += [pulls * math.sqrt(n / max(n - lost, 1)), part[-1:]]
             moves = pulls @ inverse
             moves = moves - moves.mean(axis=0)
             sizes = np.maximum(np.sum(moves**2, axis=0), 1e-300)
             one = np.sum(moves[1:] * moves[:-1], axis=0) / sizes
             related = np.maximum(related, np.where(one > 2.0 / math.sqrt(n), one, 0.0))
-        squares += found.jacobian[begin:].T @ found.jacobian[begin:]
         # Blocks of n cycles scatter by (1 + r)/(1 - r) as much as independent ones.
-        longer = np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
-        covariance: _Floats = inverse @ squares @ inverse * np.outer(longer, longer)
+        changes = np.vstack([*rows, found.jacobian[begin:]]) @ inverse
+        changes *= np.sqrt((1.0 + related) / (1.0 - np.minimum(related, 0.9)))
         if not self.repeats:
             # What noise there is in each cycle is known: some forty cycles may scatter by less. No such cycle hangs on the delays.
-            free, more = range(len(self.names)), np.ones(p)
-            more[free] = np.sqrt(np.maximum(1.0, np.diag(inverse)[free] / np.diag(covariance)[free]))
-            covariance *= np.outer(more, more)
-        return turn @ covariance @ turn.T, turn @ inverse @ turn.T, float(related.max())
+            free = range(len(self.names))
+            least = np.diag(inverse)[free] / np.maximum(np.sum(changes[:, free] ** 2, axis=0), 1e-300)
+            changes[:, free] *= np.sqrt(np.maximum(1.0, least))
+        changes = changes @ turn.T
+        return changes.T @ changes, turn @ inverse @ turn.T, float(related.max())
 
 
 def unit_of(name: str) -> str:
