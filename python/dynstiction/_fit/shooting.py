@@ -130,6 +130,7 @@ class _Shooting:
         """States at the rests of cycles in a run that come near those of the traces, one array for each try.
 
         A cycle begins with one number. Along it the distance from a measured cycle has a minimum for each number of sticks: the lowest of these are tried.
+        NaN where there are fewer.
         """
         problem, found = self.problem, []
         for k, record in enumerate(problem.recordings):
@@ -140,10 +141,12 @@ class _Shooting:
             # At rest the springs are stretched as the drive moves.
             way = _pull(problem.at_values(record, z[: len(problem.names)]).scene)
             order = np.argsort(model.states[:, 1] * way[1] - model.states[:, 2] * way[0])
-            tries = order[_lowest_minima(apart[:, order], STARTS)].T
+            minima = _lowest_minima(apart[:, order], STARTS).T
+            tries = order[minima]
             late = np.take_along_axis(later, tries.T, axis=1).T
             there = model.states[tries]
             there[..., 1:] += late[..., np.newaxis] * way
+            there[minima < 0] = math.nan
             found.append(there)
         return list(np.concatenate(found, axis=1))
 
@@ -185,8 +188,7 @@ class _Shooting:
         patient = bool(tries) and self.level.patient
         for those in tries[1:] or (self.rests(z) if self.badly(shots) else ()):
             which = every if patient else self.badly(shots)
-            if which:
-                take(those, which)
+            take(those, [i for i in which if np.isfinite(those[i, 0])])
         return states, shots
 
     def most(self, shots: Sequence[_Shot | None]) -> _Floats:
@@ -281,12 +283,12 @@ def _costs(shots: Sequence[_Shot | None]) -> _Floats:
 
 
 def _lowest_minima(values: _Floats, count: int) -> NDArray[np.intp]:
-    """Where each row has its lowest minima, shape (rows, count), the lowest first; the lowest once more in place of those that it has not."""
-    beside = np.pad(values, ((0, 0), (1, 1)), constant_values=math.inf)
-    are = (values <= beside[:, :-2]) & (values <= beside[:, 2:])
-    values = np.where(are, values, math.inf)
-    found = np.argsort(values, axis=1)[:, np.minimum(np.arange(count), values.shape[1] - 1)]
-    return np.where(np.take_along_axis(values, found, axis=1) < math.inf, found, found[:, :1])
+    """Where each row has its lowest minima, shape (rows, count), the lowest first; -1 if there are fewer."""
+    beside = np.pad(values, ((0, 0), (1, 1 + count)), constant_values=math.inf)
+    here = beside[:, 1:-1]
+    here = np.where((here <= beside[:, :-2]) & (here <= beside[:, 2:]), here, math.inf)
+    found = np.argsort(here, axis=1)[:, :count]
+    return np.where(np.take_along_axis(here, found, axis=1) < math.inf, found, -1)
 
 
 def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
