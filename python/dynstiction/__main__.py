@@ -22,7 +22,7 @@ from ._arguments import names_in, nearest
 from ._commands import PROGRAM, Layout, add_commands
 from ._native import catalogue
 from ._output import check_outputs, put, unfinished
-from ._progress import shown
+from ._progress import bars
 from .errors import (
     DeckError,
     Error,
@@ -185,7 +185,7 @@ def _end(number: int, _: object) -> None:
             os.unlink(part)
     line = f"dynstiction: stopped by {signal.Signals(number).name}\n"
     with suppress(OSError):
-        os.write(2, f"\n{line}".encode() if shown else line.encode())
+        os.write(2, f"\n{line}".encode() if bars else line.encode())
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
 

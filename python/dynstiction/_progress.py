@@ -15,7 +15,7 @@ from .errors import PackageError
 DELAY = 1.0
 """Shorter tasks have no bar [s]."""
 
-shown: list[Any] = []
+bars: list[Any] = []
 """Bars on the screen."""
 
 
@@ -42,8 +42,8 @@ def progress_bar(wanted: bool | None, total: float, form: str) -> Iterator[Calla
                     from tqdm.auto import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415  (optional)
 
                     bar = stack.enter_context(tqdm(total=total, bar_format=form))
-                    shown.append(bar)
-                    stack.callback(shown.remove, bar)
+                    bars.append(bar)
+                    stack.callback(bars.remove, bar)
             if bar is not None and done > bar.n:
                 bar.update(done - bar.n)
 

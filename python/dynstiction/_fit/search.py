@@ -24,7 +24,6 @@ __all__ = [
     "MISFIT",
     "USUAL",
     "Search",
-    "costs_noise",
     "glances",
 ]
 
@@ -133,12 +132,6 @@ def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
                 "friction.mu_inf": max(peak - half * (1.0 + LAG * share), 0.1 * peak) / load,
                 "friction.v_f": share * fastest,
             }
-
-
-def costs_noise(problem: Problem, found: Solution) -> bool:
-    """Whether a fit to cycles that are not alike costs no more than what noise does."""
-    least = problem.noise
-    return found.left is not None and found.cost <= least + SPREAD_OF_COST * math.sqrt(2.0 * least)
 
 
 class Search:
@@ -288,7 +281,12 @@ class Search:
                 least = USUAL if self.best.left is None else OFTEN
                 return problem.misfit(self.best.z, self.best.left)[1] >= least
             return False
-        return costs_noise(problem, self.best) and problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
+        return self._costs_noise(problem) and problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
+
+    def _costs_noise(self, problem: Problem) -> bool:
+        """Whether the best fit to cycles that are not alike costs no more than what noise does."""
+        least = problem.noise + SPREAD_OF_COST * math.sqrt(2.0 * problem.noise)
+        return self.best.left is not None and self.best.cost <= least
 
     def _is_smooth(self, z: _Floats) -> bool:
         """Whether the motion has many sticks in a cycle, or none: then one more or less does not matter."""
@@ -457,7 +455,7 @@ class Search:
     def _walk(self, problem: Problem) -> None:
         """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled."""
         p, side, worse = len(problem.names), 1.0, 0
-        for _ in range(MOST_STRIDES if self.found and costs_noise(problem, self.best) else 0):
+        for _ in range(MOST_STRIDES if self.found and self._costs_noise(problem) else 0):
             if worse > 1:
                 break
             before = self.best
