@@ -372,12 +372,17 @@ class Chain:
         ----------
         interval : float
             Time between two samples [s].
-        force : ndarray, shape (n,)
+        force : ndarray, shape (..., n)
             Force [N].
         """
+        shown = self.gain * force
+        if self.resonance is not None or self.filter is not None:
+            shown = self._filtered(interval, shown)
+        return np.asarray(shown + self.tare)
+
+    def _filtered(self, interval: float, shown: _Floats) -> _Floats:
         from scipy.signal import bilinear, butter, sosfilt, sosfilt_zi, tf2sos  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
-        shown = self.gain * force
         stages = []
         if self.resonance is not None and self.resonance * interval < 0.5:
             angular = 2.0 * np.pi * self.resonance
@@ -386,8 +391,9 @@ class Chain:
         if self.filter is not None and self.filter * interval < 0.5:
             stages.append(butter(self.order, self.filter, fs=1.0 / interval, output="sos"))
         for stage in stages:
-            shown, _ = sosfilt(stage, shown, zi=sosfilt_zi(stage) * shown[0])
-        return np.asarray(shown + self.tare)
+            rest = np.expand_dims(sosfilt_zi(stage), tuple(range(1, shown.ndim)))
+            shown, _ = sosfilt(stage, shown, zi=rest * shown[..., :1])
+        return shown
 
     def __call__(self, trace: Trace) -> Trace:
         """The trace as this chain shows its force, at the same, regular times.

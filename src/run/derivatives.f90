@@ -38,6 +38,7 @@ module dst_derivatives
   type :: derivatives_t
     character(longest_text), allocatable :: key(:)
     real(wp), allocatable :: parameter(:)                    !! values of the keys
+    logical, allocatable, private :: begins(:)               !! whether a key is no part of the rig, but where the run begins
     integer, allocatable :: selected(:)                      !! numbers of the columns
     real(wp), allocatable, private :: whole(:)               !! a whole turn, of a column that is an angle; 0 of another
     !> The columns and then their changes per change of each parameter, one sample after another; and of each event the time, the
@@ -79,6 +80,7 @@ contains
     self%whole = merge(2.0_wp*pi, merge(360.0_wp, 0.0_wp, columns(self%selected)%units == 'deg'), &
       columns(self%selected)%units == 'rad')
     self%max_steps = scene%max_steps
+    self%begins = index(self%key, 'initial.') == 1
     allocate (self%tangents(size(self%key)), self%trail(size(self%key)))
     do k = 1, size(self%key)
       associate (variation => self%directions%variation(k), one => self%tangents(k))
@@ -253,8 +255,9 @@ contains
             direction = 0.0_wp
             direction(:max_components) = one%inside(0, :max_components) + variation%drift(piece%from%time, elapsed, one%clock)
           end if
-          change(:, k) = matmul(by_state, direction - one%clock*rate) + difference(self%whole, &
-            row_by(variation%more, self%selected, state, piece%contact), &
+          change(:, k) = matmul(by_state, direction - one%clock*rate)
+          if (self%begins(k)) cycle
+          change(:, k) = change(:, k) + difference(self%whole, row_by(variation%more, self%selected, state, piece%contact), &
             row_by(variation%less, self%selected, state, piece%contact), variation%apart)
         end associate
       end do

@@ -264,7 +264,7 @@ def sampled_means(
     time: _Floats, values: _Floats, edges: _Floats, phases: Sequence[NDArray[np.intp]]
 ) -> _Floats:
     """Means over bins as a trace shows them: of straight lines between its samples, which are anywhere in the cycle: at one of the phases."""
-    return np.asarray(np.mean([bin_means(time[each], values[each], edges) for each in phases], axis=0))
+    return np.asarray(np.mean([bin_means(time[each], values[..., each], edges) for each in phases], axis=0))
 
 
 def fastest_slip(scene: Scene, wave: Waveform) -> float:

@@ -76,6 +76,7 @@ class _Shot(NamedTuple):
 
     off: _Floats
     by_parameters: _Floats
+    """With no column, of a try: its parameters are not asked yet."""
     by_state: _Floats
     kept: NDArray[np.intp]
     """Rows that are not before the rest."""
@@ -110,17 +111,26 @@ class _Shooting:
             for row in ([each.waveform.rows.mean(axis=0)] if each.waveform.repeats else each.waveform.rows)
         ]
 
-    def units(self, z: _Floats, k: int) -> _Floats:
-        """Units of the states of trace k [m]."""
-        return _units(self.problem.at_values(self.problem.recordings[k], z[: len(self.problem.names)]))
+    def at(self, z: _Floats, k: int) -> Recording:
+        """Trace k with the values at these coordinates."""
+        return self.problem.at_values(self.problem.recordings[k], z[: len(self.problem.names)])
 
-    def shots(self, z: _Floats, states: _Floats, which: Sequence[int]) -> list[_Shot | None]:
-        """One for each of these cycles, None where the program gives no motion."""
+    def units(self, z: _Floats) -> _Floats:
+        """Units of the state of each cycle [m], shape (cycles, 2)."""
+        each = [_units(self.at(z, k)) for k in range(len(self.problem.recordings))]
+        return np.array([each[k] for k, _ in self.targets])
+
+    def shots(
+        self, z: _Floats, states: _Floats, which: Sequence[int], whole: bool = False
+    ) -> list[_Shot | None]:
+        """One for each of these cycles, None where the program gives no motion; if whole, with the derivatives by the parameters."""
+        recordings = [self.at(z, k) for k in range(len(self.problem.recordings))]
 
         def one(place: _Floats) -> object:
             i = int(place[0])
+            k, row = self.targets[i]
             try:
-                return _shot(self.problem, z, *self.targets[i], states[i], self.level)
+                return _shot(self.problem, z, k, recordings[k], row, states[i], self.level, whole)
             except Error:
                 return None
 
@@ -139,7 +149,7 @@ class _Shooting:
                 wave = replace(wave, rows=wave.rows.mean(axis=0, keepdims=True))
             apart, later = apart_in_time(wave, model, wave.weights(max(self.level.share, FINELY[0].share)))
             # At rest the springs are stretched as the drive moves.
-            way = _pull(problem.at_values(record, z[: len(problem.names)]).scene)
+            way = _pull(self.at(z, k).scene)
             order = np.argsort(model.states[:, 1] * way[1] - model.states[:, 2] * way[0])
             minima = _lowest_minima(apart[:, order], STARTS).T
             tries = order[minima]
@@ -157,10 +167,10 @@ class _Shooting:
 
         The given states are enough if they explain each cycle, at less than a cost.
         """
-        every = range(len(self.targets))
+        every, units = range(len(self.targets)), self.units(z)
         tries = self.rests(z) if states is None else []
         states = (tries[0] if states is None else states).copy()
-        shots = self.shots(z, states, every)
+        shots = self.shots(z, states, every, whole=not tries)
         if not tries and not self.badly(shots) and self.cost(z, shots) < cost:
             return states, shots
 
@@ -179,7 +189,7 @@ class _Shooting:
                     gained = float(np.sum((new.by_state @ step) ** 2))
                     promises = gained > GAINED and new.cost - gained < shots[i].cost
                     if promises if self.level.patient else new.cost < BETTER * before[i]:
-                        those[i, 1:] += step * self.units(z, self.targets[i][0])
+                        those[i, 1:] += step * units[i]
                         leading.append(i)
                     before[i] = new.cost
                 which, there = leading, None
@@ -190,6 +200,12 @@ class _Shooting:
             which = every if patient else self.badly(shots)
             take(those, [i for i in which if np.isfinite(those[i, 0])])
         return states, shots
+
+    def complete(self, z: _Floats, states: _Floats, shots: list[_Shot | None]) -> None:
+        """Give all shots the derivatives by the parameters."""
+        tries = [i for i, here in enumerate(shots) if here is not None and not here.by_parameters.size]
+        for i, here in zip(tries, self.shots(z, states, tries, whole=True), strict=True):
+            shots[i] = here
 
     def most(self, shots: Sequence[_Shot | None]) -> _Floats:
         """Cost of each cycle above which it does not count, of many that are not alike."""
@@ -253,14 +269,14 @@ class _Shooting:
         for _ in range(MOST_STEPS):
             if not math.isfinite(cost):
                 raise NoCycleError("no stick-slip near this start")
+            self.complete(z, states, shots)
             matrix, pull, follow = self.equations(z, shots, damping)
             step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)) + PRIOR * np.eye(p), pull)
             share = min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
             new, after = z.copy(), states.copy()
             new[:p] += share * step
             try:
-                for i, (k, _) in enumerate(self.targets):
-                    after[i, 1:] += share * (follow[i] @ np.append(step, 1.0)) * self.units(new, k)
+                after[:, 1:] += share * (follow @ np.append(step, 1.0)) * self.units(new)
                 after, there = self.settled(new, after, cost)
                 lower = self.cost(new, there)
             except Error:
@@ -303,6 +319,7 @@ def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
     for level in levels:
         shooting = _Shooting(problem, level)
         z, states, shots = shooting.fitted(z, None if level.width else states)
+    shooting.complete(z, states, shots)
     p = len(problem.names)
     parts, lefts, counts = [], [], _costs(shots) <= shooting.most(shots)
     for k, record in enumerate(problem.recordings):
@@ -361,10 +378,10 @@ def delayed(problem: Problem, z: _Floats) -> _Floats:
 
 
 def _run_from(
-    problem: Problem, z: _Floats, here: Recording, state: _Floats, time: _Floats
+    problem: Problem, z: _Floats, here: Recording, state: _Floats, time: _Floats, whole: bool
 ) -> tuple[dict[str, _Floats], dict[str, _Floats]]:
-    """Columns of a run from a state, and their changes with the coordinates of the parameters and those of the state."""
-    p, scene = len(problem.names), here.scene
+    """Columns of a run from a state, and their changes with the coordinates of the parameters, if whole, and those of the state."""
+    p, scene = len(problem.names) if whole else 0, here.scene
     scene = scene.replace(
         initial={"elongation_x": float(state[1]), "elongation_y": float(state[2])},
         scene={"t_end": float(time[-1]), "settle": 0.0},
@@ -372,9 +389,10 @@ def _run_from(
     )
     free = {name: name for name in problem.heard if name not in CHAIN}
     free |= {tied: name for tied, (name, _) in problem.ties.items()}
+    free = free if whole else {}
     run = derivatives(scene, [*free, "initial.elongation_x", "initial.elongation_y"], time)
     turn = np.zeros((len(free) + 2, p + 2))
-    slopes = problem.slopes(z[:p])
+    slopes = problem.slopes(z[: len(problem.names)])
     for i, (key, name) in enumerate(free.items()):
         turn[i, :p] = run.parameters[key] * slopes[problem.names.index(name)]
     turn[-2:, p:] = np.diag(_units(here))
@@ -439,11 +457,21 @@ def _samples(here: Recording, begin: float, end: float, finer: int) -> tuple[_Fl
     return time, [np.sort(np.append(coarse, np.arange(first + k, last, finer))) for k in range(finer)]
 
 
-def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, level: Level) -> _Shot:
-    """One cycle from a state: time after the slip [s], elongations [m]."""
-    p = len(problem.names)
+def _shot(
+    problem: Problem,
+    z: _Floats,
+    k: int,
+    here: Recording,
+    row: _Floats,
+    state: _Floats,
+    level: Level,
+    whole: bool,
+) -> _Shot:
+    """One cycle of trace k, which is here, from a state: time after the slip [s], elongations [m]; if whole, with the derivatives by
+    the parameters.
+    """
     problem.runs.append(k)
-    here = problem.at_values(problem.recordings[k], z[:p])
+    p = len(problem.names) if whole else 0
     wave, chain = here.waveform, here.chain
     finer = finer_of(wave, chain) if wave.repeats else 1
     step, begin = wave.interval / finer, float(state[0])
@@ -454,17 +482,17 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     if missing > MISSING * np.count_nonzero(wave.used):
         raise NoCycleError("the rest is late in the cycle")
     time, phases = _samples(here, begin, end, finer)
-    columns, changes = _run_from(problem, z, here, state, time)
+    columns, changes = _run_from(problem, z, here, state, time, whole)
     velocity = steady_velocity(here.scene)
     sense = math.copysign(1.0, velocity)
 
     def means(values: _Floats, edges: _Floats) -> _Floats:
         return sampled_means(time, values, edges[first:] - begin, phases)
 
-    pull, at = sense * columns["pull_force"], replace(chain, tare=0.0)
+    pull = sense * columns["pull_force"]
     model = means(chain.response(step, pull), wave.edges)
-    change = [means(at.response(step, sense * each), wave.edges) for each in changes["pull_force"].T]
-    for i in (i for i, name in enumerate(problem.names) if name in CHAIN):
+    change = means(chain.response(step, sense * changes["pull_force"].T) - chain.tare, wave.edges)
+    for i in (i for i, name in enumerate(problem.names[:p]) if name in CHAIN):
         unit = np.eye(p)[i] * CHAIN_STEP
         chains = (problem.at_values(problem.recordings[k], z[:p] + way * unit).chain for way in (1.0, -1.0))
         more, less = (means(each.response(step, pull), wave.edges) for each in chains)
@@ -473,13 +501,13 @@ def _shot(problem: Problem, z: _Floats, k: int, row: _Floats, state: _Floats, le
     if wave.creep_edges.size:
         way = sense * (columns["X"] - velocity * time)
         model = np.append(model, centred(means(way, wave.creep_edges)))
-        ways = [centred(means(sense * each, wave.creep_edges)) for each in changes["X"].T]
-        change = [np.append(one, other) for one, other in zip(change, ways, strict=True)]
+        ways = centred(means(sense * changes["X"].T, wave.creep_edges))
+        change = np.hstack([change, ways])
         late = np.arange(wave.time.size + first, row.size)
         kept, row = np.append(kept, late), row.copy()
         row[late] = centred(row[late])
     weights = wave.weights(level.share)[kept] / (1.0 if wave.repeats else math.sqrt(len(wave.rows)))
-    off, by = (row[kept] - model) * weights, np.array(change).T * weights[:, np.newaxis]
+    off, by = (row[kept] - model) * weights, change.T * weights[:, np.newaxis]
     if level.width:
         kernel = _smoothing(off.size, level.width)
         off, by = kernel @ off, kernel @ by

@@ -134,13 +134,16 @@ class Waveform:
 
 
 def bin_means(time: _Floats, force: _Floats, edges: _Floats) -> _Floats:
-    """Means over bins of the straight lines between samples: shape (..., n) for edges of the shape (..., n + 1) inside the samples' times."""
+    """Means over bins of the straight lines between samples: shape (..., n) for edges of the shape (..., n + 1) inside the samples' times,
+    or, of one row of edges, for forces of the shape (..., samples).
+    """
     steps = np.diff(time)
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * steps)])
+    total = np.zeros(force.shape)
+    np.cumsum(0.5 * (force[..., 1:] + force[..., :-1]) * steps, axis=-1, out=total[..., 1:])
     k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, time.size - 2)
     past = edges - time[k]
-    slope = (force[k + 1] - force[k]) / steps[k]
-    integral = total[k] + past * (force[k] + 0.5 * past * slope)
+    slope = (force[..., k + 1] - force[..., k]) / steps[k]
+    integral = total[..., k] + past * (force[..., k] + 0.5 * past * slope)
     return np.asarray(np.diff(integral) / np.diff(edges))
 
 
