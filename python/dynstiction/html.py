@@ -1,11 +1,11 @@
-"""Tables for terminals; small pieces of HTML for notebooks and for the report: escaped text, tables."""
+"""Small pieces of HTML for notebooks and for the report: escaped text, tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
 
-__all__ = ["aligned", "page_table", "table"]
+__all__ = ["page_table", "table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -22,9 +22,3 @@ def page_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], f
     """A table with a title for a notebook, and an error message above it."""
     warning = f"<pre style='color:#b00020'>{escape(fault)}</pre>" if fault else ""
     return f"<div><b>{escape(title)}</b>{warning}{table(head, rows) if rows else ''}</div>"
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table for a terminal: the first column begins, the others end below each other."""
-    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
-    return ["  ".join([row[0].ljust(first), *map(str.rjust, row[1:], others)]).rstrip() for row in rows]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from html import escape
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -13,7 +14,6 @@ from ._fit.waveform import bin_means, waveform_of, whole_cycles
 from ._run import run_sampled
 from .errors import FileError, UsageError, printable
 from .groups import Changes
-from .html import aligned, page_table
 from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
@@ -44,19 +44,17 @@ SURE = 1e-6
 """Least standard error, relative to the value: roundoff of runs and files."""
 FIELDS = ("spring_force_x", "spring_force_y", "pull_force", "X")
 """Columns of a run that a trace needs."""
-FORMS = {
-    "measured": "{:.5g}",
-    "measured_scatter": "{:.2g}",
-    "measured_error": "{:.2g}",
-    "simulated": "{:.5g}",
-    "simulated_scatter": "{:.2g}",
-    "simulated_error": "{:.2g}",
-    "difference": "{:+.2g}",
-    "deviation": "{:+.1f}",
+COLUMNS = {
+    "measured": ("measured", "{:.5g}"),
+    "measured_scatter": ("scatter", "{:.2g}"),
+    "measured_error": ("error", "{:.2g}"),
+    "simulated": ("simulated", "{:.5g}"),
+    "simulated_scatter": ("scatter", "{:.2g}"),
+    "simulated_error": ("error", "{:.2g}"),
+    "difference": ("difference", "{:+.2g}"),
+    "deviation": ("in errors", "{:+.1f}"),
 }
-"""Columns of the table, and how they are written."""
-HEAD = ("", "measured", "scatter", "error", "simulated", "scatter", "error", "difference", "in errors")
-"""Their names."""
+"""Columns of the table: their heads, and how values are written."""
 SEED = 20201209
 """Seed of the noise that a run gets, so that a comparison gives the same result each time."""
 
@@ -120,7 +118,7 @@ class TraceComparison:
             f"{self.trace.name}: {len(self.measured)} cycles, noise {self.measured.noise:.3g} N a sample{units}",
             f"{self.scene.name}: {len(self.simulated)} cycles of a settled run with the same noise",
             "",
-            *aligned([HEAD, *self._rows()]),
+            *self._table().to_string().splitlines(),
             "",
             f"waveforms differ by {self.waveform_rms:.3g} of the swing (root mean square over a cycle)",
             f"{'differ' if told else 'nothing differs'} by more than {DIFFERENT:g} standard errors{told and f': {told}'}",
@@ -146,22 +144,18 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        return page_table(f"{self.trace.name} and {self.scene.name}", HEAD, self._rows())
+        return f"<b>{escape(self.trace.name)} and {escape(self.scene.name)}</b>{self._table().to_html()}"
 
-    def _rows(self) -> list[tuple[str, ...]]:
-        shown = zip(
-            self.statistics.index, self.statistics["units"], self.statistics[[*FORMS]].to_numpy(), strict=True
+    def _table(self) -> pandas.DataFrame:
+        """The statistics as texts."""
+        import pandas  # noqa: PLC0415  (slow to import)
+
+        columns = (
+            self.statistics[name].astype(object).map(form.format, na_action="ignore").fillna("–").rename(head)
+            for name, (head, form) in COLUMNS.items()
         )
-        return [
-            (
-                headed(name, units),
-                *(
-                    "–" if np.isnan(v) else form.format(v)
-                    for v, form in zip(values, FORMS.values(), strict=True)
-                ),
-            )
-            for name, units, values in shown
-        ]
+        shown = pandas.concat(columns, axis=1)
+        return shown.set_axis([headed(name, units) for name, units in self.statistics["units"].items()])
 
 
 def compare(
