@@ -19,6 +19,7 @@ from ._arguments import generator, names_in
 from ._fit.models import NoCycleError
 from ._fit.problem import Problem
 from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
+from ._fit.shooting import FINELY, can_shoot, shot
 from ._fit.solve import Solution, has_failed
 from ._progress import progress_bar
 from .errors import Error, UsageError
@@ -157,12 +158,14 @@ class _Fitted:
 
     @cached_property
     def cost(self) -> float:
+        if self.solution.left is not None:
+            return self.solution.cost
         return float(np.sum(self.problem.residuals(self.solution.z, 0.0) ** 2))
 
     def misfit(self) -> tuple[float, float]:
         """Misfit and its probability; of values at which there is no run nothing is explained."""
         try:
-            return self.problem.misfit(self.solution.z)
+            return self.problem.misfit(self.solution.z, self.solution.left)
         except Error:
             return math.inf, 0.0
 
@@ -378,16 +381,22 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     if not found.is_of_own_model:
         return ()
     base = found.problem
-    fits = [_Fitted("as fitted", base, base.at(found.coordinates))]
+    fits = [_Fitted("as fitted", base, _refitted(base, found.coordinates))]
     q, delays = np.split(found.coordinates, [len(base.names)])
     for name, extra, begin, more in _changes(found):
         problem = base.changed((*base.names, extra), {extra: begin, **more})
         sizes = (1.0,) if name.startswith("another ") else SIZES
         starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
         with suppress(Error):
-            best = problem.reached(problem.cheapest(starts, ROUGH[-1])[0], COARSE_OF_OWN[-3:])
-            fits.append(_Fitted(name, problem, best))
+            fits.append(_Fitted(name, problem, _refitted(problem, *problem.cheapest(starts, ROUGH[-1])[:1])))
     return _compared(fits)
+
+
+def _refitted(problem: Problem, start: _Floats) -> Solution:
+    """The fit from a start that is near."""
+    if can_shoot(problem):
+        return shot(problem, start, FINELY if problem.repeats else FINELY[1:])
+    return problem.reached(start, COARSE_OF_OWN[-3:])
 
 
 def _changes(found: Fit) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
