@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +168,35 @@ $ fit my.nml slow.csv fast.csv --with drive.velocity=1e-3,5e-3 --free friction.m
 $ fit my.nml trace.csv --free system.mass,chain.tare --known system.mass=0.4:0.01
 """
 
+
+def _pair(text: str) -> tuple[float, float]:
+    """Two numbers with a colon between them."""
+    first, second = map(float, text.split(":"))
+    return first, second
+
+
+def _of_key(read: Callable[[str], Any]) -> Callable[[str], tuple[str, Any]]:
+    """What reads a key, and after an ``=`` its value."""
+
+    def read_both(text: str) -> tuple[str, Any]:
+        key, value = text.split("=", 1)
+        return key, read(value)
+
+    return read_both
+
+
+def _filter(text: str) -> tuple[float, int]:
+    """Corner frequency [Hz] and order of a low pass."""
+    corner, _, order = text.partition(":")
+    return float(corner), int(order or 2)
+
+
 ARGUMENTS: dict[str, tuple[Any, tuple[str, ...]]] = {
+    **dict.fromkeys(("KEY=VALUE:ERROR", "KEY=LEAST:LARGEST", "KEY=FROM:TO"), (_of_key(_pair), ())),
+    "KEY=VALUES": (_of_key(lambda text: tuple(map(float, text.split(",")))), ()),
+    "QUANTITY=UNIT": (_of_key(str), ()),
+    "FROM:TO": (_pair, ()),
+    "HZ:ORDER": (_filter, ()),
     "A": (float, ()),
     "S": (float, ()),
     "T": (float, ()),
@@ -231,13 +259,14 @@ def add_commands(to: Any) -> None:
 
 
 def _add_option(parser: argparse.ArgumentParser, name: str, argument: str, meaning: str) -> None:
-    how: dict[str, Any] = {"metavar": argument, "type": ARGUMENTS.get(argument, (str,))[0]}
+    kind = argument.removesuffix("...")
+    how: dict[str, Any] = {"metavar": kind, "type": ARGUMENTS.get(kind, (str,))[0]}
     if not argument:
         how = {"action": "store_true"}
     elif "|" in argument:
         how = {"choices": argument.split("|"), "default": meaning.partition("default: ")[2]}
     elif argument.endswith("..."):
-        how = {"metavar": argument[:-3], "action": "append", "default": []}
+        how |= {"action": "append", "default": []}
     elif how["type"] in (int, float) and (default := re.search(r"\(([\d.e-]+)\)", meaning)):
         how["default"] = how["type"](default[1])
     names = [*["-o"] * name.startswith("--output"), name.rstrip("!")]
