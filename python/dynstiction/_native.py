@@ -163,6 +163,12 @@ class Session(Closing):
         """An answer that is quantities."""
         return [info for info, *_ in self.table(which)[0]]
 
+    def proceed(self) -> bool:
+        """Continue what is made step by step, for `CHUNK_SECONDS` of wall time; whether it is done."""
+        finished, _, _, status = _core.proceed(self.handle, CHUNK_SECONDS, np.inf)
+        self._check(status)
+        return bool(finished)
+
     def _check(self, status: int) -> None:
         """Raise an exception if the core has refused the deck."""
         if status != 0:
@@ -229,87 +235,14 @@ class Run(Session):
         )
 
 
-class Cycles(Session):
-    """The limit cycles of a scene in a model, '' for that of the deck."""
-
-    def __init__(self, deck: DeckSource, model: str) -> None:
-        super().__init__(deck, "cycles", model)
-        self.model = self.text("model")
-        self.quantities = self.infos("cycle_quantities")
-        *values, stable = self.numbers("cycles")
-        self.values = np.array(values).T
-        """Values (cycle, quantity)."""
-        self.are_stable = (stable == 1.0).tolist()
-        names = [info.name for info in self.infos("regularity")]
-        self.mean, self.scatter = (
-            dict(zip(names, row, strict=True)) for row in self.numbers("regularity").tolist()
-        )
-        row = self.numbers("verdict")[:, 0].tolist()
-        self.verdict, self.exponent, self.error = row[:3]
-        self.slow_cycles, self.count, self.repeats, self.searched = map(int, row[3:7])
-        self.sliding_load, stable, self.velocity, self.model_error = row[7:]
-        self.sliding_is_stable = stable == 1.0
-        real, imaginary = self.numbers("eigenvalues").reshape(2, -1)
-        self.eigenvalues = real + 1j * imaginary
-
-
-class Return(Session):
+def returned(deck: DeckSource, model: str, place: float, slow_cycles: int) -> list[float]:
     """Where a motion in a model ('' for that of the deck) returns to some slow cycles after a place of its map.
 
-    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N].
+    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N]. Then follow the
+    slope of the map, its logarithm, and the measures of the cycle.
     """
-
-    def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
-        super().__init__(deck, "return", model, [place, slow_cycles])
-        self.to, self.slope, self.log_slope, *self.measures = self.numbers("found")[:, 0].tolist()
-
-
-class Sensitivity(Session):
-    """Derivatives of the cycle to which a scene settles, with respect to parameters GROUP.KEY."""
-
-    def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        super().__init__(deck, "sensitivity", " ".join(keys))
-        self.quantities, numbers = self.infos("sensitivity"), self.numbers("sensitivity")
-        self.values, self.derivatives = numbers[0], numbers[1:].T
-        """Values (quantity) and derivatives (quantity, key)."""
-        keys, (self.parameters,) = self.table("parameters")
-        self.keys = [key for (key,) in keys]
-
-
-class Derivatives(Session):
-    """Derivatives of the run of a scene with respect to parameters GROUP.KEY, at times [s], or at those of its samples if there are none."""
-
-    def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
-        super().__init__(deck, "derivatives", " ".join(keys), times)
-        finished = False
-        while not finished:
-            finished, *_, status = _core.proceed(self.handle, CHUNK_SECONDS, np.inf)
-            self._check(status)
-        keys, (self.parameters,) = self.table("parameters")
-        self.keys = [key for (key,) in keys]
-        self.columns = self.infos("columns")
-        rows = self.numbers("samples").reshape(1 + len(self.keys), len(self.columns), -1)
-        self.values, self.derivatives = rows[0], rows[1:]
-        """Values (column, sample), the time first, and derivatives (key, column, sample)."""
-        numbers = self.numbers("events")
-        self.event_time, self.event_kind, self.shifts = numbers[0], numbers[1].astype(np.int64), numbers[2:]
-        """Times and kinds of events (event), and the derivatives of the times (key, event)."""
-
-
-class Settling(Session):
-    """A motion from rest until it has settled, in model 'full', by a method and for a time of the core's own choice."""
-
-    def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, "settling")
-        self.limit = self.swing = self.least = 0.0
-        """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
-
-    def advance(self, seconds: float) -> bool:
-        """Continue for at most `seconds` [s]; whether the motion has settled."""
-        finished, *_, status = _core.proceed(self.handle, seconds, np.inf)
-        self._check(status)
-        self.limit, self.swing, self.least = self.numbers("settling")[:, 0].tolist()
-        return bool(finished)
+    with Session(deck, "return", model, [place, slow_cycles]) as found:
+        return cast(list[float], found.numbers("found")[:, 0].tolist())
 
 
 class Steady(Session):
