@@ -69,31 +69,29 @@ class Work:
     ) -> None:
         """Run all cases in an executor, else in so many threads of this process; Ctrl-C ends it early.
 
-        Threads share the core, which has read the deck and its files. Tasks that have not begun are cancelled at the end, and those in
-        this process stop; tasks elsewhere end later, and their results are ignored.
+        Tasks that have not begun are cancelled at the end, and those in this process stop; tasks elsewhere end later, and their results
+        are ignored.
         """
         threads = min(threads, self._core.cases, MOST_THREADS)
         pool = ThreadPoolExecutor(threads) if executor is None else executor
         workers = threads if executor is None else _workers_of(executor)
         token = os.urandom(16).hex()
         going_on: dict[Future[_Answer], int] = {}
-
-        def submit(first: int, count: int) -> Future[_Answer]:
-            if executor is None:
-                return pool.submit(_run_cases, self._core, first, count)
-            return pool.submit(_run_task, self._task(deck, first, count, token))
-
+        _cores[token] = self._core
         try:
-            self._run(submit, going_on, workers, show)
+            self._run(
+                lambda first, count: pool.submit(_run_task, self._task(deck, first, count, token)),
+                going_on,
+                workers,
+                show,
+            )
         except KeyboardInterrupt:
             self.stopped = True
         finally:
             while going_on:
                 # However often Ctrl-C is pressed: the threads end, and what they have finished is kept.
                 try:
-                    _given_up.add(token)
-                    if executor is None:
-                        self._core.stop()
+                    self._core.stop()
                     left = [future for future in going_on if not future.cancel()]
                     wait(left, None if executor is None else 0.0)
                     for future in left:
@@ -104,6 +102,7 @@ class Work:
                     self.stopped = True
             if executor is None:
                 pool.shutdown(wait=False)
+            del _cores[token]
 
     def _run(
         self,
@@ -143,7 +142,7 @@ class Work:
             # The last parameter varies fastest.
             places = list(np.unravel_index(cases, [axis.size for _, axis in self._core.axes]))
         points = [(info.name, axis[at]) for (info, axis), at in zip(self._core.axes, places, strict=True)]
-        return _Task(deck, points, token)
+        return _Task(deck, points, first, token)
 
     def warn(self, stacklevel: int) -> None:
         """Warn if cases failed."""
@@ -160,6 +159,8 @@ class _Task(NamedTuple):
     deck: _native.DeckSource
     points: list[tuple[str, NDArray[np.float64]]]
     """Parameters and their values, one for each case."""
+    first: int
+    """Number of the first case in the sweep."""
     token: str
     """Token of the sweep, the same for all its tasks."""
 
@@ -169,14 +170,11 @@ class _Answer(NamedTuple):
     seconds: float
 
 
+_cores: dict[str, _native.Sweep] = {}
+"""By token the sweeps of this process, or of the one of which it is a fork: their decks and files have been read."""
+
 _given_up: set[str] = set()
-"""Tokens of sweeps that have ended early."""
-
-
-def _run_cases(core: _native.Sweep, first: int, count: int) -> _Answer:
-    """Run a few cases in a thread of the process that has the sweep."""
-    begun = time.perf_counter()
-    return _Answer(core.run(first, count), time.perf_counter() - begun)
+"""Tokens of sweeps of other processes that a Ctrl-C has ended here."""
 
 
 def _run_task(task: _Task) -> _Answer:
@@ -184,19 +182,20 @@ def _run_task(task: _Task) -> _Answer:
     if task.token in _given_up:
         raise KeyboardInterrupt
     begun = time.perf_counter()
-    core = _native.Sweep(task.deck, task.points, True)
+    core, first = _cores.get(task.token), task.first
+    if core is None:
+        core, first = _native.Sweep(task.deck, task.points, True), 0
     # In a separate thread, so that Ctrl-C also ends it in the main thread of a process.
     with ThreadPoolExecutor(1) as thread:
-        running = thread.submit(core.run, 0, core.cases)
+        running = thread.submit(core.run, first, len(task.points[0][1]))
         try:
-            while not wait([running], _native.CHUNK_SECONDS).done and task.token not in _given_up:
+            while not wait([running], _native.CHUNK_SECONDS).done:
                 pass
         except KeyboardInterrupt:
             # A Ctrl-C that all processes of a terminal receive also ends the tasks that this process has not begun.
             _given_up.add(task.token)
-            raise
-        finally:
             core.stop()
+            raise
     return _Answer(running.result(), time.perf_counter() - begun)
 
 
