@@ -19,12 +19,10 @@ from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
 from .groups import Changes, GroupValues, SceneGroups
 from .html import page_table
-from .record import unit_shown
+from .record import number_shown, unit_shown
 
 if TYPE_CHECKING:
     from .stability import Stability
-
-__all__ = ["DeckLike", "Group", "Scene"]
 
 Group: TypeAlias = DeckGroup | GroupValues
 """Value of a keyword for a group: its dataclass, which replaces the group, or a mapping, which changes keys."""
@@ -230,21 +228,16 @@ class Scene(SceneGroups):
         return "\n".join([head, *lines]) + ">"
 
     def _repr_html_(self) -> str:
+        rows, fault = list[tuple[str, ...]](), ""
         try:
-            self.check()
-            fault = ""
+            for group, keys in self.groups().items():
+                for key, value in keys.items():
+                    info = _native.key_info(group, key)
+                    rows.append((group, key, _shown(value), unit_shown(info.units), info.meaning))
+            if not self._given().get("sweep"):
+                self.check()
         except DeckError as error:
             fault = str(error)
-        try:
-            groups = self.groups()
-        except DeckError:
-            groups = {}
-        rows = [
-            (group, key, _shown(value), unit_shown(info.units), info.meaning)
-            for group, keys in groups.items()
-            for key, value in keys.items()
-            for info in [_native.key_info(group, key)]
-        ]
         return page_table(f"Scene {self._name}", ("group", "key", "value", "unit", ""), rows, fault)
 
 
@@ -321,14 +314,7 @@ def used_settings(
 
 
 def _shown(value: _native.Value, units: str = "") -> str:
+    shown = ", ".join(map(str, value)) if isinstance(value, tuple) else repr(value)
     if isinstance(value, tuple) and len(value) > 6:
-        shown = (
-            f"{value[0]:g}, {value[1]:g}, … ({len(value)} values)"
-            if isinstance(value[0], float)
-            else str(value)
-        )
-    elif isinstance(value, tuple):
-        shown = ", ".join(map(str, value))
-    else:
-        shown = repr(value)
+        shown = f"{number_shown(value[0])}, {number_shown(value[1])}, … ({len(value)} values)"
     return f"{shown} {unit_shown(units)}".rstrip()
