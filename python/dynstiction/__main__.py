@@ -85,7 +85,7 @@ class _Parser(argparse.ArgumentParser):
         if not left[0].startswith("-"):
             raise UsageError(f"too many operands, from '{left[0]}' on: {see}")
         (commands,) = (action.choices for action in self._actions if action.dest == "name")
-        known = commands[options.name]._option_string_actions  # type: ignore[index, call-overload]
+        known = commands[options.name]._option_string_actions  # type: ignore[index]
         near = _nearest(left[0].partition("=")[0], known)
         raise UsageError(f"unknown option '{left[0]}': {near}{see}")
 
@@ -126,7 +126,7 @@ def _say(text: object, end: str = "\n") -> None:
         raise FileError(f"cannot write to the standard output: {reason}") from error
 
 
-def _note(message: Warning | str, *_: object) -> None:
+def _note(message: Warning | str, *_: Any, **__: Any) -> None:
     """Print a line on stderr: a warning, in place of Python's form, which names a line of this package."""
     print(f"dynstiction: {printable(str(message))}", file=sys.stderr)
 

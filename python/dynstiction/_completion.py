@@ -80,7 +80,7 @@ def _words(kind: str, typed: str) -> Iterable[str]:
     name, equals, _ = typed.partition("=")
     fitted = [n for n, k in keys.items() if k["kind"] == "real" and k["group"] in ("system", "friction")]
     summary = [entry["name"] for entry in names["summary"]]
-    words = {
+    words: dict[str, Iterable[str]] = {
         "NAME": summary,
         "NAMES": summary,
         "COLUMNS": [entry["name"] for entry in names["columns"]],

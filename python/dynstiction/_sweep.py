@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import flag, reals, shown, whole
 from ._interrupt import interrupted
+from ._native import Info
 from ._progress import progress_bar
 from ._sweep_work import Work
 from .errors import DeckError, StiffnessWarning, UsageError
 from .groups import Changes
-from .record import Info
 from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:

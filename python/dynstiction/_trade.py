@@ -30,8 +30,6 @@ from .result import Result
 from .scene import DeckLike, Scene, used_settings
 from .stick_slip import first_release
 
-__all__ = ["Trade", "trade"]
-
 Settings = dict[str, dict[str, Any]]
 """Values by group and key; None removes a key."""
 

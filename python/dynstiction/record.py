@@ -18,24 +18,6 @@ from .html import page_table
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
 
-__all__ = [
-    "EVENTS",
-    "EVENT_DTYPE",
-    "LOG_DTYPE",
-    "SLIP_BEGINS",
-    "STICK_BEGINS",
-    "Described",
-    "Info",
-    "Table",
-    "events_between",
-    "headed",
-    "log_until",
-    "number_shown",
-    "occurrences",
-    "rows_of",
-    "unit_shown",
-]
-
 STICK_BEGINS = 1
 SLIP_BEGINS = 2
 
