@@ -305,11 +305,9 @@ def used_settings(
 
     found: dict[str, dict[str, Any]] = {}
     for key in keys.values():
-        value = settings.get(key.group, {}).get(key.name)
-        if is_used(key) and value is not None:
+        value = settings.get(key.group, {}).get(key.name) if is_used(key) else None
+        if value is not None or (not is_used(key) and key.name in given.get(key.group, {})):
             found.setdefault(key.group, {})[key.name] = value
-        elif not is_used(key) and key.name in given.get(key.group, {}):
-            found.setdefault(key.group, {})[key.name] = None
     return found
 
 
