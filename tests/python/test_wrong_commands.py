@@ -55,9 +55,6 @@ PYTHON_COMMANDS: list[tuple[str, int, tuple[str, ...]]] = [
     ("run own.nml", USAGE, ("'run' is a command of the executable", "dynstiction run")),
 ]
 
-# What is changed in the template; what the answer must hold.
-
-
 # What `check` accepts with a note: what is changed, and what the note says.
 NOTES: list[tuple[str, tuple[str, ...]]] = [
     ("system.stiffness_x=1e8", ("stiffness_x = 1e8 is above stiffness_y = 1e7", "exchange them")),
