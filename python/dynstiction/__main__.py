@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -59,7 +58,10 @@ class _Parser(argparse.ArgumentParser):
         if action.dest == "name":
             theirs = [entry["name"] for entry in catalogue()["commands"]]
             if value in theirs:
-                raise UsageError(f"'{value}' is a command of the executable{_how_to_run(str(value))}")
+                raise UsageError(
+                    f"'{value}' is a command of the executable, which is built where HDF5 is: write {PROGRAM} {value}, "
+                    "or use the package in Python (ds.run, ds.sweep)"
+                )
             choices += theirs
             near = _nearest(str(value), choices) or f"there are {' | '.join(choices)}, "
             raise UsageError(f"unknown command '{value}': {near}see {PROGRAM} --help")
@@ -94,14 +96,6 @@ class _Parser(argparse.ArgumentParser):
             super()._print_message(message, file)
         else:
             _say(message, end="")
-
-
-def _how_to_run(command: str) -> str:
-    """How to give a command to the executable, which an installation may lack, as the end of a message."""
-    beside = Path(sys.executable).with_name(PROGRAM)
-    if beside.exists() or shutil.which(PROGRAM):
-        return f": write {PROGRAM} {command}"
-    return ", which is not installed here: use the package in Python (ds.run, ds.sweep), or install the executable, which needs HDF5"
 
 
 def _nearest(given: str, known: Iterable[str]) -> str:
