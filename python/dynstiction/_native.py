@@ -388,10 +388,9 @@ def group_of(name: str) -> str:
 def unknown_key(name: object) -> str:
     """Message for a name that is neither a key nor a group."""
     near = nearest(name, [*_places(), *group_names()])
-    if near in group_names():
-        return f"{shown(name)} is not a group of a deck: did you mean {near!r}?"
     if near:
-        return f"{shown(name)} is not a key of a deck: did you mean {near!r}?"
+        kind = "group" if near in group_names() else "key"
+        return f"{shown(name)} is not a {kind} of a deck: did you mean {near!r}?"
     return (
         f"{shown(name)} is neither a key nor a group of a deck ({', '.join(group_names())}): "
         "dynstiction template shows all keys"

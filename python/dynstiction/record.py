@@ -47,9 +47,6 @@ NOUNS = {
 }
 """What a name is, by the table that contains it."""
 
-REMEDIES = {"columns": ": name it in the deck's output.fields and run again"}
-"""What to do about a name that a run could have, but does not have."""
-
 
 def unit_shown(units: str) -> str:
     """A unit for people: empty for a number without dimension, or for a text."""
@@ -129,14 +126,13 @@ class Described(Mapping[str, T], Generic[T]):
         """Message for a name that does not exist here: it may be mistyped, or exist in other runs."""
         noun, possible = NOUNS.get(self._table, "value"), self._possible()
         there = f"there are {', '.join(self._entries)}" if self._entries else "there are none"
+        remedy = ": name it in the deck's output.fields and run again" if self._table == "columns" else ""
         near = nearest(name, self._entries) or nearest(name, possible)
         if isinstance(name, str) and name in possible:
-            remedy = REMEDIES.get(self._table, "")
             return f"this run has no {noun} {name!r} ({possible[name]}){remedy}; {there}"
         if near in self._entries:
             return f"no {noun} {shown(name)}: did you mean {near!r}? ({there})"
         if near:
-            remedy = REMEDIES.get(self._table, "")
             return f"no {noun} {shown(name)}: did you mean {near!r}? This run has none{remedy}; {there}"
         return f"no {noun} {shown(name)}: {there}"
 

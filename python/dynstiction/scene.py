@@ -266,9 +266,8 @@ def _by_group(changes: Mapping[str, object]) -> list[tuple[str, Group]]:
         place = _native.group_of(name)
         if place:
             single.append((place, {name.rpartition(".")[2].lower(): value}))
-        elif isinstance(value, Mapping | DeckGroup) or name.lower() in _native.group_names():
-            known = name.lower() in _native.group_names()
-            groups.append((name.lower() if known else name, cast(Group, value)))
+        elif name.lower() in _native.group_names():
+            groups.append((name.lower(), cast(Group, value)))
         else:
             raise UsageError(_native.unknown_key(name))
     return groups + single
@@ -285,9 +284,9 @@ def _keys(group: str, keys: Group) -> Mapping[str, object]:
         raise UsageError(
             f"{group}={shown(keys)}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
         )
-    for name in (group, *keys):
+    for name in keys:
         if not (isinstance(name, str) and name.isprintable() and "=" not in name):
-            raise UsageError(f"{shown(name)}: is not the name of a group or key of a deck")
+            raise UsageError(f"{shown(name)}: is not the name of a key of a deck")
     return keys
 
 
