@@ -142,9 +142,9 @@ def sweep(
             )
         if note := core.text("stiffness_note"):
             warnings.warn(note, StiffnessWarning, stacklevel=2)
-        work = Work(core)
+        work = Work(core, scene.source, threads, executor)
         with progress_bar(progress, core.cases, BAR) as show:
-            work.run(scene.source, threads, executor, show)
+            work.run(show)
         if work.stopped:
             done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
             raise interrupted(
