@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, Ty
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import nearest, shown
+from ._arguments import nearest, reals, shown
 from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from .errors import UsageError, error_for
 
@@ -429,21 +429,15 @@ def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points (n), from the routine of the core."""
-    ranges = {
-        "kappa = {kappa:.17g}: kappa must be in [0, 1)": (kappa >= 0.0) & (kappa < 1.0),
-        "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad": np.abs(phi) < 0.5 * np.pi,
-    }
-    if form == "exact":
-        ranges["tau = {tau:.17g}: tau must be finite and in [0, inf)"] = (tau >= 0.0) & np.isfinite(tau)
-        ranges[
-            "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
-        ] = (phi != 0.0) | (tau < 1.0)
-    else:
-        ranges["tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)"] = (tau >= 0.0) & (tau < 1.0)
-    wrong = np.argwhere(~np.array(list(ranges.values())).T)
-    if wrong.size > 0:
-        point, which = wrong[0]
-        raise UsageError(list(ranges)[which].format(tau=tau[point], phi=phi[point], kappa=kappa[point]))
+    reals("kappa", kappa, least=0.0, below=1.0)
+    reals("phi", phi, above=-0.5 * np.pi, below=0.5 * np.pi, units="rad")
+    below, where = (None, "") if form == "exact" else (1.0, "where Eq. (8) holds")
+    reals("tau", tau, least=0.0, below=below, units=where)
+    slips = (phi == 0.0) & (tau >= 1.0)
+    if np.any(slips):
+        raise UsageError(
+            f"tau = {tau[slips][0]:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
+        )
     values: NDArray[np.float64] = _core.creep(form, tau, phi, kappa, n_values)
     return values.T
 
