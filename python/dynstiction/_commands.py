@@ -226,17 +226,9 @@ class Layout(argparse.RawDescriptionHelpFormatter):
 
 
 def add_commands(to: Any) -> list[dict[str, Any]]:
-    """Add the parser of each command.
+    """Add the parser of each command to `to`, which ``ArgumentParser.add_subparsers`` has returned.
 
-    Parameters
-    ----------
-    to : object
-        What ``ArgumentParser.add_subparsers`` returns.
-
-    Returns
-    -------
-    list of dict
-        The entry of each command, as `described` has them, but without its usage.
+    The entries of the commands are returned, as `described` has them, but without their usage.
     """
     entries = []
     shared: dict[str, list[tuple[str, str]]] = {}
