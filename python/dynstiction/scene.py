@@ -312,6 +312,6 @@ def used_settings(
 
 def _shown(value: _native.Value, units: str = "") -> str:
     shown = ", ".join(map(str, value)) if isinstance(value, tuple) else repr(value)
-    if isinstance(value, tuple) and len(value) > 6:
+    if isinstance(value, tuple) and len(value) > 6 and isinstance(value[0], float):
         shown = f"{number_shown(value[0])}, {number_shown(value[1])}, … ({len(value)} values)"
     return f"{shown} {unit_shown(units)}".rstrip()
