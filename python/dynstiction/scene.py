@@ -64,18 +64,18 @@ class Scene(SceneGroups):
     0.25
     """
 
-    __slots__ = ("_cache", "_fields", "_name", "_settings", "_text")
+    __slots__ = ("_fields", "_name", "_settings", "_text", "_values")
 
     _text: str
     _name: str
     _fields: Mapping[int, str]
     _settings: dict[str, str]
-    _cache: dict[object, Any]
-    """Values and groups (as dataclasses) that the core has read from the deck, which never changes."""
+    _values: dict[str, dict[str, _native.Value]]
+    """Values that the core has read from the deck, which never changes; empty before."""
 
     def __init__(self, deck: DeckLike | None = None, /, **changes: Unpack[Changes]) -> None:
         given = _by_group(changes)
-        self._fields, self._settings, self._cache = {}, {}, {}
+        self._fields, self._settings, self._values = {}, {}, {}
         if isinstance(deck, Scene):
             self._text, self._name, self._fields = deck._text, deck._name, deck._fields
             self._settings = dict(deck._settings)
@@ -130,9 +130,9 @@ class Scene(SceneGroups):
         return {group: dict(keys) for group, keys in self._given().items()}
 
     def _given(self) -> dict[str, dict[str, _native.Value]]:
-        if "values" not in self._cache:
-            self._cache["values"] = _native.deck_values(self.source)
-        return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
+        if not self._values:
+            self._values = _native.deck_values(self.source)
+        return self._values
 
     def to_deck(self) -> str:
         """Text of a deck with every key that the scene gives, with overrides.
@@ -193,9 +193,7 @@ class Scene(SceneGroups):
         return stability(self)
 
     def _group(self, kind: type[G]) -> G:
-        if kind not in self._cache:
-            self._cache[kind] = kind._read(self._given().get(kind.group, {}))
-        return cast(G, self._cache[kind])
+        return kind._read(self._given().get(kind.group, {}))
 
     def _identity(self) -> object:
         """Key for the comparison of scenes: the values, or the text if the scene cannot be read."""
