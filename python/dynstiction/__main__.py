@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -28,7 +27,6 @@ from .errors import (
     Error,
     FileError,
     FitWarning,
-    IncompleteWarning,
     SolverError,
     UsageError,
     printable,
@@ -46,12 +44,6 @@ if TYPE_CHECKING:
 
 UNEXPLAINED = 6
 """Exit status of a fit that does not explain its trace."""
-READER_GONE = 141
-"""Exit status when the reader of the output has ended, as for a program that is ended by SIGPIPE."""
-
-
-class _ReaderGoneError(Exception):
-    pass
 
 
 class _Parser(argparse.ArgumentParser):
@@ -66,7 +58,10 @@ class _Parser(argparse.ArgumentParser):
         if action.dest == "name":
             theirs = [entry["name"] for entry in catalogue()["commands"]]
             if value in theirs:
-                raise UsageError(f"'{value}' is a command of the executable{_how_to_run(str(value))}")
+                raise UsageError(
+                    f"'{value}' is a command of the executable, which is built where HDF5 is: write {PROGRAM} {value}, "
+                    "or use the package in Python (ds.run, ds.sweep)"
+                )
             choices += theirs
             near = _nearest(str(value), choices) or f"there are {' | '.join(choices)}, "
             raise UsageError(f"unknown command '{value}': {near}see {PROGRAM} --help")
@@ -74,6 +69,14 @@ class _Parser(argparse.ArgumentParser):
         self.error(
             f"{action.metavar or action.option_strings[-1]} '{value}' is unknown: {near}choose {' | '.join(choices)}"
         )
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Refuse an argument that does not have its form, and show that."""
+        try:
+            return super()._get_value(action, arg_string)
+        except argparse.ArgumentError:
+            option, kind = action.option_strings[-1], " (a number)" if action.type in (int, float) else ""
+            self.error(f"{option} {arg_string}: write {option} {action.metavar}{kind}")
 
     def parse_all(self, arguments: Sequence[str] | None) -> argparse.Namespace:
         """Parse every word; refuse the remaining ones with a message for the command."""
@@ -83,14 +86,10 @@ class _Parser(argparse.ArgumentParser):
         see = f"see {self.prog} {options.name} --help"
         if not left[0].startswith("-"):
             raise UsageError(f"too many operands, from '{left[0]}' on: {see}")
-        known = [name for action in self.commands()[options.name]._actions for name in action.option_strings]
+        (commands,) = (action.choices for action in self._actions if action.dest == "name")
+        known = commands[options.name]._option_string_actions  # type: ignore[index]
         near = _nearest(left[0].partition("=")[0], known)
         raise UsageError(f"unknown option '{left[0]}': {near}{see}")
-
-    def commands(self) -> dict[str, argparse.ArgumentParser]:
-        """The parser of each command."""
-        (found,) = (action for action in self._actions if action.dest == "name")
-        return found.choices  # type: ignore[return-value]
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stderr:
@@ -99,15 +98,7 @@ class _Parser(argparse.ArgumentParser):
             _say(message, end="")
 
 
-def _how_to_run(command: str) -> str:
-    """How to give a command to the executable, which an installation may lack, as the end of a message."""
-    beside = Path(sys.executable).with_name(PROGRAM)
-    if beside.exists() or shutil.which(PROGRAM):
-        return f": write {PROGRAM} {command}"
-    return ", which is not installed here: use the package in Python (ds.run, ds.sweep), or install the executable, which needs HDF5"
-
-
-def _nearest(given: str, known: Sequence[str]) -> str:
+def _nearest(given: str, known: Iterable[str]) -> str:
     """The nearest known word, as the beginning of a remedy; empty if no word is near."""
     near = nearest(given, known)
     return f"the nearest is '{near}', " if near else ""
@@ -120,19 +111,18 @@ def _say(text: object, end: str = "\n") -> None:
             raise OSError("it is closed")
         print(text, end=end, flush=True)
     except OSError as error:
-        _forget_output()
-        if isinstance(error, BrokenPipeError):
-            raise _ReaderGoneError from error
+        if sys.stdout is not None:
+            # Discard unwritten output: the interpreter would try to write it again at its end, and print a message.
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())
+            os.close(nowhere)
         reason = error.strerror or error
         raise FileError(f"cannot write to the standard output: {reason}") from error
 
 
-def _forget_output() -> None:
-    """Discard unwritten output: the interpreter would try to write it again at its end, and print a message."""
-    if sys.stdout is not None:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+def _note(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a line on stderr: a warning, in place of Python's form, which names a line of this package."""
+    print(f"dynstiction: {printable(str(message))}", file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m dynstiction") -> int:
@@ -146,21 +136,19 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m dynst
         Name by which the user called the program.
     """
     try:
-        with _ended_by_signals():
+        with _ended_by_signals(), warnings.catch_warnings():
+            warnings.showwarning = _note
             given = list(sys.argv[1:] if arguments is None else arguments)
-            parser = _parser(program)
             if given[:1] == ["complete"]:
                 from ._completion import completions  # noqa: PLC0415
 
-                for candidate in completions(parser.commands(), given[1:]):
+                for candidate in completions(given[1:]):
                     _say(candidate)
                 return 0
             if given[:1] == ["help"]:
                 given = [*(word for word in given[1:] if word != "python"), "--help"]
-            options = parser.parse_all(given)
+            options = _parser(program).parse_all(given)
             return COMMANDS[options.name](options) or 0
-    except _ReaderGoneError:
-        return READER_GONE
     except Error as error:
         status, words = error.exit_status, str(error)
     except ModuleNotFoundError as error:
@@ -192,13 +180,15 @@ def _end(number: int, _: object) -> None:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """SIGINT and SIGTERM end the process, unless the caller ignores them."""
+    """SIGINT and SIGTERM end the process, unless the caller ignores them, and so does a reader of the output that has ended."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGPIPE)}
     for number, handler in before.items():
-        if handler != signal.SIG_IGN:
+        if number == signal.SIGPIPE:
+            signal.signal(number, signal.SIG_DFL)
+        elif handler != signal.SIG_IGN:
             signal.signal(number, _end)
     try:
         yield
@@ -234,7 +224,7 @@ def _plot(options: argparse.Namespace) -> None:
         (file,) = options.files
         if options.overlay:
             raise UsageError("--overlay is for several files: give the others too")
-        drawable = _open_any(file)
+        drawable = open(file)
         write(plot.draw(drawable, options.kind, options.quantity, **part))
         drawn = {file.stem: drawable} if isinstance(drawable, Result) else {}
     else:
@@ -245,22 +235,18 @@ def _plot(options: argparse.Namespace) -> None:
         stems = [file.stem for file in options.files]
         # Without folder and suffix, or complete where that is needed to distinguish them.
         names = stems if len(set(stems)) == len(stems) else map(str, options.files)
-        drawn = {name: _open(file) for name, file in zip(names, options.files, strict=True)}
+        drawn = {name: _open_run(file) for name, file in zip(names, options.files, strict=True)}
         write(plot.draw(drawn, "overlay" if options.overlay else "compare", **part))
-    _warn_of_samples(drawn)
+    _note_samples(drawn)
 
 
-def _warn_of_samples(results: Mapping[str, Result]) -> None:
+def _note_samples(results: Mapping[str, Result]) -> None:
     """Print a line for each result whose samples do not show its fast oscillation."""
     from .plot import coarseness  # noqa: PLC0415
 
     for name, result in results.items():
-        coarse = coarseness(result)
-        if coarse:
-            print(
-                f"dynstiction: {printable(name)}: {coarse}: run with a smaller output.interval",
-                file=sys.stderr,
-            )
+        if coarse := coarseness(result):
+            _note(f"{name}: {coarse}: run with a smaller output.interval")
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -276,25 +262,19 @@ def _trace(options: argparse.Namespace, path: str) -> Trace:
     """The trace in a file that the options of a command describe."""
     from .trace_file import read_trace  # noqa: PLC0415
 
-    units = {}
-    for setting in options.unit:
-        quantity, equals, unit = setting.partition("=")
-        if not equals:
-            raise UsageError(f"--unit {setting}: write --unit QUANTITY=UNIT, as --unit force=mN")
-        units[quantity] = unit
     delimiter = {"tab": "\t", "\\t": "\t", "blank": " "}.get(options.delimiter, options.delimiter)
     trace = read_trace(
         path,
         time=options.time,
         force=options.force,
-        displacement=vars(options).get("displacement"),
+        displacement=options.displacement,
         lateral_force=vars(options).get("lateral"),
-        units=units,
+        units=dict(options.unit),
         delimiter=delimiter,
         interval=options.interval,
     )
     if options.zero:
-        trace = trace.zeroed(*_numbers("--zero", options.zero, "FROM:TO", ":", 2))
+        trace = trace.zeroed(*options.zero)
     return trace.part(vars(options)["from"], options.to)
 
 
@@ -307,31 +287,8 @@ def _chain(options: argparse.Namespace) -> Chain:
     """The measuring chain that the options of a command describe."""
     from .trace import Chain  # noqa: PLC0415
 
-    if not options.filter:
-        return Chain()
-    corner, *order = _numbers("--filter", options.filter, "HZ:ORDER", ":", None)
-    if len(order) > 1 or any(each != int(each) for each in order):
-        raise UsageError(f"--filter {options.filter}: write --filter HZ:ORDER, as --filter 300:4")
-    return Chain(filter=corner, order=int(order[0])) if order else Chain(filter=corner)
-
-
-def _numbers(option: str, text: str, form: str, mark: str, count: int | None) -> list[float]:
-    """Numbers of an option."""
-    try:
-        numbers = [float(each) for each in text.split(mark)]
-    except ValueError:
-        numbers = []
-    if len(numbers) != (count or max(1, len(numbers))):
-        raise UsageError(f"{option} {text}: write {option} {form}")
-    return numbers
-
-
-def _pairs(
-    option: str, settings: Sequence[str], form: str, mark: str, count: int | None
-) -> dict[str, tuple[float, ...]]:
-    """Numbers by key, of an option that may be repeated."""
-    parted = (setting.partition("=")[::2] for setting in settings)
-    return {key: tuple(_numbers(f"{option} {key}", values, form, mark, count)) for key, values in parted}
+    corner, order = options.filter or (None, 2)
+    return Chain(filter=corner, order=order)
 
 
 def _figure(
@@ -386,9 +343,9 @@ def _fit(options: argparse.Namespace) -> int:
             _scene(options),
             traces,
             options.free,
-            each=_pairs("--with", vars(options)["with"], "KEY=VALUE,VALUE", ",", None),
-            known=_pairs("--known", options.known, "KEY=VALUE:ERROR", ":", 2),  # type: ignore[arg-type]
-            bounds=_pairs("--bound", options.bound, "KEY=LEAST:LARGEST", ":", 2),  # type: ignore[arg-type]
+            each=dict(vars(options)["with"]),
+            known=dict(options.known),
+            bounds=dict(options.bound),
             chain=_chain(options),
             starts=options.starts,
             rng=options.seed,
@@ -415,16 +372,16 @@ def _report(options: argparse.Namespace) -> None:
     if output.suffix.lower() not in PAGES:
         raise FileError(f"{output}: cannot be written: a report is a page: call it {output.stem}.html")
     check_outputs([output], [options.file], overwrite=options.overwrite)
-    result = _open(options.file)
+    result = _open_run(options.file)
     write_report(result, output, options.file.name, overwrite=options.overwrite)
-    _warn_of_samples({options.file.stem: result})
+    _note_samples({options.file.stem: result})
     _say(printable(str(output)))
 
 
 def _export(options: argparse.Namespace) -> None:
     from .export import export_csv  # noqa: PLC0415
 
-    found = _open_any(options.file)
+    found = open(options.file)
     for file in export_csv(found, options.output or Path(), options.file.stem, overwrite=options.overwrite):
         _say(printable(str(file)))
 
@@ -450,14 +407,8 @@ def _branch(options: argparse.Namespace) -> None:
     from .plot import draw  # noqa: PLC0415
 
     write = _figure(options, f"{Path(options.deck).stem}_branches.png", [options.deck])
-    key, _, ends = options.along.partition("=")
-    try:
-        start, end = map(float, ends.split(":"))
-    except ValueError:
-        raise UsageError(
-            f"--along {options.along!r}: write GROUP.KEY=FROM:TO, like system.misalignment_deg=1:9"
-        ) from None
-    found = branch(_scene(options), key, start, end, slow_cycles=options.most)
+    key, ends = options.along
+    found = branch(_scene(options), key, *ends, slow_cycles=options.most)
     _say(found)
     if found.branches:
         write(draw(found))
@@ -480,7 +431,7 @@ def _animate(options: argparse.Namespace) -> None:
     if options.output.suffix:
         check_outputs([options.output], [options.file], overwrite=options.overwrite)
     animate(
-        _open(options.file),
+        _open_run(options.file),
         options.output,
         start=start,
         end=options.to,
@@ -491,21 +442,12 @@ def _animate(options: argparse.Namespace) -> None:
     _say(printable(str(options.output)))
 
 
-def _open(file: Path) -> Result:
-    """The run in a file; if it is incomplete, a line on stderr says so."""
-    found = _open_any(file)
+def _open_run(file: Path) -> Result:
+    """The run in a file."""
+    found = open(file)
     if not isinstance(found, Result):
         remedy = "dynstiction plot draws it, dynstiction export writes its tables"
         raise FileError(f"{printable(str(file))}: holds a sweep, not one run: {remedy}")
-    return found
-
-
-def _open_any(file: Path) -> Any:
-    """A run or a sweep."""
-    with warnings.catch_warnings(record=True, action="always", category=IncompleteWarning) as caught:
-        found = open(file)
-    for warning in caught:
-        print(f"dynstiction: {warning.message}", file=sys.stderr)
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +168,35 @@ $ fit my.nml slow.csv fast.csv --with drive.velocity=1e-3,5e-3 --free friction.m
 $ fit my.nml trace.csv --free system.mass,chain.tare --known system.mass=0.4:0.01
 """
 
+
+def _pair(text: str) -> tuple[float, float]:
+    """Two numbers with a colon between them."""
+    first, second = map(float, text.split(":"))
+    return first, second
+
+
+def _of_key(read: Callable[[str], Any]) -> Callable[[str], tuple[str, Any]]:
+    """What reads a key, and after an ``=`` its value."""
+
+    def read_both(text: str) -> tuple[str, Any]:
+        key, value = text.split("=", 1)
+        return key, read(value)
+
+    return read_both
+
+
+def _filter(text: str) -> tuple[float, int]:
+    """Corner frequency [Hz] and order of a low pass."""
+    corner, _, order = text.partition(":")
+    return float(corner), int(order or 2)
+
+
 ARGUMENTS: dict[str, tuple[Any, tuple[str, ...]]] = {
+    **dict.fromkeys(("KEY=VALUE:ERROR", "KEY=LEAST:LARGEST", "KEY=FROM:TO"), (_of_key(_pair), ())),
+    "KEY=VALUES": (_of_key(lambda text: tuple(map(float, text.split(",")))), ()),
+    "QUANTITY=UNIT": (_of_key(str), ()),
+    "FROM:TO": (_pair, ()),
+    "HZ:ORDER": (_filter, ()),
     "A": (float, ()),
     "S": (float, ()),
     "T": (float, ()),
@@ -197,14 +225,12 @@ class Layout(argparse.RawDescriptionHelpFormatter):
         super().add_usage(usage, actions, groups, "Usage: " if prefix is None else prefix)
 
 
-def add_commands(to: Any) -> None:
-    """Add the parser of each command.
+def add_commands(to: Any) -> list[dict[str, Any]]:
+    """Add the parser of each command to `to`, which ``ArgumentParser.add_subparsers`` has returned.
 
-    Parameters
-    ----------
-    to : object
-        What ``ArgumentParser.add_subparsers`` returns.
+    The entries of the commands are returned, as `described` has them, but without their usage.
     """
+    entries = []
     shared: dict[str, list[tuple[str, str]]] = {}
     for paragraph in TABLE.strip().split("\n\n"):
         pairs = [line.partition("  ")[::2] for line in paragraph.replace("\n  ", " ").split("\n")]
@@ -212,64 +238,54 @@ def add_commands(to: Any) -> None:
         if head.startswith(":"):
             shared[head] = lines
             continue
-        name, *operands = head.split()
-        examples = [line.replace("$", f"  {PROGRAM}") for line, _ in lines if line[0] == "$"]
+        name, _, operands = head.partition(" ")
+        meaning = " ".join(line for line, _ in lines if line[0] not in "-$")
+        examples = [line.replace("$", PROGRAM) for line, _ in lines if line[0] == "$"]
         parser = to.add_parser(
             name,
             help=brief,
-            description=textwrap.fill(" ".join(line for line, _ in lines if line[0] not in "-$"), WIDTH),
-            epilog="\n".join(["examples:", *examples]),
+            description=textwrap.fill(meaning, WIDTH),
+            epilog="\n  ".join(["examples:", *examples]),
             formatter_class=Layout,
         )
-        for operand in operands:
+        for operand in operands.split():
             kind, several = operand.removesuffix("..."), operand.endswith("...")
             dest = kind.removesuffix(".h5").lower() + "s" * several
             parser.add_argument(dest, metavar=kind, type=ARGUMENTS[kind][0], nargs="+" if several else None)
-        for line, meaning in lines:
-            if line[0] == "-":
-                _add_option(parser, *line.partition(" ")[::2], meaning)
+        options = [
+            (_add_option(parser, *line.partition(" ")[::2], about), about)
+            for line, about in lines
+            if line[0] == "-"
+        ]
+        entries.append({
+            "name": name, "operands": operands, "brief": brief, "meaning": meaning, "options": options,
+            "examples": "\n".join(examples),
+        })  # fmt: skip
+    return entries
 
 
-def _add_option(parser: argparse.ArgumentParser, name: str, argument: str, meaning: str) -> None:
-    how: dict[str, Any] = {"metavar": argument, "type": ARGUMENTS.get(argument, (str,))[0]}
+def _add_option(parser: argparse.ArgumentParser, name: str, argument: str, meaning: str) -> str:
+    """Add an option; its name, the short one if it has two, and what follows it."""
+    kind = argument.removesuffix("...")
+    how: dict[str, Any] = {"metavar": kind, "type": ARGUMENTS.get(kind, (str,))[0]}
     if not argument:
         how = {"action": "store_true"}
     elif "|" in argument:
         how = {"choices": argument.split("|"), "default": meaning.partition("default: ")[2]}
     elif argument.endswith("..."):
-        how = {"metavar": argument[:-3], "action": "append", "default": []}
+        how |= {"action": "append", "default": []}
     elif how["type"] in (int, float) and (default := re.search(r"\(([\d.e-]+)\)", meaning)):
         how["default"] = how["type"](default[1])
     names = [*["-o"] * name.startswith("--output"), name.rstrip("!")]
     parser.add_argument(*names, help=meaning, required=name.endswith("!"), **how)
+    return f"{names[0]} {kind}".strip()
 
 
-def described() -> Iterator[dict[str, Any]]:
+def described() -> list[dict[str, Any]]:
     """Each command as an entry of ``dynstiction template --json``: its options are pairs of name and meaning."""
     found = argparse.ArgumentParser(prog=PROGRAM).add_subparsers()
-    add_commands(found)
-    briefs = {choice.dest: choice.help for choice in found._choices_actions}
-    for name, parser in found.choices.items():
-        actions = [action for action in parser._actions if action.dest != "help"]
-        yield {
-            "name": name,
-            "operands": " ".join(
-                f"{action.metavar}{'...' if action.nargs == '+' else ''}"
-                for action in actions
-                if not action.option_strings
-            ),
-            "brief": briefs[name],
-            "usage": parser.format_usage().strip().removeprefix("Usage: ").replace("[-h] ", ""),
-            "meaning": " ".join(parser.description.split()),
-            "options": [
-                (f"{action.option_strings[0]} {argument_of(action)}".strip(), action.help)
-                for action in actions
-                if action.option_strings
-            ],
-            "examples": textwrap.dedent(parser.epilog.partition("\n")[2]),
-        }
-
-
-def argument_of(action: argparse.Action) -> str:
-    """What follows an option: a word in capitals, or its choices; '' if nothing does."""
-    return "" if action.nargs == 0 else "|".join(action.choices or [str(action.metavar)])
+    entries = add_commands(found)
+    for entry in entries:
+        usage = found.choices[entry["name"]].format_usage()
+        entry["usage"] = usage.strip().removeprefix("Usage: ").replace("[-h] ", "")
+    return entries

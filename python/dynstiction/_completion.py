@@ -6,62 +6,63 @@ ending, ``*/`` for folders, and one that ends in ``=`` is only the beginning of 
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable
 from itertools import pairwise
 
-from ._commands import ARGUMENTS, argument_of
+from ._commands import ARGUMENTS, described
 from ._native import catalogue
 
 
-def completions(commands: Mapping[str, argparse.ArgumentParser], words: Sequence[str]) -> list[str]:
-    """Candidates for the last of the words after the program's name; `commands`: those that Python carries out."""
-    *before, typed = words or [""]
-    own = dict(_commands_of_executable())
+def completions(words: Iterable[str]) -> list[str]:
+    """Candidates for the last of the words after the program's name."""
+    *before, typed = [*words] or [""]
+    own, others = _of_executable(), _of_python()
     if not before:
-        return [name for name in (*own, "--help", "--version", *commands) if name.startswith(typed)]
-    commands = {**commands, **own}
-    if before[0] not in commands:
-        return []
-    actions = commands[before[0]]._actions
-    options = {name: action for action in actions for name in action.option_strings}
-    last = options.get(before[-1])
-    if last is not None and last.nargs != 0:
-        return _values(last, typed)
+        return [name for name in (*own, "--help", "--version", *others) if name.startswith(typed)]
+    options, operands = (own | others).get(before[0], ({}, []))
+    if kind := options.get(before[-1]):
+        return _values(kind, typed)
     option, equals, begun = typed.partition("=")
     if equals and option in options:
         return [f"{option}={candidate}" for candidate in _values(options[option], begun)]
     if typed.startswith("-"):
-        offered = [
-            action.option_strings[0] for action in actions if action.option_strings and action.dest != "help"
-        ]
-        return [name for name in [*offered, "--help"] if name.startswith(typed)]
-    operands = [action for action in actions if not action.option_strings]
-    given = sum(
-        not word.startswith("-") and not (previous in options and options[previous].nargs != 0)
-        for previous, word in pairwise(before)
-    )
+        return [name for name in (*options, "--help") if name.startswith(typed)]
+    given = sum(not word.startswith("-") and not options.get(previous) for previous, word in pairwise(before))
     return _values(operands[min(given, len(operands) - 1)], typed) if operands else []
 
 
-def _commands_of_executable() -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """The commands of the executable, in the form of those of Python."""
-    for command in catalogue()["commands"]:
-        parser = argparse.ArgumentParser(add_help=False)
-        for name in command["options"]:
-            entries = (entry for entry in catalogue()["options"] if entry["name"] == name)
-            kinds = [entry["argument"] for entry in entries if command["name"] in entry["commands"]]
-            if any(kinds):
-                parser.add_argument(name, metavar="|".join(kinds))
-            else:
-                parser.add_argument(name, action="store_true")
-        if command["operands"]:
-            parser.add_argument("operands", metavar=command["operands"].strip("[]."), nargs="*")
-        yield command["name"], parser
+Commands = dict[str, tuple[dict[str, str], list[str]]]
+"""By name of a command its options, each with what follows it, and its operands."""
 
 
-def _values(action: argparse.Action, typed: str) -> list[str]:
-    kind = argument_of(action)
+def _of_executable() -> Commands:
+    """The commands of the executable."""
+    arguments: dict[tuple[str, str], list[str]] = {}
+    for option in catalogue()["options"]:
+        for command in option["commands"]:
+            arguments.setdefault((command, option["name"]), []).append(option["argument"])
+    return {
+        command["name"]: (
+            {name: "|".join(arguments[command["name"], name]) for name in command["options"]},
+            command["operands"].split(),
+        )
+        for command in catalogue()["commands"]
+    }
+
+
+def _of_python() -> Commands:
+    """The commands of Python."""
+    return {
+        command["name"]: (
+            dict(about.partition(" ")[::2] for about, _ in command["options"]),
+            command["operands"].split(),
+        )
+        for command in described()
+    }
+
+
+def _values(kind: str, typed: str) -> list[str]:
+    kind = kind.strip("[].")
     if files := ARGUMENTS.get(kind, (str, ()))[1]:
         return list(files)
     # The last word of a list with commas is being typed.
@@ -79,7 +80,7 @@ def _words(kind: str, typed: str) -> Iterable[str]:
     name, equals, _ = typed.partition("=")
     fitted = [n for n, k in keys.items() if k["kind"] == "real" and k["group"] in ("system", "friction")]
     summary = [entry["name"] for entry in names["summary"]]
-    words = {
+    words: dict[str, Iterable[str]] = {
         "NAME": summary,
         "NAMES": summary,
         "COLUMNS": [entry["name"] for entry in names["columns"]],

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 
 from . import _native
 from ._commands import PROGRAM
+from ._native import Info
 from ._output import check_outputs, put
 from ._sweep import CYCLE_COUNT, ORIGIN, dataset_of, of_cycle
 from .errors import Error, FileError, IncompleteWarning
-from .record import EVENTS, LOG_DTYPE, Described, Info
+from .record import EVENTS, LOG_DTYPE, Described
 from .result import Result
 
 if TYPE_CHECKING:
@@ -78,15 +79,16 @@ def _read_contents(file: h5py.File, name: str) -> Result:
         raise FileError(f"{name}: is no file of {PROGRAM}")
     if "time_series/time" not in file:
         raise FileError(f"{name}: holds no time series: the run was stopped before it began")
-    columns = _read_columns(file, "time_series")
-    log_by_name = {info.name: values for info, values in _read_columns(file, "events").items()}
-    log = np.empty(log_by_name["time"].size, dtype=LOG_DTYPE)
+    series, events = (_read_columns(file[path]) for path in ("time_series", "events"))
+    by_name = {info.name: values for info, values in events}
+    log = np.empty(by_name["time"].size, dtype=LOG_DTYPE)
     for column in EVENTS:
-        log[column] = log_by_name[column]
-    parameters = list(_read_scalars(file, "parameters"))
-    chosen = next((str(value) for info, value in parameters if info.name == "fields"), "default")
-    ordered = _in_order(((info, info) for info in columns), "columns", ["time", *chosen.split()])
-    for times in (columns[ordered[0][0]], log["time"]):
+        log[column] = by_name[column]
+    parameters = _read_scalars(file, "parameters", "keys")
+    columns = Described(
+        _in_order(series, "columns", ["time", *str(parameters.get("fields", "")).split()]), "columns"
+    )
+    for times in (dict(columns)["time"], log["time"]):
         # Also false for NaN.
         if not np.all(np.diff(times, prepend=0.0) >= 0.0):
             raise FileError(f"{name}: is damaged: its times do not ascend")
@@ -96,45 +98,37 @@ def _read_contents(file: h5py.File, name: str) -> Result:
     attributes = {"complete": 0, **file.attrs}
     attributes |= {name: int(attributes[name]) for name in COUNTS if name in attributes}
     return Result(
-        columns=Described(((info, columns[info]) for info, _ in ordered), "columns"),
+        columns=columns,
         log=log,
-        summary=Described(_in_order(_read_scalars(file, "summary"), "summary"), "summary"),
-        statistics=Described(_in_order(_read_scalars(file, "statistics"), "statistics"), "statistics"),
-        parameters=Described(_in_order(parameters, "keys"), "parameters"),
+        summary=_read_scalars(file, "summary", "summary"),
+        statistics=_read_scalars(file, "statistics", "statistics"),
+        parameters=parameters,
         attributes=attributes,
         deck=deck,
         resolved_deck=_read_text(file, "deck/resolved"),
     )
 
 
-def _read_columns(file: h5py.File, path: str) -> dict[Info, NDArray[np.float64]]:
+def _read_columns(group: h5py.Group) -> list[tuple[Info, NDArray[np.float64]]]:
     """All columns of a group: those that are as long as its times."""
-    group, time = file[path], dataset_in(file, f"{path}/time")
-    columns = own_datasets(group, 1)
-    return {
-        info_of(name, dataset): dataset[:].astype(np.float64, copy=False)
-        for name, dataset in columns
-        if time is not None and dataset.shape == time.shape and dataset.dtype.kind in "iuf"
-    }
+    time = dataset_in(group, "time")
+    found = () if time is None else quantities_in(group, time.shape)
+    return [(info, values.astype(np.float64, copy=False)) for info, values in found]
 
 
-def _read_scalars(file: h5py.File, path: str) -> Iterable[tuple[Info, Any]]:
-    if path not in file:
-        return
-    for name, dataset in own_datasets(file[path], 0):
-        value = dataset[()]
-        yield info_of(name, dataset), value.decode() if isinstance(value, bytes) else value.tolist()
+def _read_scalars(file: h5py.File, path: str, table: str) -> Described[Any]:
+    """All values of a group. Counts are integers."""
+    found = quantities_in(file[path], ()) if path in file else ()
+    return Described(_native.with_integers(_in_order(found, table)), path)
 
 
 def _in_order(
     entries: Iterable[tuple[Info, T]], table: str, first: Iterable[str] = ()
 ) -> list[tuple[Info, T]]:
-    """Entries in the same order as in a run in memory, while HDF5 lists them by name. Counts are integers."""
-    names = [*first, *(entry["name"] for entry in _native.catalogue()[table])]
-    place = {name: -i for i, name in enumerate(reversed(names), 1)}
-    return _native.with_integers(
-        sorted(entries, key=lambda entry: (place.get(entry[0].name, 0), entry[0].name))
-    )
+    """Entries in the same order as in a run in memory, while HDF5 lists them by name."""
+    names = dict.fromkeys([*first, *(entry["name"] for entry in _native.catalogue()[table])])
+    place = {name: i for i, name in enumerate(names)}
+    return sorted(entries, key=lambda entry: (place.get(entry[0].name, len(place)), entry[0].name))
 
 
 def _read_text(file: h5py.File, name: str) -> str:
@@ -149,31 +143,22 @@ def _read_sweep(file: h5py.File, name: str) -> xarray.Dataset:
     group = file["sweep"]
     grid = str(group.attrs["grid"])
     is_list = grid == "list"
-    shape = () if is_list else tuple(int(size) for size in grid.split())
     axes = []
     for i, key in enumerate(str(group.attrs["parameters"]).split()):
         values = values_in(group, key)
         if not is_list:
             # Along its own side, at the first place of the others.
-            values = values.reshape(shape)[tuple(slice(None) if j == i else 0 for j in range(len(shape)))]
-        axes.append((info_of(key, group[key]), np.ascontiguousarray(values)))
-    summary = group["summary"]
+            side = np.moveaxis(values.reshape([int(size) for size in grid.split()]), i, 0)
+            values = np.ascontiguousarray(side.reshape(len(side), -1)[:, 0])
+        axes.append((info_of(key, group[key]), values))
     codes = values_in(group, "result_code").astype(np.int32)
-    columns = [
-        (info_of(quantity, data), data[:])
-        for quantity, data in own_datasets(summary, 1)
-        if data.shape == codes.shape and data.dtype.kind in "iuf"
-    ]
+    columns = [*quantities_in(group["summary"], codes.shape)]
     columns.append((info_of("wall_time", group["wall_time"]), values_in(group, "wall_time")))
     if "cycles" in group:
         cycles = group["cycles"]
         columns.append((CYCLE_COUNT, values_in(cycles, "count").astype(np.int32)))
-        shape = (codes.size, values_in(cycles, "cycle").size)
-        columns += [
-            (of_cycle(info_of(name, data)), data[:])
-            for name, data in own_datasets(cycles, 2)
-            if data.shape == shape and data.dtype.kind in "iuf"
-        ]
+        found = quantities_in(cycles, (codes.size, values_in(cycles, "cycle").size))
+        columns += [(of_cycle(info), values) for info, values in found]
     failures = group["failures"]
     messages = dict(zip(values_in(failures, "case") - 1, values_in(failures, "result_text"), strict=True))
     about_all = {"deck": values_in(file, "deck/resolved")} | {name: str(file.attrs[name]) for name in ORIGIN}
@@ -351,15 +336,21 @@ def _item_in(group: h5py.Group, path: str) -> Any:
     return item
 
 
-def own_datasets(group: h5py.Group, ndim: int) -> Iterator[tuple[str, h5py.Dataset]]:
-    """The datasets of numbers or texts with so many dimensions in a group. What else somebody has put there is left alone."""
+def quantities_in(group: h5py.Group, shape: tuple[int, ...]) -> Iterator[tuple[Info, Any]]:
+    """The numbers of this shape in a group, and texts if they are single. What else somebody has put there is left alone."""
     for name in group:
         dataset = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
-        if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.ndim != ndim:
+        if (
+            not isinstance(dataset, h5py.Dataset)
+            or dataset.shape != shape
+            or dataset.is_virtual
+            or dataset.external
+        ):
             continue
-        is_plain = dataset.dtype.kind in "iuf" or h5py.check_string_dtype(dataset.dtype) is not None
-        if is_plain and not (dataset.is_virtual or dataset.external):
-            yield name, dataset
+        if dataset.dtype.kind in "iuf":
+            yield info_of(name, dataset), dataset[()] if shape else dataset[()].tolist()
+        elif not shape and h5py.check_string_dtype(dataset.dtype) is not None:
+            yield info_of(name, dataset), dataset.asstr(errors="surrogateescape")[()]
 
 
 def info_of(name: str, dataset: h5py.Dataset) -> Info:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, NoReturn, Self, SupportsIndex, TypeAlias, Ty
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import nearest, shown
+from ._arguments import nearest, reals, shown
 from ._core import dst_python_api  # type: ignore[import-not-found,import-untyped,unused-ignore]
 from .errors import UsageError, error_for
 
@@ -163,6 +163,12 @@ class Session(Closing):
         """An answer that is quantities."""
         return [info for info, *_ in self.table(which)[0]]
 
+    def proceed(self) -> bool:
+        """Continue what is made step by step, for `CHUNK_SECONDS` of wall time; whether it is done."""
+        finished, _, _, status = _core.proceed(self.handle, CHUNK_SECONDS, np.inf)
+        self._check(status)
+        return bool(finished)
+
     def _check(self, status: int) -> None:
         """Raise an exception if the core has refused the deck."""
         if status != 0:
@@ -229,87 +235,14 @@ class Run(Session):
         )
 
 
-class Cycles(Session):
-    """The limit cycles of a scene in a model, '' for that of the deck."""
-
-    def __init__(self, deck: DeckSource, model: str) -> None:
-        super().__init__(deck, "cycles", model)
-        self.model = self.text("model")
-        self.quantities = self.infos("cycle_quantities")
-        *values, stable = self.numbers("cycles")
-        self.values = np.array(values).T
-        """Values (cycle, quantity)."""
-        self.are_stable = (stable == 1.0).tolist()
-        names = [info.name for info in self.infos("regularity")]
-        self.mean, self.scatter = (
-            dict(zip(names, row, strict=True)) for row in self.numbers("regularity").tolist()
-        )
-        row = self.numbers("verdict")[:, 0].tolist()
-        self.verdict, self.exponent, self.error = row[:3]
-        self.slow_cycles, self.count, self.repeats, self.searched = map(int, row[3:7])
-        self.sliding_load, stable, self.velocity, self.model_error = row[7:]
-        self.sliding_is_stable = stable == 1.0
-        real, imaginary = self.numbers("eigenvalues").reshape(2, -1)
-        self.eigenvalues = real + 1j * imaginary
-
-
-class Return(Session):
+def returned(deck: DeckSource, model: str, place: float, slow_cycles: int) -> list[float]:
     """Where a motion in a model ('' for that of the deck) returns to some slow cycles after a place of its map.
 
-    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N].
+    The place is the direction of the force at a release [rad], or, in the slow motion, the load at a valley [N]. Then follow the
+    slope of the map, its logarithm, and the measures of the cycle.
     """
-
-    def __init__(self, deck: DeckSource, model: str, place: float, slow_cycles: int) -> None:
-        super().__init__(deck, "return", model, [place, slow_cycles])
-        self.to, self.slope, self.log_slope, *self.measures = self.numbers("found")[:, 0].tolist()
-
-
-class Sensitivity(Session):
-    """Derivatives of the cycle to which a scene settles, with respect to parameters GROUP.KEY."""
-
-    def __init__(self, deck: DeckSource, keys: Iterable[str]) -> None:
-        super().__init__(deck, "sensitivity", " ".join(keys))
-        self.quantities, numbers = self.infos("sensitivity"), self.numbers("sensitivity")
-        self.values, self.derivatives = numbers[0], numbers[1:].T
-        """Values (quantity) and derivatives (quantity, key)."""
-        keys, (self.parameters,) = self.table("parameters")
-        self.keys = [key for (key,) in keys]
-
-
-class Derivatives(Session):
-    """Derivatives of the run of a scene with respect to parameters GROUP.KEY, at times [s], or at those of its samples if there are none."""
-
-    def __init__(self, deck: DeckSource, keys: Iterable[str], times: NDArray[np.float64]) -> None:
-        super().__init__(deck, "derivatives", " ".join(keys), times)
-        finished = False
-        while not finished:
-            finished, *_, status = _core.proceed(self.handle, CHUNK_SECONDS, np.inf)
-            self._check(status)
-        keys, (self.parameters,) = self.table("parameters")
-        self.keys = [key for (key,) in keys]
-        self.columns = self.infos("columns")
-        rows = self.numbers("samples").reshape(1 + len(self.keys), len(self.columns), -1)
-        self.values, self.derivatives = rows[0], rows[1:]
-        """Values (column, sample), the time first, and derivatives (key, column, sample)."""
-        numbers = self.numbers("events")
-        self.event_time, self.event_kind, self.shifts = numbers[0], numbers[1].astype(np.int64), numbers[2:]
-        """Times and kinds of events (event), and the derivatives of the times (key, event)."""
-
-
-class Settling(Session):
-    """A motion from rest until it has settled, in model 'full', by a method and for a time of the core's own choice."""
-
-    def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, "settling")
-        self.limit = self.swing = self.least = 0.0
-        """F_0, the swing of the load, and that from which on it is stick-slip [N]; valid after the end."""
-
-    def advance(self, seconds: float) -> bool:
-        """Continue for at most `seconds` [s]; whether the motion has settled."""
-        finished, *_, status = _core.proceed(self.handle, seconds, np.inf)
-        self._check(status)
-        self.limit, self.swing, self.least = self.numbers("settling")[:, 0].tolist()
-        return bool(finished)
+    with Session(deck, "return", model, [place, slow_cycles]) as found:
+        return cast(list[float], found.numbers("found")[:, 0].tolist())
 
 
 class Steady(Session):
@@ -455,10 +388,9 @@ def group_of(name: str) -> str:
 def unknown_key(name: object) -> str:
     """Message for a name that is neither a key nor a group."""
     near = nearest(name, [*_places(), *group_names()])
-    if near in group_names():
-        return f"{shown(name)} is not a group of a deck: did you mean {near!r}?"
     if near:
-        return f"{shown(name)} is not a key of a deck: did you mean {near!r}?"
+        kind = "group" if near in group_names() else "key"
+        return f"{shown(name)} is not a {kind} of a deck: did you mean {near!r}?"
     return (
         f"{shown(name)} is neither a key nor a group of a deck ({', '.join(group_names())}): "
         "dynstiction template shows all keys"
@@ -497,21 +429,15 @@ def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Creep (n_values, n) at the points (n), from the routine of the core."""
-    ranges = {
-        "kappa = {kappa:.17g}: kappa must be in [0, 1)": (kappa >= 0.0) & (kappa < 1.0),
-        "phi = {phi:.17g}: phi must be in (-pi/2, pi/2) rad": np.abs(phi) < 0.5 * np.pi,
-    }
-    if form == "exact":
-        ranges["tau = {tau:.17g}: tau must be finite and in [0, inf)"] = (tau >= 0.0) & np.isfinite(tau)
-        ranges[
-            "tau = {tau:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
-        ] = (phi != 0.0) | (tau < 1.0)
-    else:
-        ranges["tau = {tau:.17g}: Eq. (8) holds for tau in [0, 1)"] = (tau >= 0.0) & (tau < 1.0)
-    wrong = np.argwhere(~np.array(list(ranges.values())).T)
-    if wrong.size > 0:
-        point, which = wrong[0]
-        raise UsageError(list(ranges)[which].format(tau=tau[point], phi=phi[point], kappa=kappa[point]))
+    reals("kappa", kappa, least=0.0, below=1.0)
+    reals("phi", phi, above=-0.5 * np.pi, below=0.5 * np.pi, units="rad")
+    below, where = (None, "") if form == "exact" else (1.0, "where Eq. (8) holds")
+    reals("tau", tau, least=0.0, below=below, units=where)
+    slips = (phi == 0.0) & (tau >= 1.0)
+    if np.any(slips):
+        raise UsageError(
+            f"tau = {tau[slips][0]:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
+        )
     values: NDArray[np.float64] = _core.creep(form, tau, phi, kappa, n_values)
     return values.T
 

@@ -13,17 +13,6 @@ from . import _native
 from .errors import UsageError
 from .scene import DeckLike, Scene
 
-__all__ = [
-    "ANGLE",
-    "VELOCITY",
-    "SliderParameters",
-    "drive_of",
-    "held_drive",
-    "number_key",
-    "own_number",
-    "slider_parameters",
-]
-
 DRIVE_VELOCITY = "drive.velocity"
 ANGLE, VELOCITY = 3, 8
 """Places of the misalignment, which the core has in radians, and of the drive velocity among the parameters of the core."""

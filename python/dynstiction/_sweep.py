@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 from ._arguments import flag, reals, shown, whole
 from ._interrupt import interrupted
+from ._native import Info
 from ._progress import progress_bar
 from ._sweep_work import Work
 from .errors import DeckError, StiffnessWarning, UsageError
 from .groups import Changes
-from .record import Info
 from .scene import DeckLike, Scene
 
 if TYPE_CHECKING:
@@ -142,9 +142,9 @@ def sweep(
             )
         if note := core.text("stiffness_note"):
             warnings.warn(note, StiffnessWarning, stacklevel=2)
-        work = Work(core)
+        work = Work(core, scene.source, threads, executor)
         with progress_bar(progress, core.cases, BAR) as show:
-            work.run(scene.source, threads, executor, show)
+            work.run(show)
         if work.stopped:
             done = f"{np.count_nonzero(work.codes != _native.NOT_RUN)} of {core.cases} cases"
             raise interrupted(

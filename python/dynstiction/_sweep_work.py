@@ -54,8 +54,15 @@ class Work:
         Whether Ctrl-C has ended it.
     """
 
-    def __init__(self, core: _native.Sweep) -> None:
-        self._core = core
+    def __init__(
+        self, core: _native.Sweep, deck: _native.DeckSource, threads: int, executor: Executor | None
+    ) -> None:
+        threads = min(threads, core.cases, MOST_THREADS)
+        self._core, self._deck, self._token = core, deck, os.urandom(16).hex()
+        self._is_own = executor is None
+        self._pool = ThreadPoolExecutor(threads) if executor is None else executor
+        self._workers = threads if executor is None else _workers_of(executor)
+        self._going_on: dict[Future[_Answer], int] = {}
         self._done = 0
         self.stopped = False
         self.values = np.full((core.cases, len(core.quantities)), np.nan)
@@ -64,67 +71,48 @@ class Work:
         self.counts = np.zeros(core.cases, dtype=np.int32)
         self.messages: dict[int, str] = {}
 
-    def run(
-        self, deck: _native.DeckSource, threads: int, executor: Executor | None, show: Callable[[float], None]
-    ) -> None:
-        """Run all cases in an executor, else in so many threads of this process; Ctrl-C ends it early.
+    def run(self, show: Callable[[float], None]) -> None:
+        """Run all cases in the executor, else in so many threads of this process; Ctrl-C ends it early.
 
-        Threads share the core, which has read the deck and its files. Tasks that have not begun are cancelled at the end, and those in
-        this process stop; tasks elsewhere end later, and their results are ignored.
+        Tasks that have not begun are cancelled at the end, and those in this process stop; tasks elsewhere end later, and their results
+        are ignored.
         """
-        threads = min(threads, self._core.cases, MOST_THREADS)
-        pool = ThreadPoolExecutor(threads) if executor is None else executor
-        workers = threads if executor is None else _workers_of(executor)
-        token = os.urandom(16).hex()
-        going_on: dict[Future[_Answer], int] = {}
-
-        def submit(first: int, count: int) -> Future[_Answer]:
-            if executor is None:
-                return pool.submit(_run_cases, self._core, first, count)
-            return pool.submit(_run_task, self._task(deck, first, count, token))
-
+        _cores[self._token] = self._core
         try:
-            self._run(submit, going_on, workers, show)
+            self._run(show)
         except KeyboardInterrupt:
             self.stopped = True
         finally:
-            while going_on:
+            while self._going_on:
                 # However often Ctrl-C is pressed: the threads end, and what they have finished is kept.
                 try:
-                    _given_up.add(token)
-                    if executor is None:
-                        self._core.stop()
-                    left = [future for future in going_on if not future.cancel()]
-                    wait(left, None if executor is None else 0.0)
+                    self._core.stop()
+                    left = [future for future in self._going_on if not future.cancel()]
+                    wait(left, None if self._is_own else 0.0)
                     for future in left:
                         if future.done() and future.exception() is None:
-                            self._keep(going_on[future], future.result().cases)
+                            self._keep(self._going_on[future], future.result().cases)
                     break
                 except KeyboardInterrupt:
                     self.stopped = True
-            if executor is None:
-                pool.shutdown(wait=False)
+            if self._is_own:
+                self._pool.shutdown(wait=False)
+            del _cores[self._token]
 
-    def _run(
-        self,
-        submit: Callable[[int, int], Future[_Answer]],
-        going_on: dict[Future[_Answer], int],
-        workers: int,
-        show: Callable[[float], None],
-    ) -> None:
+    def _run(self, show: Callable[[float], None]) -> None:
         """Keep the workers busy with tasks, smaller ones towards the end, until all cases are done."""
         # The places for cases side by side do not stay empty.
         fewest = max(1, SHORTEST_TASK * (self._core.at_once - 1))
         first, count = 0, 1
-        while first < self._core.cases or going_on:
-            while first < self._core.cases and len(going_on) < TASKS_PER_WORKER * workers:
+        while first < self._core.cases or self._going_on:
+            while first < self._core.cases and len(self._going_on) < TASKS_PER_WORKER * self._workers:
                 left = self._core.cases - first
-                count = min(left, max(fewest, min(count, math.ceil(left / (4 * workers)))))
-                going_on[submit(first, count)] = first
+                count = min(left, max(fewest, min(count, math.ceil(left / (4 * self._workers)))))
+                self._going_on[self._pool.submit(_run_task, self._task(first, count))] = first
                 first += count
-            for future in wait(going_on, _native.CHUNK_SECONDS, FIRST_COMPLETED).done:
+            for future in wait(self._going_on, _native.CHUNK_SECONDS, FIRST_COMPLETED).done:
                 answer = future.result()
-                self._keep(going_on.pop(future), answer.cases)
+                self._keep(self._going_on.pop(future), answer.cases)
                 count = int(min(LONGEST_TASK, len(answer.cases.codes) * TASK_SECONDS / answer.seconds))
             show(self._done)
 
@@ -135,7 +123,7 @@ class Work:
         self.messages |= {first + case: text for case, text in cases.messages.items()}
         self._done += len(cases.codes)
 
-    def _task(self, deck: _native.DeckSource, first: int, count: int, token: str) -> _Task:
+    def _task(self, first: int, count: int) -> _Task:
         cases = np.arange(first, first + count)
         if self._core.is_list:
             places = [cases] * len(self._core.axes)
@@ -143,7 +131,7 @@ class Work:
             # The last parameter varies fastest.
             places = list(np.unravel_index(cases, [axis.size for _, axis in self._core.axes]))
         points = [(info.name, axis[at]) for (info, axis), at in zip(self._core.axes, places, strict=True)]
-        return _Task(deck, points, token)
+        return _Task(self._deck, points, first, self._token)
 
     def warn(self, stacklevel: int) -> None:
         """Warn if cases failed."""
@@ -160,6 +148,8 @@ class _Task(NamedTuple):
     deck: _native.DeckSource
     points: list[tuple[str, NDArray[np.float64]]]
     """Parameters and their values, one for each case."""
+    first: int
+    """Number of the first case in the sweep."""
     token: str
     """Token of the sweep, the same for all its tasks."""
 
@@ -169,14 +159,11 @@ class _Answer(NamedTuple):
     seconds: float
 
 
+_cores: dict[str, _native.Sweep] = {}
+"""By token the sweeps of this process, or of the one of which it is a fork: their decks and files have been read."""
+
 _given_up: set[str] = set()
-"""Tokens of sweeps that have ended early."""
-
-
-def _run_cases(core: _native.Sweep, first: int, count: int) -> _Answer:
-    """Run a few cases in a thread of the process that has the sweep."""
-    begun = time.perf_counter()
-    return _Answer(core.run(first, count), time.perf_counter() - begun)
+"""Tokens of sweeps of other processes that a Ctrl-C has ended here."""
 
 
 def _run_task(task: _Task) -> _Answer:
@@ -184,19 +171,20 @@ def _run_task(task: _Task) -> _Answer:
     if task.token in _given_up:
         raise KeyboardInterrupt
     begun = time.perf_counter()
-    core = _native.Sweep(task.deck, task.points, True)
+    core, first = _cores.get(task.token), task.first
+    if core is None:
+        core, first = _native.Sweep(task.deck, task.points, True), 0
     # In a separate thread, so that Ctrl-C also ends it in the main thread of a process.
     with ThreadPoolExecutor(1) as thread:
-        running = thread.submit(core.run, 0, core.cases)
+        running = thread.submit(core.run, first, len(task.points[0][1]))
         try:
-            while not wait([running], _native.CHUNK_SECONDS).done and task.token not in _given_up:
+            while not wait([running], _native.CHUNK_SECONDS).done:
                 pass
         except KeyboardInterrupt:
             # A Ctrl-C that all processes of a terminal receive also ends the tasks that this process has not begun.
             _given_up.add(task.token)
-            raise
-        finally:
             core.stop()
+            raise
     return _Answer(running.result(), time.perf_counter() - begun)
 
 

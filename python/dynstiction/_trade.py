@@ -30,8 +30,6 @@ from .result import Result
 from .scene import DeckLike, Scene, used_settings
 from .stick_slip import first_release
 
-__all__ = ["Trade", "trade"]
-
 Settings = dict[str, dict[str, Any]]
 """Values by group and key; None removes a key."""
 
@@ -45,6 +43,8 @@ WORST_REFERENCE, ROUNDOFF = 1e-2, 10.0 * float(np.finfo(float).eps)
 """Largest error of the reference in a quantity that is used, and the smallest one: two runs may agree by chance."""
 TOLERANCES = (1e-6, 1e-4, 1e-8, 1e-3, 1e-5, 1e-10, 1e-7, 1e-9, 1e-11)
 """The most informative first."""
+RTOL, NO_TIME = ", rtol ", "the budget did not suffice"
+"""What is before the tolerance of settings in words, and the outcome of those that were not measured."""
 SHARES = (0.08, 1.0)
 """Of the budget left: what a candidate may take in each round."""
 
@@ -111,11 +111,11 @@ class Trade:
             raise _NoTimeError("nothing of these quantities was measured: give a larger budget or t_end")
         known = max(self.reference_error[name] for name in self.counted)
         error = done[self.counted].max(axis=1)
-        for i, (family, rtol) in zip(done.index, map(_family, done["settings"]), strict=True):
-            finer = [
-                j for j in done.index if (at := _family(done["settings"][j]))[0] == family and at[1] < rtol
-            ]
-            if MARGIN * error[i] + known <= wanted and all(error[finer] <= wanted):
+        parts = done["settings"].str.partition(RTOL)
+        family, rtol = parts[0], pd.to_numeric(parts[2])
+        for i in done.index:
+            finer = error[(family == family[i]) & (rtol < rtol[i])]
+            if MARGIN * error[i] + known <= wanted and all(finer <= wanted):
                 return self.candidates[i], self._deck_lines(i)
         best = done["worst"].idxmin()
         raise _NoTimeError(
@@ -159,8 +159,8 @@ class Trade:
 
         def draw(figure: Figure) -> None:
             axes = one_axes(figure, 95.0)
-            name = done["settings"].str.replace(r", rtol .*", "", regex=True)
-            for k, (label, rows) in enumerate(done.sort_values("worst").groupby(name)):
+            family = done["settings"].str.partition(RTOL)[0]
+            for k, (label, rows) in enumerate(done.sort_values("worst").groupby(family)):
                 style = "o-" if str(label).startswith("full") else "^--"
                 axes.plot(rows["worst"], rows["seconds"], style, color=PALETTE[k % 8], ms=3.5, label=label)
             what = f"largest error of\n{', '.join(self.counted)}".replace("_", " ")
@@ -250,9 +250,7 @@ class _Measurement:
         )
         self.candidates = [used_settings(self._given, settings) for settings in self._planned()]
         words = map(_described, self.candidates)
-        self.rows: list[dict[str, Any]] = [
-            {"settings": w, "outcome": "the budget did not suffice"} for w in words
-        ]
+        self.rows: list[dict[str, Any]] = [{"settings": w, "outcome": NO_TIME} for w in words]
         self.errors: dict[str, float] = {}
 
     @property
@@ -262,25 +260,21 @@ class _Measurement:
     def steps(self) -> Iterator[None]:
         """Find the reference, and measure the candidates until the budget is used up."""
         yield from self._find_reference()
-        waiting = list(range(len(self.rows)))
         for share in SHARES:
-            slow, loosest = [], dict[str, float]()
-            for i in waiting:
+            slowest: dict[str, float] = {}
+            for row, settings in zip(self.rows, self.candidates, strict=True):
                 # What a looser tolerance had no time for waits for the next round.
-                family, rtol = _family(self.rows[i]["settings"])
-                if rtol < loosest.get(family, 0.0) or not self._measure(
-                    i, share * (self.budget - self.elapsed)
-                ):
-                    slow.append(i)
-                    loosest[family] = max(rtol, loosest.get(family, 0.0))
+                family, _, rtol = row["settings"].partition(RTOL)
+                if row["outcome"] == NO_TIME and float(rtol or 0.0) >= slowest.get(family, 0.0):
+                    self._measure(row, settings, share * (self.budget - self.elapsed))
+                    if row["outcome"] == NO_TIME:
+                        slowest[family] = float(rtol or 0.0)
                 yield
-            waiting = slow
 
-    def _measure(self, i: int, limit: float) -> bool:
-        """Measure a candidate in `limit` seconds; return whether it has a result, or cannot have one."""
-        row = self.rows[i]
+    def _measure(self, row: dict[str, Any], settings: Settings, limit: float) -> None:
+        """Measure a candidate in `limit` seconds."""
         try:
-            scene = self._scene.replace(**cast(Any, self.candidates[i]))
+            scene = self._scene.replace(**cast(Any, settings))
             results = [self._run(scene, limit, self._times)]
             # Of a short run, the shortest of three times counts.
             while results[-1].statistics["wall_time"] < 0.02 and len(results) < 3:
@@ -289,10 +283,9 @@ class _Measurement:
             row |= self._differences(self._look(results[0]), {name: self._true[name] for name in self.errors})
             row |= {"seconds": min(each.statistics["wall_time"] for each in results), "outcome": "done"}
         except _NoTimeError:
-            return False
+            pass
         except Error as error:
             row["outcome"] = str(error).partition("\n")[0]
-        return True
 
     @staticmethod
     def _run(scene: Scene, limit: float, times: NDArray[np.float64]) -> Result:
@@ -368,12 +361,6 @@ def _of_distributions(summary: Mapping[str, float]) -> dict[str, float]:
     factor = 3.0 * math.sqrt(2.0 / max(2.0, min(100.0, summary["cycles"] // 2))) / RESOLUTION
     names = ("period", "peak_force", "valley_force", "slip_length")
     return {n: factor * summary[f"{n}_scatter"] / abs(summary[n]) for n in names if f"{n}_scatter" in summary}
-
-
-def _family(settings: str) -> tuple[str, float]:
-    """All of settings in words but the tolerance, and that, 0 if there is none."""
-    others, _, rtol = settings.partition(", rtol ")
-    return others, float(rtol or 0.0)
 
 
 def _described(settings: Settings) -> str:

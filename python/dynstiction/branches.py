@@ -198,13 +198,14 @@ class _Map:
     def go(self, q: float, a: float, slow_cycles: int) -> tuple[float, _Place]:
         """Where the motion from a place returns to, minus the place."""
         try:
-            with _native.Return(self.at(q).source, self.model, a * self.unit, slow_cycles) as found:
-                to, slope, measures = found.to, found.slope, tuple(found.measures)
+            to, slope, _, *measures = _native.returned(
+                self.at(q).source, self.model, a * self.unit, slow_cycles
+            )
         except (DeckError, SolverError):
             raise _NoReturn from None
         if math.isnan(to):
             raise _NoReturn
-        return to / self.unit - a, _Place(q, a, slope, measures)
+        return to / self.unit - a, _Place(q, a, slope, tuple(measures))
 
     def on_line(self, q: float, a: float, way: tuple[float, float], step: float, slow_cycles: int) -> _Place:
         """The cycle on a line in the plane of value and place, near one of its points, by the secant method."""

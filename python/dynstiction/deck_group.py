@@ -9,8 +9,6 @@ from typing import Any, ClassVar, Self
 from . import _native
 from .deck_text import deck_from, plain
 
-__all__ = ["DeckGroup"]
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
 class DeckGroup:

@@ -11,8 +11,6 @@ from ._arguments import shown
 from ._native import DeckSource
 from .errors import UsageError
 
-__all__ = ["deck_from", "plain", "setting_value"]
-
 VALUES_PER_LINE = 6
 
 

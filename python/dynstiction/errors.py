@@ -4,23 +4,6 @@ from __future__ import annotations
 
 from typing import Self
 
-__all__ = [
-    "ColumnError",
-    "DeckError",
-    "Error",
-    "FileError",
-    "FitWarning",
-    "IncompleteWarning",
-    "OutOfMemoryError",
-    "PackageError",
-    "SamplingWarning",
-    "SolverError",
-    "StiffnessWarning",
-    "UsageError",
-    "error_for",
-    "printable",
-]
-
 
 def printable(text: str) -> str:
     """Text that is safe to print: control characters and line breaks, which foreign names and files may contain, become ``?``."""

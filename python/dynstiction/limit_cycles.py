@@ -133,30 +133,39 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     follows from the divergence along the cycle. The cycles of the full model are fixed points of its map from release to release;
     if it has no releases, only the cycle to which it settles is known. See docs/cycles.md.
     """
-    with _native.Cycles(Scene(scene).source, model) as found:
-        rows = zip(found.values.tolist(), found.are_stable, strict=True)
+    with _native.Session(Scene(scene).source, "cycles", model) as found:
+        of, quantities = found.text("model"), found.numbers("cycles")
+        # By cycle: the numbers of a `LimitCycle`, the angle of its release, and whether it is stable.
+        rows = quantities.T.tolist()
+        verdict, sliding = np.split(found.numbers("verdict")[:, 0], [7])
+        load, is_stable, velocity, error = sliding.tolist()
+        real, imaginary = found.numbers("eigenvalues").reshape(2, -1)
         return Cycles(
-            found.model,
-            found.velocity,
-            tuple(LimitCycle(*row, int(slow_cycles), stable) for (*row, slow_cycles, _), stable in rows),
-            found.values[:, -1],
-            found.sliding_load,
-            found.sliding_is_stable,
-            found.eigenvalues,
-            _regularity(found) if found.model == "full" else None,
-            found.model_error,
+            of,
+            velocity,
+            tuple(LimitCycle(*row, int(slow_cycles), stable == 1.0) for *row, slow_cycles, _, stable in rows),
+            quantities[-2],
+            load,
+            is_stable == 1.0,
+            real + 1j * imaginary,
+            _regularity(found, verdict.tolist()) if of == "full" else None,
+            error,
         )
 
 
-def _regularity(found: _native.Cycles) -> Regularity:
-    there = found.count > 0
+def _regularity(found: _native.Session, values: list[float]) -> Regularity:
+    verdict, exponent, error, slow_cycles, count, repeats, searched = values
+    mean, scatter = dict[str, float](), dict[str, float]()
+    if count > 0.0:
+        names = [info.name for info in found.infos("regularity")]
+        mean, scatter = (dict(zip(names, row, strict=True)) for row in found.numbers("regularity").tolist())
     return Regularity(
-        VERDICTS.get(found.verdict, "undecided"),
-        found.repeats,
-        found.exponent,
-        found.error,
-        found.slow_cycles,
-        found.mean if there else {},
-        found.scatter if there else {},
-        found.searched,
+        VERDICTS.get(verdict, "undecided"),
+        int(repeats),
+        exponent,
+        error,
+        int(slow_cycles),
+        mean,
+        scatter,
+        int(searched),
     )

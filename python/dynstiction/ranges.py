@@ -180,6 +180,14 @@ _Side = tuple[float, bool, float, float]
 """Of one side of a value, what `KeyRange` has of both: stick_slip, jumps, sliding, searched."""
 
 
+class _Settled(NamedTuple):
+    """F_0, the swing of the load of a settled motion, and that from which on it is stick-slip [N]."""
+
+    limit: float
+    swing: float
+    least: float
+
+
 class _Rig:
     """A scene as a function of its keys: what its motion from rest comes to."""
 
@@ -203,13 +211,13 @@ class _Rig:
             raise UsageError(f"{name} = {value:g}: ranges are found around positive values: give a small one")
         return value, value
 
-    def motion(self, change: dict[str, Any]) -> _native.Settling:
-        """What the motion from rest settles to."""
-        with _native.Settling(self.scene.replace(**change).source) as motion:
-            while not motion.advance(_native.CHUNK_SECONDS):
+    def motion(self, change: dict[str, Any]) -> _Settled:
+        """What the motion from rest settles to, in model 'full', by a method and for a time of the core's own choice."""
+        with _native.Session(self.scene.replace(**change).source, "settling") as motion:
+            while not motion.proceed():
                 if self.stopped:
                     raise KeyboardInterrupt
-            return motion
+            return _Settled(*motion.numbers("settling")[:, 0].tolist())
 
     def growth(self, change: dict[str, Any]) -> float:
         """The largest growth of a disturbance of steady sliding [1/s]."""

@@ -18,24 +18,6 @@ from .html import page_table
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
 
-__all__ = [
-    "EVENTS",
-    "EVENT_DTYPE",
-    "LOG_DTYPE",
-    "SLIP_BEGINS",
-    "STICK_BEGINS",
-    "Described",
-    "Info",
-    "Table",
-    "events_between",
-    "headed",
-    "log_until",
-    "number_shown",
-    "occurrences",
-    "rows_of",
-    "unit_shown",
-]
-
 STICK_BEGINS = 1
 SLIP_BEGINS = 2
 
@@ -64,9 +46,6 @@ NOUNS = {
     "parameters": "parameter",
 }
 """What a name is, by the table that contains it."""
-
-REMEDIES = {"columns": ": name it in the deck's output.fields and run again"}
-"""What to do about a name that a run could have, but does not have."""
 
 
 def unit_shown(units: str) -> str:
@@ -147,14 +126,13 @@ class Described(Mapping[str, T], Generic[T]):
         """Message for a name that does not exist here: it may be mistyped, or exist in other runs."""
         noun, possible = NOUNS.get(self._table, "value"), self._possible()
         there = f"there are {', '.join(self._entries)}" if self._entries else "there are none"
+        remedy = ": name it in the deck's output.fields and run again" if self._table == "columns" else ""
         near = nearest(name, self._entries) or nearest(name, possible)
         if isinstance(name, str) and name in possible:
-            remedy = REMEDIES.get(self._table, "")
             return f"this run has no {noun} {name!r} ({possible[name]}){remedy}; {there}"
         if near in self._entries:
             return f"no {noun} {shown(name)}: did you mean {near!r}? ({there})"
         if near:
-            remedy = REMEDIES.get(self._table, "")
             return f"no {noun} {shown(name)}: did you mean {near!r}? This run has none{remedy}; {there}"
         return f"no {noun} {shown(name)}: {there}"
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-__all__ = ["Result", "open"]
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Result(Table[NDArray[np.float64]]):

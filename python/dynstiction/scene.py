@@ -19,12 +19,10 @@ from .deck_text import deck_from, setting_value
 from .errors import DeckError, FileError, UsageError
 from .groups import Changes, GroupValues, SceneGroups
 from .html import page_table
-from .record import unit_shown
+from .record import number_shown, unit_shown
 
 if TYPE_CHECKING:
     from .stability import Stability
-
-__all__ = ["DeckLike", "Group", "Scene"]
 
 Group: TypeAlias = DeckGroup | GroupValues
 """Value of a keyword for a group: its dataclass, which replaces the group, or a mapping, which changes keys."""
@@ -66,18 +64,18 @@ class Scene(SceneGroups):
     0.25
     """
 
-    __slots__ = ("_cache", "_fields", "_name", "_settings", "_text")
+    __slots__ = ("_fields", "_name", "_settings", "_text", "_values")
 
     _text: str
     _name: str
     _fields: Mapping[int, str]
     _settings: dict[str, str]
-    _cache: dict[object, Any]
-    """Values and groups (as dataclasses) that the core has read from the deck, which never changes."""
+    _values: dict[str, dict[str, _native.Value]]
+    """Values that the core has read from the deck, which never changes; empty before."""
 
     def __init__(self, deck: DeckLike | None = None, /, **changes: Unpack[Changes]) -> None:
         given = _by_group(changes)
-        self._fields, self._settings, self._cache = {}, {}, {}
+        self._fields, self._settings, self._values = {}, {}, {}
         if isinstance(deck, Scene):
             self._text, self._name, self._fields = deck._text, deck._name, deck._fields
             self._settings = dict(deck._settings)
@@ -132,9 +130,9 @@ class Scene(SceneGroups):
         return {group: dict(keys) for group, keys in self._given().items()}
 
     def _given(self) -> dict[str, dict[str, _native.Value]]:
-        if "values" not in self._cache:
-            self._cache["values"] = _native.deck_values(self.source)
-        return cast(dict[str, dict[str, _native.Value]], self._cache["values"])
+        if not self._values:
+            self._values = _native.deck_values(self.source)
+        return self._values
 
     def to_deck(self) -> str:
         """Text of a deck with every key that the scene gives, with overrides.
@@ -195,9 +193,7 @@ class Scene(SceneGroups):
         return stability(self)
 
     def _group(self, kind: type[G]) -> G:
-        if kind not in self._cache:
-            self._cache[kind] = kind._read(self._given().get(kind.group, {}))
-        return cast(G, self._cache[kind])
+        return kind._read(self._given().get(kind.group, {}))
 
     def _identity(self) -> object:
         """Key for the comparison of scenes: the values, or the text if the scene cannot be read."""
@@ -230,21 +226,16 @@ class Scene(SceneGroups):
         return "\n".join([head, *lines]) + ">"
 
     def _repr_html_(self) -> str:
+        rows, fault = list[tuple[str, ...]](), ""
         try:
-            self.check()
-            fault = ""
+            for group, keys in self.groups().items():
+                for key, value in keys.items():
+                    info = _native.key_info(group, key)
+                    rows.append((group, key, _shown(value), unit_shown(info.units), info.meaning))
+            if not self._given().get("sweep"):
+                self.check()
         except DeckError as error:
             fault = str(error)
-        try:
-            groups = self.groups()
-        except DeckError:
-            groups = {}
-        rows = [
-            (group, key, _shown(value), unit_shown(info.units), info.meaning)
-            for group, keys in groups.items()
-            for key, value in keys.items()
-            for info in [_native.key_info(group, key)]
-        ]
         return page_table(f"Scene {self._name}", ("group", "key", "value", "unit", ""), rows, fault)
 
 
@@ -273,9 +264,8 @@ def _by_group(changes: Mapping[str, object]) -> list[tuple[str, Group]]:
         place = _native.group_of(name)
         if place:
             single.append((place, {name.rpartition(".")[2].lower(): value}))
-        elif isinstance(value, Mapping | DeckGroup) or name.lower() in _native.group_names():
-            known = name.lower() in _native.group_names()
-            groups.append((name.lower() if known else name, cast(Group, value)))
+        elif name.lower() in _native.group_names():
+            groups.append((name.lower(), cast(Group, value)))
         else:
             raise UsageError(_native.unknown_key(name))
     return groups + single
@@ -292,9 +282,9 @@ def _keys(group: str, keys: Group) -> Mapping[str, object]:
         raise UsageError(
             f"{group}={shown(keys)}: a group is a mapping, {group}={{'key': value}}, or its dataclass"
         )
-    for name in (group, *keys):
+    for name in keys:
         if not (isinstance(name, str) and name.isprintable() and "=" not in name):
-            raise UsageError(f"{shown(name)}: is not the name of a group or key of a deck")
+            raise UsageError(f"{shown(name)}: is not the name of a key of a deck")
     return keys
 
 
@@ -312,23 +302,14 @@ def used_settings(
 
     found: dict[str, dict[str, Any]] = {}
     for key in keys.values():
-        value = settings.get(key.group, {}).get(key.name)
-        if is_used(key) and value is not None:
+        value = settings.get(key.group, {}).get(key.name) if is_used(key) else None
+        if value is not None or (not is_used(key) and key.name in given.get(key.group, {})):
             found.setdefault(key.group, {})[key.name] = value
-        elif not is_used(key) and key.name in given.get(key.group, {}):
-            found.setdefault(key.group, {})[key.name] = None
     return found
 
 
 def _shown(value: _native.Value, units: str = "") -> str:
-    if isinstance(value, tuple) and len(value) > 6:
-        shown = (
-            f"{value[0]:g}, {value[1]:g}, … ({len(value)} values)"
-            if isinstance(value[0], float)
-            else str(value)
-        )
-    elif isinstance(value, tuple):
-        shown = ", ".join(map(str, value))
-    else:
-        shown = repr(value)
+    shown = ", ".join(map(str, value)) if isinstance(value, tuple) else repr(value)
+    if isinstance(value, tuple) and len(value) > 6 and isinstance(value[0], float):
+        shown = f"{number_shown(value[0])}, {number_shown(value[1])}, … ({len(value)} values)"
     return f"{shown} {unit_shown(units)}".rstrip()

@@ -22,8 +22,6 @@ from .record import EVENTS, LOG_DTYPE, Described, events_between, log_until
 from .result import Result
 from .scene import DeckLike, Scene
 
-__all__ = ["Simulation"]
-
 BAR = "{percentage:3.0f}%|{bar}| t = {n:.4g}/{total:.4g} s [{elapsed}<{remaining}]"
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import instance
+from ._native import Info
 from .errors import Error, UsageError
-from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
+from .record import SLIP_BEGINS, STICK_BEGINS, Described, Table
 from .result import Result
 from .scene import Scene
 

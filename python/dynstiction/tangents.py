@@ -76,12 +76,10 @@ def sensitivity(scene: DeckLike, keys: Iterable[str] | str | None = None) -> Sen
     same number of laps: one lap more or less in a slow cycle of N changes them by some 1/N. See docs/cycles.md.
     """
     whole = Scene(scene)
-    with _native.Sensitivity(whole.source, _names(whole, keys, GROUPS)) as found:
-        return Sensitivity(
-            dict(zip(found.keys, found.parameters.tolist(), strict=True)),
-            dict(zip([info.name for info in found.quantities], found.values.tolist(), strict=True)),
-            found.derivatives,
-        )
+    with _native.Session(whole.source, "sensitivity", _names(whole, keys, GROUPS)) as found:
+        names, numbers = found.infos("sensitivity"), found.numbers("sensitivity")
+        measures = {info.name: value for info, value in zip(names, numbers[0].tolist(), strict=True)}
+        return Sensitivity(_parameters(found), measures, numbers[1:].T)
 
 
 class Derivatives(NamedTuple):
@@ -155,28 +153,43 @@ def derivatives(
         raise UsageError(
             "times do not rise from 0 on: give one row of times [s], each later than the one before"
         )
-    with _native.Derivatives(whole.source, _names(whole, keys, OF_RUNS), at) as found:
-        events = np.zeros(len(found.event_time), EVENT_DTYPE)
-        events["time"], events["kind"] = found.event_time, found.event_kind
-        names = [info.name for info in found.columns]
+    with _native.Session(whole.source, "derivatives", _names(whole, keys, OF_RUNS), at) as found:
+        while not found.proceed():
+            pass
+        parameters, names = _parameters(found), [info.name for info in found.infos("columns")]
+        # The values (column, sample), the time first, then as many of their changes for each parameter.
+        values, *changes = found.numbers("samples").reshape(1 + len(parameters), len(names), -1)
+        numbers = found.numbers("events")
+        events = np.zeros(numbers.shape[1], EVENT_DTYPE)
+        events["time"], events["kind"] = numbers[:2]
         return Derivatives(
-            dict(zip(found.keys, found.parameters.tolist(), strict=True)),
-            found.values[0],
-            dict(zip(names[1:], found.values[1:], strict=True)),
-            {name: found.derivatives[:, place].T for place, name in enumerate(names) if place > 0},
+            parameters,
+            values[0],
+            dict(zip(names[1:], values[1:], strict=True)),
+            {
+                name: np.array([each[place] for each in changes]).T
+                for place, name in enumerate(names)
+                if place
+            },
             events,
-            found.shifts.T,
+            numbers[2:].T,
         )
 
 
-def _names(scene: Scene, keys: Iterable[str] | str | None, groups: Iterable[str]) -> list[str]:
+def _parameters(found: _native.Session) -> dict[str, float]:
+    """The parameters of derivatives, by ``group.key``."""
+    cells, (values,) = found.table("parameters")
+    return {key: value for (key,), value in zip(cells, values.tolist(), strict=True)}
+
+
+def _names(scene: Scene, keys: Iterable[str] | str | None, groups: Iterable[str]) -> str:
     """Keys as ``group.key``; if none are given, all numbers of these groups that the scene gives and that are not 0."""
     if keys is None:
         given = scene.groups()
-        return [
+        return " ".join(
             f"{group}.{key}"
             for group in groups
             for key, value in given.get(group, {}).items()
             if isinstance(value, float) and value
-        ]
-    return [full_key(name) for name in ([keys] if isinstance(keys, str) else keys)]
+        )
+    return " ".join(full_key(name) for name in ([keys] if isinstance(keys, str) else keys))

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import instance
+from ._native import Info
 from .errors import FileError
-from .record import Described, Info, Table, unit_shown
+from .record import Described, Table, unit_shown
 from .stick_slip import _turns
 from .trace import Trace
 

@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
@@ -86,6 +85,8 @@ def test_cycles_and_failures_come_back(executor: Executor) -> None:
     with pytest.warns(ds.IncompleteWarning, match="of 60 cases failed; the first, number 3: ") as warned:
         data = ds.sweep(SHORT + GRID, integrator={"max_steps": 25}, executor=executor)
     assert warned[0].filename == __file__
+    failed = np.count_nonzero(data["result_code"] == 42)
+    assert 0 < failed < 60 and np.count_nonzero(data["result_text"] != "") == failed
     with pytest.warns(ds.IncompleteWarning):
         assert same(data, ds.sweep(SHORT + GRID, integrator={"max_steps": 25}))
 
@@ -149,20 +150,6 @@ def test_interrupt_keeps_what_is_done_and_gives_up_the_rest(engine: str, tmp_pat
     assert "stopped after" in output, errors
     done, left = map(int, output.splitlines()[-1].split())
     assert done + left == 60 and 1 <= done <= 20, output
-
-
-def test_interrupt_of_the_caller_alone() -> None:
-    """Tasks that run in this process end, those that wait never begin."""
-    ends = np.where(np.arange(60) < 20, 1.0, 3e5)
-    with ThreadPoolExecutor(2) as executor:
-        timer = threading.Timer(3.0, os.kill, (os.getpid(), signal.SIGINT))
-        timer.start()
-        with pytest.raises(KeyboardInterrupt) as stopped:
-            ds.sweep(SCENE, {"t_end": ends}, points=True, executor=executor)
-        begun = time.monotonic()
-    assert time.monotonic() - begun < 5.0, "the executor waits for no endless case"
-    codes = stopped.value.partial["result_code"].values  # type: ignore[attr-defined]
-    assert 1 <= np.count_nonzero(codes == 0) <= 20
 
 
 # MPI

@@ -88,7 +88,7 @@ def test_list_of_values_is_a_drive_profile(fig3: ds.Scene) -> None:
         ({"scene": {"model": "full', t_end = '1"}}, ds.DeckError, "model"),
         ({"drive": {"velocity": []}}, ds.DeckError, "velocity"),
         ({"system": {"mass": None}}, ds.DeckError, "'mass' is missing"),
-        ({"sytem": {"mass": 1.0}}, ds.DeckError, "system"),
+        ({"sytem": {"mass": 1.0}}, ds.UsageError, "did you mean 'system'"),
         ({"system": 3.0}, ds.UsageError, "a group is a mapping"),
         ({"drive": {"velocity": [1e-3, None]}}, ds.UsageError, "a number, a string"),
         ({"scene": {"title": "two\nlines"}}, ds.UsageError, "line breaks"),

@@ -7,7 +7,8 @@ import pickle
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction.record import LOG_DTYPE, Info
+from dynstiction._native import Info
+from dynstiction.record import LOG_DTYPE
 from programs import INPUTS
 
 SAME = ("period", "peak_force", "valley_force", "stick_duration", "slip_duration", "slip_length")
