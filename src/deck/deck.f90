@@ -160,7 +160,7 @@ contains
       key = lower_case(trim(entry%name))
       k = find_key(group, key)
       if (k == 0) then
-        if (.not. entry%bare) call deck%faults%add(place, unknown_key_text(group, trim(entry%name)))
+        if (.not. entry%faulty) call deck%faults%add(place, unknown_key_text(group, trim(entry%name)))
         ! The key that was meant is not missing as well.
         k = find_name(key)
         if (k == 0) k = meant_key(group, key)

@@ -51,7 +51,6 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
     "unknown group": (GOOD + "&sytem\n x = 1\n/\n", 19, "'&sytem'", "nearest is &system"),
     "repeated group in capitals": (GOOD + "&SCENE\n/\n", 19, "&scene", "line 1"),
     "no group name": (instead("&scene", "& scene"), 1, "'&'", "right after it"),
-    "end without a group": (GOOD + "&end\n", 19, "'&end'", "remove it"),
     "unknown key": (with_line("title", " titel = 'x'"), 3, "'titel'", "nearest is 'title'"),
     "key with hyphen": (instead("t_end =", "t-end ="), 3, "'t-end'", "nearest is 't_end'"),
     "short key": (instead("stiffness_x", "stiffness"), 7, "'stiffness'", "nearest is 'stiffness_x'"),
