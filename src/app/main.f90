@@ -1,5 +1,6 @@
 !> What the executable does. Only here is anything printed about errors.
 module dst_main
+  use, intrinsic :: iso_c_binding, only: c_int, c_ptr
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
@@ -22,24 +23,16 @@ module dst_main
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: check_sweep_target, run_sweep
   use dst_show, only: show_result
-  use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
+  use dst_posix, only: listen_to_requests, listen_to_signals, is_told_to_end, put_error, put_output, stopped_by
   use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
-  use dst_standard_streams, only: put_output, put_error
   use dst_stopwatch, only: wall_clock
-  use dst_threads, only: task_t
   use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
   private
 
-  public :: program_t
-
-  !> The program as a task, since it needs a thread with a large enough stack.
-  type, extends(task_t) :: program_t
-  contains
-    procedure :: work => follow_arguments
-  end type program_t
+  public :: follow_arguments
 
   type(command_t) :: command
   !> A search for cycles, and when it began [s].
@@ -51,15 +44,13 @@ module dst_main
 contains
 
   !> Carry out the command.
-  subroutine follow_arguments(self, number)
-    class(program_t), intent(inout), target :: self
-    integer, intent(in) :: number
+  subroutine follow_arguments(nothing, thread) bind(c)
+    type(c_ptr), value :: nothing         ! its task needs no data
+    integer(c_int), value :: thread       ! a thread that has a large enough stack
     type(path_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
     logical :: is_ours
 
-    associate (unused => self, also_unused => number)
-    end associate
     call listen_to_requests()
     allocate (arguments, source=program_arguments())
     is_ours = is_own_command(arguments)

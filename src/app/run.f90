@@ -20,7 +20,7 @@ module dst_run
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_signals, only: stop_signal, stopped_by, no_signal
+  use dst_posix, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
   use dst_stopwatch, only: wall_clock
   use dst_plain_numbers, only: number_text, duration_text
