@@ -69,12 +69,12 @@ contains
     type(error_t), allocatable :: error
     character(:), allocatable :: text, model
 
-    if (command%name == 'help') then
-      text = help_on_topic()
+    if (command%has('--version')) then
+      text = version_text()
+    else if (command%name == errors_topic) then
+      text = error_page()
     else if (command%has('--help')) then
       text = help_text(command%name)
-    else if (command%name == 'version') then
-      text = version_text()
     else if (command%has('--json')) then
       text = catalogue(version)
     else if (command%name == 'template') then
@@ -92,19 +92,6 @@ contains
       call print_each()
     end if
   end subroutine execute
-
-  !> What 'help' prints: about the program, a command, or errors.
-  function help_on_topic() result(text)
-    character(:), allocatable :: text
-
-    if (size(command%operands) == 0) then
-      text = help_text('')
-    else if (command%operands(1)%text == errors_topic) then
-      text = error_page()
-    else
-      text = help_text(command%operands(1)%text)
-    end if
-  end function help_on_topic
 
   function version_text() result(text)
     character(:), allocatable :: text
