@@ -6,18 +6,17 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, with_blanks, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, &
+  public :: lower_case, with_blanks, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, &
     printable, one_per_line, utf8_width
   public :: short_length, real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
 
-  !> Text that grows; the time to append is proportional to the length of what is appended.
+  !> Text that grows line by line.
   type :: text_builder_t
     private
-    character(:), allocatable :: buffer
-    integer :: length = 0
+    character(:), allocatable :: text
   contains
     procedure :: append
     procedure :: line
@@ -45,16 +44,9 @@ contains
   subroutine append(self, text)
     class(text_builder_t), intent(inout) :: self
     character(*), intent(in) :: text
-    character(:), allocatable :: larger
 
-    if (.not. allocated(self%buffer)) allocate (character(1024) :: self%buffer)
-    if (self%length + len(text) > len(self%buffer)) then
-      allocate (character(2*(self%length + len(text))) :: larger)
-      larger(:self%length) = self%buffer(:self%length)
-      call move_alloc(larger, self%buffer)
-    end if
-    self%buffer(self%length + 1:self%length + len(text)) = text
-    self%length = self%length + len(text)
+    if (.not. allocated(self%text)) self%text = ''
+    self%text = self%text//text
   end subroutine append
 
   !> Append `text` without its trailing blanks, and end the line.
@@ -62,8 +54,7 @@ contains
     class(text_builder_t), intent(inout) :: self
     character(*), intent(in) :: text
 
-    call self%append(trim(text))
-    call self%append(newline)
+    call self%append(trim(text)//newline)
   end subroutine line
 
   !> A line of a table: a name, and from a fixed column on its value.
@@ -81,7 +72,7 @@ contains
     character(:), allocatable :: text
 
     text = ''
-    if (self%length > 0) text = self%buffer(:self%length)
+    if (allocated(self%text)) text = self%text
   end function content
 
   !> A list with blanks in place of its separators.
@@ -108,13 +99,6 @@ contains
       if (text(i:i) >= 'A' .and. text(i:i) <= 'Z') lower(i:i) = achar(iachar(text(i:i)) + 32)
     end do
   end function lower_case
-
-  !> Whether a text begins with another one.
-  pure logical function starts_with(text, beginning)
-    character(*), intent(in) :: text, beginning
-
-    starts_with = index(text, beginning) == 1
-  end function starts_with
 
   !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
