@@ -4,6 +4,7 @@ module dst_command_line
   use dst_disk, only: path_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
+  use dst_deck_sweep, only: grid_keys
   use dst_schema, only: schema, find_name
   use dst_share, only: share_t, take_share
   use dst_text, only: has_word, with_blanks, lower_case, word, word_count, nearest_word, excerpt, alternatives, &
@@ -13,9 +14,6 @@ module dst_command_line
 
   public :: command_t, program_arguments, is_own_command, parse_arguments, setting_list, help_text, usage_of, &
     errors_topic
-
-  !> The keys of &sweep of which an option --vary gives one element each.
-  character(9), parameter :: swept_keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
 
   !> A parsed command with its options.
   type :: command_t
@@ -28,7 +26,7 @@ module dst_command_line
     character(:), allocatable :: given             !! names of all options given, blank-separated
     !> For --vary: their number, and the lists of &sweep that they make; 'sweep' is then 'run'.
     integer :: variations = 0
-    type(path_t) :: swept(size(swept_keys))
+    type(path_t) :: swept(size(grid_keys))
   contains
     procedure :: has
   end type command_t
@@ -108,8 +106,8 @@ contains
     if (command%variations == 0 .or. allocated(error)) return
     ! A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
     if (command%name == 'sweep') command%name = 'run'
-    do i = 1, size(swept_keys)
-      call append(command%settings, 'sweep.'//trim(swept_keys(i))//'='//command%swept(i)%text)
+    do i = 1, size(grid_keys)
+      call append(command%settings, 'sweep.'//trim(grid_keys(i))//'='//command%swept(i)%text)
     end do
     call append(command%settings, 'sweep.points=')
   end subroutine parse_arguments
@@ -199,7 +197,7 @@ contains
     character(*), parameter :: form = ': write --vary GROUP.KEY=FIRST:LAST:COUNT, like '// &
       '--vary system.misalignment_deg=0.5:20:40, with :log at its end for equal ratios'
     character(:), allocatable :: name, words, problem
-    type(path_t) :: elements(size(swept_keys))
+    type(path_t) :: elements(size(grid_keys))
     real(wp) :: number
     integer :: equals, i, k
 

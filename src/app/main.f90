@@ -181,16 +181,8 @@ contains
   subroutine put_notes(notes)
     character(*), intent(in) :: notes   !! one in each line, each with a line end
 
-    if (notes /= '') call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
+    call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
   end subroutine put_notes
-
-  !> Print what a run has found. Its file is complete, so nothing is lost if this output cannot be written.
-  subroutine put_report(report)
-    character(*), intent(in) :: report
-    logical :: ignored
-
-    if (report /= '') call put_output(report, ignored)
-  end subroutine put_report
 
   !> Run the decks, join the shares of their sweeps, or continue runs. Nothing is done unless every deck is valid and every output
   !> file may be written.
@@ -270,6 +262,7 @@ contains
     type(path_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: report, hangs_on
+    logical :: ignored
     type(scene_t) :: scene
 
     if (command%name == 'resume') then
@@ -279,11 +272,12 @@ contains
     else
       call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
-    if (.not. command%has('--quiet')) call put_report(report)
+    ! The file is complete, so nothing is lost if this cannot be written.
+    if (.not. command%has('--quiet')) call put_output(report, ignored)
     if (allocated(error) .or. command%sensitivity == '') return
     call scene_from_deck(deck, scene)
     call sensitivity_report(deck, scene, command%sensitivity, hangs_on, error)
-    if (.not. allocated(error)) call put_report(hangs_on)
+    if (.not. allocated(error)) call put_output(hangs_on, ignored)
   end subroutine carry_out
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.

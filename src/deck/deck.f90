@@ -113,9 +113,12 @@ contains
         g = word_number(group_names, group)
         if (g == 0) then
           call deck%faults%add(place_t(entry%line), unknown_group_text(trim(entry%name)))
-          ! Its keys are those of the nearest group, where none is missing.
-          group = nearest_word(group, group_names)
-          if (group /= '') where (schema%group == group) deck%value%attempted = .true.
+          ! Its keys were to be those of the nearest group: none is missing there, and nothing follows from them.
+          where (schema%group == nearest_word(group, group_names))
+            deck%value%attempted = .true.
+            deck%value%valid = .false.
+          end where
+          group = ''
         else if (line_of(g) > 0) then
           call deck%faults%add(place_t(entry%line), 'group &'//group//' given again: it began in line '// &
                                integer_text(line_of(g))//', put all its keys there')

@@ -188,7 +188,8 @@ contains
       after_value = .false.
       do
         call skip_blank()
-        if (scan(here(), '/&'//nul) == 1 .or. next_key_follows()) exit
+        if (scan(here(), '/&'//nul) == 1) exit
+        if (next_key_follows()) exit
         if (here() == ',') then
           if (.not. after_value) call refuse_entry("nothing before a ',' in '"//name// &
             "': an empty value is not allowed, give it or remove the ','", line)

@@ -71,7 +71,7 @@ BAD: dict[str, tuple[str | bytes, int, str, str]] = {
         "'fields'",
         "at most",
     ),
-    "zero repeat count": (instead("0.25", "0*0.25"), 6, "'0*'", "1 or more"),
+    "zero repeat count": (instead("0.25", "0*0.25"), 6, "'0*0.25'", "1 or more"),
     "missing last slash": (GOOD.rstrip("/\n"), 17, "missing '/'", "end the group &drive"),
     "unclosed double quote": (instead("'a test'", "\"a test'"), 2, "unclosed quote \"a test'", 'close it with "'),
     "text after the slash": (instead("/\n&system", "/ end\n&system"), 4, "'end'", "after a '!'"),
