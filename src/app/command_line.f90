@@ -167,7 +167,12 @@ contains
       end if
     end if
     if (k == 0) then
-      call raise(error, usage_error, unknown_option_text(command%name, arguments(i)%text))
+      if (has_word(command_names(), command%name)) then
+        call raise(error, usage_error, unknown_text('option', arguments(i)%text, options_of(command%name)//' --output --help', &
+          command%name//' '))
+      else
+        call raise(error, usage_error, unknown_text('option', arguments(i)%text, options_of('')//' --output', ''))
+      end if
     else if (options(k)%argument /= '' .and. value == '') then
       call raise(error, usage_error, option//' without its value: write '//option//' '//trim(options(k)%argument)// &
         ', see dynstiction '//trim(adjustl(command%name//' --help')))
@@ -230,18 +235,6 @@ contains
     command%swept = elements
     command%variations = command%variations + 1
   end subroutine take_variation
-
-  !> What to write instead of an option that no command, or only another command, has.
-  function unknown_option_text(command, option) result(text)
-    character(*), intent(in) :: command, option
-    character(:), allocatable :: text
-
-    if (has_word(command_names(), command)) then
-      text = unknown_text('option', option, options_of(command)//' --output --help', command//' ')
-    else
-      text = unknown_text('option', option, options_of('')//' --output', '')
-    end if
-  end function unknown_option_text
 
   function unknown_text(what, given, valid, command) result(text)
     character(*), intent(in) :: what, given, valid

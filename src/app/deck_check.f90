@@ -190,14 +190,10 @@ contains
     type(deck_t), intent(in) :: deck
     type(error_t), allocatable, intent(inout) :: error
     type(faults_t) :: faults
-    character(:), allocatable :: key
-    integer :: k
 
     if (error%code /= deck_error) return
-    key = 'scene.model'
-    if (allocated(error%key)) key = error%key
-    k = varied_key(key)
-    call faults%add(deck%value(k)%place, error%text)
+    if (.not. allocated(error%key)) error%key = 'scene.model'
+    call faults%add(deck%value(varied_key(error%key))%place, error%text)
     error%text = faults%report(deck%name)
   end subroutine locate
 end module dst_deck_check

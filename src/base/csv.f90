@@ -5,7 +5,7 @@
 !> Blank lines are skipped. A fault is reported with its line.
 module dst_csv
   use dst_kinds, only: wp
-  use dst_text, only: excerpt, integer_text, read_real
+  use dst_text, only: excerpt, integer_text, read_real, with_blanks
   use dst_text_file, only: read_text, hdf5_signature
   implicit none
   private
@@ -60,7 +60,8 @@ contains
     line = 0
     do while (next < len(text) .and. problem == '')
       last = next - 2 + index(text(next:), line_end)
-      row = text(next:last)
+      ! Quotes around a field are as good as blanks: no name of a key, and no number, has one inside.
+      row = with_blanks(text(next:last), quote)
       if (row(max(1, len(row)):) == cr) row = row(:len(row) - 1)
       line = line + 1
       next = last + 2
@@ -123,7 +124,7 @@ contains
     end subroutine read_values
   end subroutine read_csv
 
-  !> First and last character of each field, without the blanks and quotes around it.
+  !> First and last character of each field, without the blanks around it.
   pure subroutine find_fields(line, separator, bounds)
     character(*), intent(in) :: line
     character, intent(in) :: separator
@@ -140,23 +141,11 @@ contains
       ! Several blanks in a row are one separator.
       if (last >= first .or. separator /= ' ') then
         n = n + 1
-        found(:, n) = without_blanks(line, [first, last])
-        associate (inner => found(:, n))
-          if (inner(2) > inner(1)) then
-            if (line(inner(1):inner(1))//line(inner(2):inner(2)) == quote//quote) inner = without_blanks(line, inner + [1, -1])
-          end if
-        end associate
+        found(1, n) = first - 1 + verify(line(first:last)//'.', blanks)
+        found(2, n) = first - 1 + verify(line(first:last), blanks, back=.true.)
       end if
       first = last + 2
     end do
     bounds = found(:, :n)
   end subroutine find_fields
-
-  pure function without_blanks(line, bounds) result(inner)
-    character(*), intent(in) :: line
-    integer, intent(in) :: bounds(2)
-    integer :: inner(2)
-
-    inner = bounds(1) - 1 + [verify(line(bounds(1):bounds(2))//'.', blanks), verify(line(bounds(1):bounds(2)), blanks, back=.true.)]
-  end function without_blanks
 end module dst_csv
