@@ -4,7 +4,7 @@
 !> uses the grammar; dst_deck interprets the groups and keys. It reads the text once, from left to right, and keeps positions, not
 !> copies.
 module dst_namelist
-  use dst_text, only: excerpt, lower_case, utf8_width
+  use dst_text, only: decode, excerpt, lower_case
   use dst_faults, only: faults_t, place_t
   use dst_units, only: is_unit
   implicit none
@@ -376,7 +376,7 @@ contains
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
     logical, intent(out) :: plain
-    integer :: i, line, bad_line, width
+    integer :: i, line, bad_line, width, code
 
     bad_line = 0
     line = 1
@@ -391,7 +391,7 @@ contains
                         ' in the deck: a deck is plain UTF-8 text, not a binary file')
         return
       end if
-      width = utf8_width(text(i:min(i + 3, len(text))))
+      call decode(text(i:min(i + 3, len(text))), width, code)
       if (bad_line == 0 .and. width == 0) bad_line = line
       if (text(i:i) == newline) line = line + 1
       i = i + max(1, width)
