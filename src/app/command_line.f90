@@ -103,7 +103,7 @@ contains
       i = i + 1
     end do
     if (.not. allocated(error)) call check_command(command, error)
-    if (command%variations == 0 .or. allocated(error)) return
+    if (command%variations == 0 .or. command%has('--help') .or. allocated(error)) return
     ! A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
     if (command%name == 'sweep') command%name = 'run'
     do i = 1, size(grid_keys)

@@ -4,7 +4,7 @@ module dst_deck
   use dst_curves, only: take_friction_table, check_drive
   use dst_deck_sweep, only: check_sweep
   use dst_deck_text, only: resolved, template, has_model, has_other_condition
-  use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
+  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used
   use dst_errors, only: error_t, raise, raise_lines, deck_error
   use dst_faults, only: place_t
   use dst_methods, only: adaptive_methods, fixed_step_methods
@@ -405,8 +405,8 @@ contains
     do i = 1, key_count
       associate (key => schema(i), value => deck%value(i))
         if (.not. (value%user .and. value%valid)) cycle
-        if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
-          if (value%place%setting == 0 .and. deck%value(excluding_key(deck, i))%place%setting > 0) then
+        if (usage(deck, i) > used .and. .not. is_default(key, value)) then
+          if (value%place%setting == 0 .and. deck%value(usage(deck, i))%place%setting > 0) then
             call deck%notes%add(value%place, "note: '"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ' and is left out')
             call set_default(key, value)

@@ -3,7 +3,7 @@ module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dst_kinds, only: wp
   use dst_curves, only: lengths_text
-  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
+  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used
   use dst_faults, only: place_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, is_text, range_text, reals_kind, &
                         integer_kind, longest_text
@@ -205,7 +205,7 @@ contains
     else if (schema(k)%name == 'mu_0' .and. deck%text_of('friction', 'law') == 'table' .and. &
              usage(deck, find_key('friction', 'law')) == used) then
       problem = "'"//name//"' is the first friction coefficient of the table: vary another key"
-    else if (usage(deck, k) == unused) then
+    else if (usage(deck, k) > used) then
       problem = "'"//name//"' is not used with "//failing_condition(deck, k)//': vary another key'
     else if (schema(k)%kind == reals_kind .and. deck%value(k)%valid .and. deck%value(k)%user .and. &
              size(deck%reals_of(trim(schema(k)%group), trim(schema(k)%name))) /= 1) then
