@@ -278,7 +278,7 @@ contains
     call refuse("&scene t_end = '1' /"//n//rest, "'1' is text: 't_end' takes a real number without quotes")
     call refuse(s//' title = 3 /'//n//rest, "'3' is not text: 'title' takes text in quotes")
     call refuse(s//' model = full /'//n//rest, "'full' is not text: 'model' takes text in quotes")
-    call refuse('&scene t_end = (1,2) /'//n//rest, "'(1' is not a real number")
+    call refuse('&scene t_end = (1,2) /'//n//rest, "too many values for 't_end', from '2)' on: 2 given")
     call refuse(whole//'&integrator max_steps = 1e3 /', "'1e3' is not an integer")
     call refuse('&scene t_end = 2*1 /'//n//rest, "too many values for 't_end', from '1' on: 2 given")
     call refuse('&scene t_end = 2* /'//n//rest, "'2*' repeats nothing")
