@@ -1,13 +1,13 @@
 !> The command line: its words and its help, from the table in dst_command_table. The main program carries out the commands.
 module dst_command_line
-  use dst_command_table, only: command_entry_t, the_program, commands, options, exit_statuses, find_command, &
-    find_option, command_names, options_of, is_option_of, operand_of
+  use dst_command_table, only: command_entry_t, the_program, commands, options, exit_statuses, command_names, options_of
   use dst_disk, only: path_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, raise, usage_error
-  use dst_schema, only: schema, find_key, find_name, names_file
+  use dst_deck_sweep, only: grid_keys
+  use dst_schema, only: schema, find_name
   use dst_share, only: share_t, take_share
-  use dst_text, only: starts_with, has_word, with_blanks, lower_case, word, word_count, nearest_word, excerpt, alternatives, &
+  use dst_text, only: has_word, with_blanks, lower_case, word, word_count, nearest_word, excerpt, alternatives, &
     integer_text, one_per_line, read_real
   implicit none
   private
@@ -15,27 +15,23 @@ module dst_command_line
   public :: command_t, program_arguments, is_own_command, parse_arguments, setting_list, help_text, usage_of, &
     errors_topic
 
-  !> The keys of &sweep of which an option --vary gives one element each.
-  character(9), parameter :: swept_keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
-
   !> A parsed command with its options.
   type :: command_t
-    character(:), allocatable :: name              !! a name of the table, version or help
+    character(:), allocatable :: name              !! a name of the table, or of a page of help; '' = the program itself
     character(:), allocatable :: output            !! of -o; '' = not given
     type(path_t), allocatable :: operands(:)   !! decks, result files, or the model of the template
     type(path_t), allocatable :: settings(:)   !! of --set
     character(:), allocatable :: sensitivity       !! of --sensitivity, with blanks between the keys; '' = not given
     type(share_t) :: share                         !! of --share
     character(:), allocatable :: given             !! names of all options given, blank-separated
-    !> For --vary: their number, and the lists of &sweep that they make, as settings; 'sweep' is then 'run'.
+    !> For --vary: their number, and the lists of &sweep that they make; 'sweep' is then 'run'.
     integer :: variations = 0
-    type(path_t) :: swept(size(swept_keys))
+    type(path_t) :: swept(size(grid_keys))
   contains
     procedure :: has
   end type command_t
 
   character, parameter :: n = achar(10)
-  character(*), parameter :: see_help = ', see dynstiction --help'
   !> The page of help that is not about a command.
   character(*), parameter :: errors_topic = 'errors'
   !> Columns of the help: the longest line, the meaning of an option, and the meaning of a command.
@@ -66,8 +62,7 @@ contains
     i = 1
     if (arguments(1)%text == 'help' .and. size(arguments) == 2) i = 2
     associate (text => arguments(i)%text)
-      is_own_command = starts_with(text, '-') .or. len_trim(text) == 0 .or. &
-        has_word(command_names()//' help '//errors_topic, text)
+      is_own_command = index(text, '-') == 1 .or. text == '' .or. has_word(command_names()//' help '//errors_topic, text)
     end associate
   end function is_own_command
 
@@ -84,13 +79,20 @@ contains
     command%sensitivity = ''
     command%given = ''
     allocate (command%operands(0), command%settings(0))
+    do i = size(arguments), 1, -1
+      associate (text => arguments(i)%text)
+        ! Fortran would use another file.
+        if (len_trim(text) < len(text)) &
+          call raise(error, usage_error, "'"//excerpt(text)//"' ends with a blank: remove the blank, or rename the file")
+      end associate
+    end do
     only_operands = .false.
     i = 1
     do while (i <= size(arguments) .and. .not. allocated(error))
       associate (text => arguments(i)%text)
         if (text == '--' .and. .not. only_operands) then
           only_operands = .true.
-        else if (starts_with(text, '-') .and. len(text) > 1 .and. .not. only_operands) then
+        else if (index(text, '-') == 1 .and. len(text) > 1 .and. .not. only_operands) then
           call take_option(arguments, i, command, error)
         else if (command%name == '' .and. len(text) > 0) then
           command%name = text
@@ -100,11 +102,14 @@ contains
       end associate
       i = i + 1
     end do
-    if (allocated(error)) return
-    if (command%has('--version')) command%name = 'version'
-    if (command%has('--help') .and. command%name == '') command%name = 'help'
-    call check_command(command, error)
-    if (command%variations > 0 .and. .not. (allocated(error) .or. command%has('--help'))) call settle_variations(command)
+    if (.not. allocated(error)) call check_command(command, error)
+    if (command%variations == 0 .or. command%has('--help') .or. allocated(error)) return
+    ! A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
+    if (command%name == 'sweep') command%name = 'run'
+    do i = 1, size(grid_keys)
+      call append(command%settings, 'sweep.'//trim(grid_keys(i))//'='//command%swept(i)%text)
+    end do
+    call append(command%settings, 'sweep.points=')
   end subroutine parse_arguments
 
   !> Append a word. An array constructor would do it, but with gfortran 12 it leaks the memory of the copies.
@@ -137,38 +142,47 @@ contains
     integer, intent(inout) :: i
     type(command_t), intent(inout) :: command
     type(error_t), allocatable, intent(out) :: error
+    character(9), parameter :: other_names(4) = [character(9) :: '-h', '-v', '-V', '--output']
+    character(9), parameter :: names(4) = [character(9) :: '--help', '--version', '--version', '-o']
     character(:), allocatable :: option, value
-    integer :: equals
+    integer :: equals, k
 
     option = arguments(i)%text
     value = ''
     equals = 0
-    if (starts_with(option, '--')) equals = index(option, '=')
+    if (index(option, '--') == 1) equals = index(option, '=')
     if (equals > 0) then
       value = option(equals + 1:)
       option = option(:equals - 1)
     end if
-    option = usual_name(option)
-    if (equals > 0 .and. .not. takes_value(option)) then
-      option = arguments(i)%text
-    else if (equals == 0 .and. takes_value(option) .and. i < size(arguments)) then
-      i = i + 1
-      value = arguments(i)%text
+    k = findloc(other_names, option, dim=1)
+    if (k > 0) option = trim(names(k))
+    k = findloc(options%name, option, dim=1)
+    if (k > 0) then
+      if (options(k)%argument == '') then
+        if (equals > 0) k = 0
+      else if (equals == 0 .and. i < size(arguments)) then
+        i = i + 1
+        value = arguments(i)%text
+      end if
     end if
-    if (.not. has_word(options_of(''), option)) then
-      call raise(error, usage_error, unknown_option_text(command%name, option))
-    else if (takes_value(option) .and. len(value) == 0) then
-      call raise(error, usage_error, option//' without '//trim(options(find_option(option, ''))%lacking))
+    if (k == 0) then
+      if (has_word(command_names(), command%name)) then
+        call raise(error, usage_error, unknown_text('option', arguments(i)%text, options_of(command%name)//' --output --help', &
+          command%name//' '))
+      else
+        call raise(error, usage_error, unknown_text('option', arguments(i)%text, options_of('')//' --output', ''))
+      end if
+    else if (options(k)%argument /= '' .and. value == '') then
+      call raise(error, usage_error, option//' without its value: write '//option//' '//trim(options(k)%argument)// &
+        ', see dynstiction '//trim(adjustl(command%name//' --help')))
     end if
     if (allocated(error)) return
     select case (option)
     case ('-o')
-      call check_file_name(value, error)
-      if (.not. allocated(error) .and. command%has('-o')) &
-        call raise(error, usage_error, '-o given twice: give one output file')
+      if (command%has('-o')) call raise(error, usage_error, '-o given twice: give one output file')
       command%output = value
     case ('--set')
-      call check_named_file(value, error)
       call append(command%settings, value)
     case ('--vary')
       call take_variation(value, command, error)
@@ -180,22 +194,6 @@ contains
     command%given = trim(adjustl(command%given//' '//option))
   end subroutine take_option
 
-  !> The name of an option in the table.
-  pure function usual_name(option) result(name)
-    character(*), intent(in) :: option
-    character(:), allocatable :: name
-
-    name = option
-    select case (option)
-    case ('-h')
-      name = '--help'
-    case ('-v', '-V')
-      name = '--version'
-    case ('--output')
-      name = '-o'
-    end select
-  end function usual_name
-
   !> 'GROUP.KEY=FIRST:LAST:COUNT' or '...:log', which becomes an element of each list of &sweep.
   subroutine take_variation(text, command, error)
     character(*), intent(in) :: text
@@ -203,30 +201,25 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(*), parameter :: form = ': write --vary GROUP.KEY=FIRST:LAST:COUNT, like '// &
       '--vary system.misalignment_deg=0.5:20:40, with :log at its end for equal ratios'
-    character(:), allocatable :: name, words, spacing, problem
-    type(path_t) :: elements(size(swept_keys))
+    character(:), allocatable :: name, words, problem
+    type(path_t) :: elements(size(grid_keys))
     real(wp) :: number
     integer :: equals, i, k
 
     equals = index(text, '=')
     words = with_blanks(text(equals + 1:), ':')
-    spacing = 'linear'
-    if (word_count(words) == 4) spacing = word(words, 4)
+    if (count([(text(i:i) == ':', i=1, len(text))]) == 2) words = words//' linear'
     problem = ''
     if (equals == 0) then
       problem = "has no '='"
-    else if (word_count(words) < 3 .or. word_count(words) > 4 .or. count([(text(i:i) == ':', i=1, len(text))]) &
-             /= word_count(words) - 1) then
+    else if (word_count(words) /= 4 .or. .not. has_word('linear log', word(words, 4))) then
       problem = 'does not have the parts FIRST:LAST:COUNT'
-    else if (.not. has_word('linear log', spacing)) then
-      problem = "has the unknown spacing '"//excerpt(spacing)//"'"
-    else
-      do i = 1, 3
-        call read_real(word(words, i), number, problem)
-        if (problem /= '') problem = "'"//excerpt(word(words, i))//"' "//problem
-        if (problem /= '') exit
-      end do
     end if
+    do i = 1, 3
+      if (problem /= '') exit
+      call read_real(word(words, i), number, problem)
+      if (problem /= '') problem = "'"//excerpt(word(words, i))//"' "//problem
+    end do
     if (problem /= '') then
       call raise(error, usage_error, "--vary '"//excerpt(text)//"' "//problem//form)
       return
@@ -235,157 +228,81 @@ contains
     ! Names of keys are unique: the group may be left out.
     k = find_name(lower_case(name))
     if (k > 0) name = trim(schema(k)%group)//'.'//name
-    elements = [path_t("'"//name//"'"), (path_t(word(words, i)), i=1, 3), path_t("'"//spacing//"'")]
+    elements = [path_t("'"//name//"'"), (path_t(word(words, i)), i=1, 3), path_t("'"//word(words, 4)//"'")]
     do i = 1, size(elements)
-      if (command%variations == 0) then
-        command%swept(i)%text = 'sweep.'//trim(swept_keys(i))//'='//elements(i)%text
-      else
-        command%swept(i)%text = command%swept(i)%text//','//elements(i)%text
-      end if
+      if (command%variations > 0) elements(i)%text = command%swept(i)%text//','//elements(i)%text
     end do
+    command%swept = elements
     command%variations = command%variations + 1
   end subroutine take_variation
 
-  !> A sweep of a deck is a run of the deck with the group &sweep that the options --vary make.
-  subroutine settle_variations(command)
-    type(command_t), intent(inout) :: command
-    integer :: i
-
-    if (command%name == 'sweep') command%name = 'run'
-    do i = 1, size(command%swept)
-      call append(command%settings, command%swept(i)%text)
-    end do
-    call append(command%settings, 'sweep.points=')
-  end subroutine settle_variations
-
-  !> Whether the word after the option belongs to it.
-  pure logical function takes_value(option)
-    character(*), intent(in) :: option
-
-    takes_value = any(options%name == option .and. options%argument /= '')
-  end function takes_value
-
-  !> Fortran cannot use names of files that end with a blank: it would use another file.
-  subroutine check_file_name(name, error)
-    character(*), intent(in) :: name
-    type(error_t), allocatable, intent(out) :: error
-
-    if (len_trim(name) < len(name)) &
-      call raise(error, usage_error, "file name '"//excerpt(name)//"' ends with a blank: remove the blank, or rename the file")
-  end subroutine check_file_name
-
-  !> The file that a setting names, if it names one.
-  subroutine check_named_file(setting, error)
-    character(*), intent(in) :: setting
-    type(error_t), allocatable, intent(out) :: error
-    integer :: dot, equals, k
-
-    equals = index(setting, '=')
-    dot = index(setting(:max(0, equals - 1)), '.')
-    k = find_key(lower_case(setting(:max(0, dot - 1))), lower_case(setting(dot + 1:max(dot, equals - 1))))
-    if (k == 0 .or. len(setting) == equals) return
-    if (names_file(schema(k))) call check_file_name(setting(equals + 1:), error)
-  end subroutine check_named_file
-
-  !> What to write instead of an option that no command, or only another command, has.
-  function unknown_option_text(command, option) result(text)
-    character(*), intent(in) :: command, option
-    character(:), allocatable :: text
-
-    if (index('--output', option) == 1 .and. len(option) > 2) then
-      text = "unknown option '"//excerpt(option)//"': the nearest is '-o' or '--output'"//see_help
-    else if (find_command(command) == 0) then
-      text = unknown_text('option', option, options_of('')//' --output')
-    else
-      text = unknown_text('option', option, options_of(command)//' --output --help')
-      text = text(:len(text) - len(see_help))//', see dynstiction '//command//' --help'
-    end if
-  end function unknown_option_text
-
-  function unknown_text(what, given, valid) result(text)
+  function unknown_text(what, given, valid, command) result(text)
     character(*), intent(in) :: what, given, valid
+    character(*), intent(in) :: command   !! whose help says more, with a blank; '' = that of the program
     character(:), allocatable :: text
 
     text = 'unknown '//what//" '"//excerpt(given)//"': "
     if (nearest_word(given, valid) /= '') then
-      text = text//"the nearest is '"//nearest_word(given, valid)//"'"//see_help
+      text = text//"the nearest is '"//nearest_word(given, valid)//"'"
     else
-      text = text//'there are '//alternatives(valid)//see_help
+      text = text//'there are '//alternatives(valid)
     end if
+    text = text//', see dynstiction '//command//'--help'
   end function unknown_text
 
-  !> Whether the command exists, takes these options, and has the operands that it needs.
+  !> Whether the command exists, takes these options, and has the operands that it needs. `help TOPIC` becomes `TOPIC --help`.
   subroutine check_command(command, error)
-    type(command_t), intent(in) :: command
+    type(command_t), intent(inout) :: command
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
-    k = find_command(command%name)
+    if (command%name == 'help') then
+      command%given = command%given//' --help'
+      command%name = ''
+      if (size(command%operands) > 0) command%name = command%operands(1)%text
+      if (size(command%operands) > 1) call raise(error, usage_error, "'help' takes one command: '"// &
+        excerpt(command%operands(2)%text)//"' is too many")
+    end if
+    k = findloc(commands%name, command%name, dim=1)
+    if (allocated(error) .or. command%has('--version')) return
+    if (command%has('--help') .and. (command%name == '' .or. command%name == errors_topic)) return
     if (command%name == '') then
-      call raise(error, usage_error, 'no command: give one of '//alternatives(command_names())//see_help)
-    else if (command%name == 'version') then
-      return
-    else if (command%name == 'help') then
-      call check_topic(command, error)
+      call raise(error, usage_error, 'no command: give one of '//alternatives(command_names())//', see dynstiction --help')
     else if (k == 0) then
-      call raise(error, usage_error, unknown_text('command', command%name, command_names())// &
+      call raise(error, usage_error, unknown_text('command', command%name, command_names(), '')// &
         '; a command of the Python package comes first')
     else if (.not. command%has('--help')) then
       call check_options(command, error)
-      if (.not. allocated(error)) call check_operands(command, commands(k), error)
+      if (.not. allocated(error)) call check_operands(command, trim(commands(k)%operands), error)
     end if
   end subroutine check_command
-
-  !> The help is about a command, about errors, or about the program.
-  subroutine check_topic(command, error)
-    type(command_t), intent(in) :: command
-    type(error_t), allocatable, intent(out) :: error
-
-    if (size(command%operands) == 0) return
-    associate (topic => command%operands(1)%text)
-      if (size(command%operands) > 1) then
-        call raise(error, usage_error, "'help' takes one command: '"//excerpt(command%operands(2)%text)//"' is too many")
-      else if (.not. has_word(command_names()//' '//errors_topic, topic)) then
-        call raise(error, usage_error, unknown_text('topic', topic, command_names()//' '//errors_topic))
-      end if
-    end associate
-  end subroutine check_topic
 
   subroutine check_options(command, error)
     type(command_t), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: option
     integer :: i
 
     do i = 1, word_count(command%given)
-      option = word(command%given, i)
-      if (has_word(options_of(command%name)//' --help --version', option)) cycle
-      call raise(error, usage_error, "'"//command%name//"' takes no "//option//': remove it, see dynstiction '// &
+      if (has_word(options_of(command%name), word(command%given, i))) cycle
+      call raise(error, usage_error, "'"//command%name//"' takes no "//word(command%given, i)//': remove it, see dynstiction '// &
                  command%name//' --help')
       return
     end do
   end subroutine check_options
 
-  subroutine check_operands(command, entry, error)
+  !> `expected`: as in the table, 'DECK...', 'FILE.h5...' or '[MODEL]'.
+  subroutine check_operands(command, expected, error)
     type(command_t), intent(in) :: command
-    type(command_entry_t), intent(in) :: entry
+    character(*), intent(in) :: expected
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: operand, kind, allowed
-    integer :: i, most
+    character(:), allocatable :: operand, kind
 
-    operand = operand_of(entry)
-    kind = trim(lower_case(operand(:index(operand//'.', '.') - 1)))
-    do i = 1, size(command%operands)
-      if (kind == 'deck' .or. kind == 'file') call check_file_name(command%operands(i)%text, error)
-      if (allocated(error)) return
-    end do
-    most = merge(0, 1, operand == '')
-    allowed = 'one '//kind
-    if (most == 0) allowed = 'no operand'
-    if (size(command%operands) > most .and. index(entry%operands, '...') == 0) then
-      call raise(error, usage_error, "'"//command%name//"' takes "//allowed//": '"// &
-        excerpt(command%operands(most + 1)%text)//"' is too many")
-    else if (size(command%operands) == 0 .and. verify(entry%operands(:1), '[ ') == 1) then
+    operand = expected(scan(expected, '[') + 1:verify(expected, '.]', back=.true.))
+    kind = lower_case(operand(:index(operand//'.', '.') - 1))
+    if (size(command%operands) > 1 .and. index(expected, '...') == 0) then
+      call raise(error, usage_error, "'"//command%name//"' takes one "//kind//": '"//excerpt(command%operands(2)%text)// &
+        "' is too many")
+    else if (size(command%operands) == 0 .and. expected(1:1) /= '[') then
       call raise(error, usage_error, "'"//command%name//"' without a "//kind//': write dynstiction '//command%name//' '//operand)
     else if (command%name == 'sweep' .and. command%variations == 0) then
       call raise(error, usage_error, "'sweep' varies nothing: write --vary GROUP.KEY=FIRST:LAST:COUNT, like "// &
@@ -415,7 +332,7 @@ contains
     character(:), allocatable :: text
     integer :: i
 
-    i = find_command(name)
+    i = findloc(commands%name, name, dim=1)
     if (i > 0) then
       text = help_on(commands(i))
     else
@@ -437,7 +354,7 @@ contains
     call put_words(text, command%meaning, 0)
     text = text//n//n
     do k = 1, size(options)
-      if (is_option_of(options(k), trim(command%name))) &
+      if (has_word(options(k)%commands, trim(command%name))) &
         call put_row(text, trim(options(k)%name)//' '//options(k)%argument, options(k)%meaning, option_column)
     end do
     if (options_of(trim(command%name)) /= '') text = text//n
@@ -452,8 +369,7 @@ contains
 
     text = trim('dynstiction '//trim(command%name)//' '//command%operands)
     do k = 1, size(options)
-      if (.not. is_option_of(options(k), trim(command%name))) cycle
-      if (k /= find_option(trim(options(k)%name), trim(command%name))) cycle
+      if (.not. has_word(options(k)%commands, trim(command%name))) cycle
       option = trim(trim(options(k)%name)//' '//options(k)%argument)
       if (options(k)%times /= '1') option = '['//option//']'
       if (options(k)%times == '*') option = option//'...'

@@ -5,8 +5,7 @@ module dst_command_table
   implicit none
   private
 
-  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses
-  public :: find_command, find_option, command_names, options_of, operand_of, is_option_of
+  public :: command_entry_t, option_t, exit_status_t, the_program, commands, options, exit_statuses, command_names, options_of
 
   !> A command.
   type :: command_entry_t
@@ -17,14 +16,13 @@ module dst_command_table
     character(288) :: examples           !! one in each line
   end type command_entry_t
 
-  !> An option; one that takes several kinds of values has an entry for each.
+  !> An option.
   type :: option_t
     character(name_width) :: name
-    character(name_width) :: argument    !! what follows, in capitals, or the words of which one follows: 'png|pdf'; '' = nothing
+    character(name_width) :: argument    !! what follows, in capitals, or the words of which one follows: 'I/N|auto'; '' = nothing
     character(meaning_width) :: commands   !! that take it; '' = the program itself
     character :: times                   !! how often it is given. '?': at most once, '*': any number of times; '1': once
     character(192) :: meaning
-    character(64) :: lacking             !! the argument: what is missing, and what to write
   end type option_t
 
   !> An exit status of the program.
@@ -99,36 +97,30 @@ module dst_command_table
 
   character(*), parameter :: takes_settings = 'run sweep merge check stability cycles'
 
-  !> name, argument, commands, times, meaning, lacking
+  !> name, argument, commands, times, meaning
   type(option_t), parameter :: options(*) = [ &
-    option_t('-o', 'FILE', 'run sweep merge', '?', 'the output file (one deck only)', 'a file name: write -o FILE'), &
+    option_t('-o', 'FILE', 'run sweep merge', '?', 'the output file (one deck only)'), &
     option_t('--set', 'GROUP.KEY=VALUE', takes_settings, '*', &
-      'use VALUE in place of the deck''s, without VALUE its default; may be repeated; text needs no quotes', &
-      'a setting: write --set GROUP.KEY=VALUE'), &
+      'use VALUE in place of the deck''s, without VALUE its default; may be repeated; text needs no quotes'), &
     option_t('--vary', 'KEY=FIRST:LAST:COUNT', 'sweep merge', '*', &
-      'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid', &
-      'a key: write --vary GROUP.KEY=FIRST:LAST:COUNT'), &
-    option_t('--share', 'I/N', 'run sweep', '?', &
-      'run the I-th of N equal parts of a sweep, into FILE.I-of-N.h5; dynstiction merge joins them', &
-      'its number: write --share I/N or --share auto'), &
-    option_t('--share', 'auto', 'run sweep', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
-    option_t('--retry', '', 'run sweep', '?', 'also run the cases again that failed before', ''), &
+      'values of GROUP.KEY, both ends included; :log at the end for equal ratios; several make a grid'), &
+    option_t('--share', 'I/N|auto', 'run sweep', '?', &
+      'run the I-th of N equal parts of a sweep, into FILE.I-of-N.h5; dynstiction merge joins them; '// &
+      'auto: I and N from the job array, or from the launcher of several processes'), &
+    option_t('--retry', '', 'run sweep', '?', 'also run the cases again that failed before'), &
     option_t('--sensitivity', 'KEYS', 'run cycles', '?', &
-      'also print how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
-      'parameters: write --sensitivity system.mass,friction.v_f'), &
+      'also print how the cycle of the motion changes with parameters GROUP.KEY, with commas between them'), &
     option_t('--along', 'KEY=FROM:TO', 'cycles', '?', &
-      'follow the cycles over GROUP.KEY: folds, doublings and ends; the same as dynstiction branch, which Python carries out', &
-      'a range: write --along GROUP.KEY=FROM:TO'), &
+      'follow the cycles over GROUP.KEY: folds, doublings and ends; the same as dynstiction branch, which Python carries out'), &
     option_t('--key', 'KEYS', 'stability', '?', &
-      'where both change in numbers GROUP.KEY, with commas between them; the same as dynstiction range, which Python carries out', &
-      'parameters: write --key system.damping_x,drive.velocity'), &
-    option_t('--overwrite', '', 'run sweep merge', '?', &
-      'replace existing output files', ''), &
-    option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary', ''), &
+      'where both change in numbers GROUP.KEY, with commas between them; the same as dynstiction range, which Python '// &
+      'carries out'), &
+    option_t('--overwrite', '', 'run sweep merge', '?', 'replace existing output files'), &
+    option_t('--quiet', '', 'run sweep resume merge', '?', 'no progress, no notes, no summary'), &
     option_t('--json', '', 'template', '?', &
-      'print all names as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics', ''), &
-    option_t('--help', '', '', '?', 'the help on the program, or on a command', ''), &
-    option_t('--version', '', '', '?', 'the version of the program, and how it was built', '')]
+      'print all names as JSON: commands, options, exit statuses, keys, output columns, summary values, statistics'), &
+    option_t('--help', '', '', '?', 'the help on the program, or on a command'), &
+    option_t('--version', '', '', '?', 'the version of the program, and how it was built')]
 
   !> All exit statuses.
   type(exit_status_t), parameter :: exit_statuses(*) = [ &
@@ -142,24 +134,6 @@ module dst_command_table
     exit_status_t(75, 'stopped early by a signal or at the wall-time limit: can be continued')]
 
 contains
-
-  !> Index of a command; 0 if there is none of this name.
-  pure integer function find_command(name)
-    character(*), intent(in) :: name
-
-    find_command = findloc(commands%name, name, dim=1)
-    if (len_trim(name) < len(name)) find_command = 0
-  end function find_command
-
-  !> Index of an option's first entry for `command`, or for any command if that is ''; 0 if there is none.
-  pure integer function find_option(name, command) result(k)
-    character(*), intent(in) :: name, command
-
-    do k = 1, size(options)
-      if (options(k)%name == name .and. (command == '' .or. has_word(options(k)%commands, command))) return
-    end do
-    k = 0
-  end function find_option
 
   !> All commands, blank-separated.
   pure function command_names() result(names)
@@ -181,26 +155,8 @@ contains
 
     names = ''
     do k = 1, size(options)
-      if (.not. is_option_of(options(k), command) .or. has_word(names, trim(options(k)%name))) cycle
-      names = trim(names//' '//options(k)%name)
+      if (command == '' .or. has_word(options(k)%commands, command)) names = trim(names//' '//options(k)%name)
     end do
     names = adjustl(names)
   end function options_of
-
-  !> Whether `command` takes the option; for '', whether the program or any command does.
-  pure logical function is_option_of(option, command)
-    type(option_t), intent(in) :: option
-    character(*), intent(in) :: command
-
-    is_option_of = command == '' .or. has_word(option%commands, command)
-  end function is_option_of
-
-  !> 'DECK', 'FILE.h5', 'MODEL' or ''.
-  pure function operand_of(command) result(operand)
-    type(command_entry_t), intent(in) :: command
-    character(:), allocatable :: operand
-
-    operand = command%operands(scan(command%operands, '[') + 1:len_trim(command%operands))
-    if (verify(operand, '.]', back=.true.) < len(operand)) operand = operand(:verify(operand, '.]', back=.true.))
-  end function operand_of
 end module dst_command_table

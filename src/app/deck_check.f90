@@ -74,19 +74,15 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t), allocatable :: simulation
     type(scene_t) :: scene
-    character(:), allocatable :: model_choice, key, decisive
+    character(:), allocatable :: model_choice, decisive   ! the interval between the samples
     real(wp) :: samples
 
     call scene_from_deck(deck, scene)
-    key = 'output.interval'
+    decisive = 'output.interval'
+    if (.not. abs(scene%interval) > 0.0_wp) decisive = 'integrator.step or give output.interval'
     ! The interval that 'auto' chooses is never too short.
-    if (.not. abs(scene%interval) > 0.0_wp) key = 'integrator.step'
-    ! Interval between the samples.
-    decisive = key
-    if (.not. abs(scene%interval) > 0.0_wp) decisive = key//' or give output.interval'
-    if (.not. deck%is_set('output', 'interval')) key = 'scene.t_end'
     if (.not. scene%interval < 0.0_wp .and. run_samples(scene) > most_samples) then
-      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive//', or lower scene.t_end', key)
+      call raise(error, deck_error, 'more than 2^53 samples: raise '//decisive//', or lower scene.t_end', 'scene.t_end')
       return
     end if
     call settle_model(scene, model_choice)
@@ -194,14 +190,10 @@ contains
     type(deck_t), intent(in) :: deck
     type(error_t), allocatable, intent(inout) :: error
     type(faults_t) :: faults
-    character(:), allocatable :: key
-    integer :: k
 
     if (error%code /= deck_error) return
-    key = 'scene.model'
-    if (allocated(error%key)) key = error%key
-    k = varied_key(key)
-    call faults%add(deck%value(k)%place, error%text)
+    if (.not. allocated(error%key)) error%key = 'scene.model'
+    call faults%add(deck%value(varied_key(error%key))%place, error%text)
     error%text = faults%report(deck%name)
   end subroutine locate
 end module dst_deck_check

@@ -1,5 +1,6 @@
 !> What the executable does. Only here is anything printed about errors.
 module dst_main
+  use, intrinsic :: iso_c_binding, only: c_int, c_ptr
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, has_code, exit_status, result_done, usage_error, file_error, stopped_early
   use dst_text, only: integer_text, one_per_line, printable
@@ -22,24 +23,16 @@ module dst_main
   use dst_sweep_points, only: path_of_points
   use dst_sweep_runner, only: check_sweep_target, run_sweep
   use dst_show, only: show_result
-  use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
+  use dst_posix, only: listen_to_requests, listen_to_signals, is_told_to_end, put_error, put_output, stopped_by
   use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
-  use dst_standard_streams, only: put_output, put_error
   use dst_stopwatch, only: wall_clock
-  use dst_threads, only: task_t
   use dst_arithmetic, only: arithmetic_fingerprint
   use dst_build_info, only: program_name, version, git_revision, compiler, build_facts
   implicit none
   private
 
-  public :: program_t
-
-  !> The program as a task, since it needs a thread with a large enough stack.
-  type, extends(task_t) :: program_t
-  contains
-    procedure :: work => follow_arguments
-  end type program_t
+  public :: follow_arguments
 
   type(command_t) :: command
   !> A search for cycles, and when it began [s].
@@ -51,15 +44,13 @@ module dst_main
 contains
 
   !> Carry out the command.
-  subroutine follow_arguments(self, number)
-    class(program_t), intent(inout), target :: self
-    integer, intent(in) :: number
+  subroutine follow_arguments(nothing, thread) bind(c)
+    type(c_ptr), value :: nothing         ! its task needs no data
+    integer(c_int), value :: thread       ! a thread that has a large enough stack
     type(path_t), allocatable :: arguments(:)
     type(error_t), allocatable :: error
     logical :: is_ours
 
-    associate (unused => self, also_unused => number)
-    end associate
     call listen_to_requests()
     allocate (arguments, source=program_arguments())
     is_ours = is_own_command(arguments)
@@ -78,12 +69,12 @@ contains
     type(error_t), allocatable :: error
     character(:), allocatable :: text, model
 
-    if (command%name == 'help') then
-      text = help_on_topic()
+    if (command%has('--version')) then
+      text = version_text()
+    else if (command%name == errors_topic) then
+      text = error_page()
     else if (command%has('--help')) then
       text = help_text(command%name)
-    else if (command%name == 'version') then
-      text = version_text()
     else if (command%has('--json')) then
       text = catalogue(version)
     else if (command%name == 'template') then
@@ -101,19 +92,6 @@ contains
       call print_each()
     end if
   end subroutine execute
-
-  !> What 'help' prints: about the program, a command, or errors.
-  function help_on_topic() result(text)
-    character(:), allocatable :: text
-
-    if (size(command%operands) == 0) then
-      text = help_text('')
-    else if (command%operands(1)%text == errors_topic) then
-      text = error_page()
-    else
-      text = help_text(command%operands(1)%text)
-    end if
-  end function help_on_topic
 
   function version_text() result(text)
     character(:), allocatable :: text
@@ -203,16 +181,8 @@ contains
   subroutine put_notes(notes)
     character(*), intent(in) :: notes   !! one in each line, each with a line end
 
-    if (notes /= '') call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
+    call put_error(one_per_line(notes(:len(notes) - 1), 'dynstiction: '))
   end subroutine put_notes
-
-  !> Print what a run has found. Its file is complete, so nothing is lost if this output cannot be written.
-  subroutine put_report(report)
-    character(*), intent(in) :: report
-    logical :: ignored
-
-    if (report /= '') call put_output(report, ignored)
-  end subroutine put_report
 
   !> Run the decks, join the shares of their sweeps, or continue runs. Nothing is done unless every deck is valid and every output
   !> file may be written.
@@ -292,6 +262,7 @@ contains
     type(path_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: report, hangs_on
+    logical :: ignored
     type(scene_t) :: scene
 
     if (command%name == 'resume') then
@@ -301,11 +272,12 @@ contains
     else
       call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
-    if (.not. command%has('--quiet')) call put_report(report)
+    ! The file is complete, so nothing is lost if this cannot be written.
+    if (.not. command%has('--quiet')) call put_output(report, ignored)
     if (allocated(error) .or. command%sensitivity == '') return
     call scene_from_deck(deck, scene)
     call sensitivity_report(deck, scene, command%sensitivity, hangs_on, error)
-    if (.not. allocated(error)) call put_report(hangs_on)
+    if (.not. allocated(error)) call put_output(hangs_on, ignored)
   end subroutine carry_out
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.

@@ -2,8 +2,7 @@
 module dst_progress
   use dst_kinds, only: wp
   use dst_plain_numbers, only: duration_text
-  use dst_posix, only: c_is_terminal
-  use dst_standard_streams, only: put_error
+  use dst_posix, only: c_is_terminal, put_error
   use dst_text, only: printable
   implicit none
   private

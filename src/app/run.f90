@@ -20,7 +20,7 @@ module dst_run
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
   use dst_scene, only: scene_t, scene_from_deck
-  use dst_signals, only: stop_signal, stopped_by, no_signal
+  use dst_posix, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
   use dst_stopwatch, only: wall_clock
   use dst_plain_numbers, only: number_text, duration_text
@@ -249,21 +249,17 @@ contains
       end if
     end if
     took = duration_text(run%simulation%elapsed)
-    if (run%simulation%elapsed < 1.0_wp) took = shown(run%simulation%elapsed, 's', 2)
+    if (run%simulation%elapsed < 1.0_wp) took = number_text(run%simulation%elapsed, 2)//' s'
     text = text//' ('//took//'); see dynstiction plot '//printable(run%file%name)//new_line('a')
   end function report_of
 
-  !> Four digits, or the requested number, and the unit.
-  function shown(value, unit, figures) result(text)
+  !> Four digits and the unit.
+  function shown(value, unit) result(text)
     real(wp), intent(in) :: value
     character(*), intent(in) :: unit
-    integer, intent(in), optional :: figures
     character(:), allocatable :: text
-    integer :: digits
 
-    digits = 4
-    if (present(figures)) digits = figures
-    text = number_text(value, digits)//' '//unit
+    text = number_text(value, 4)//' '//unit
   end function shown
 
   !> A value of the summary; 0 if there is none of this name.

@@ -12,17 +12,17 @@ module dst_sweep_runner
   use dst_hdf5_writer, only: run_metadata_t
   use dst_kinds, only: wp, real64
   use dst_plain_numbers, only: duration_text
+  use dst_posix, only: is_told_to_end, stopped_by
   use dst_result_file, only: check_target
   use dst_run, only: describe_run
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema
   use dst_sha256, only: sha256
   use dst_share, only: share_t, shares_of
-  use dst_signals, only: is_told_to_end, stopped_by
   use dst_stopwatch, only: wall_clock
   use dst_sweep, only: sweep_t
   use dst_sweep_file, only: sweep_file_t, sweep_head_t, read_head
-  use dst_sweep_work, only: sweep_work_t, thread_count
+  use dst_sweep_work, only: sweep_work_t, run_missing_cases, thread_count
   use dst_text, only: integer_text, printable
   implicit none
   private
@@ -77,7 +77,7 @@ contains
     character(:), allocatable, intent(out) :: report
     type(error_t), allocatable, intent(out) :: error
     type(sweep_t), target :: sweep
-    type(sweep_work_t) :: work
+    type(sweep_work_t), target :: work
     type(sweep_head_t) :: found
     type(share_t), allocatable :: shares(:)
     type(path_t), allocatable :: files(:)
@@ -107,7 +107,7 @@ contains
         call take_shares(work%file, shares, files, stopped)
       else
         work%retry = command%has('--retry')
-        call work%run(sweep, command%has('--quiet'), stopped)
+        call run_missing_cases(work, sweep, command%has('--quiet'), stopped)
       end if
       if (work%file%is_changed .and. .not. has_code(stopped, file_error)) call work%file%make_whole(error)
       call work%file%discard()

@@ -3,25 +3,24 @@
 !> A thread takes the next case whenever it has finished one. The first thread also handles signals, limits and progress, and makes
 !> the file whole when that is due, between two slices of its case.
 module dst_sweep_work
+  use, intrinsic :: iso_c_binding, only: c_f_pointer, c_funloc, c_int, c_loc, c_ptr
   use dst_errors, only: error_t, raise, stopped_early
   use dst_kinds, only: wp, real64
-  use dst_posix, only: wait_seconds
+  use dst_posix, only: no_signal, run_in_threads, stop_signal, stopped_by, wait_seconds
   use dst_plain_numbers, only: number_text
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: interim_t
-  use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_stopwatch, only: wall_clock
   use dst_sweep, only: sweep_t, case_t, watch_t, worker_t, new_worker
   use dst_sweep_file, only: sweep_file_t, not_run
   use dst_text, only: integer_text
-  use dst_threads, only: task_t, run_in_threads
   implicit none
   private
 
-  public :: sweep_work_t, thread_count
+  public :: sweep_work_t, run_missing_cases, thread_count
 
   !> Data that the threads share.
-  type, extends(task_t) :: sweep_work_t
+  type :: sweep_work_t
     type(sweep_file_t) :: file
     logical :: retry = .false.                   !! cases that failed are run again
     type(error_t), allocatable, private :: error !! the first one of the file
@@ -36,8 +35,6 @@ module dst_sweep_work
     type(progress_t), private :: progress
   contains
     procedure :: is_pending
-    procedure :: run
-    procedure :: work => run_cases
   end type sweep_work_t
 
   !> Why the cases stop, if not by a signal.
@@ -67,8 +64,8 @@ contains
   end function is_pending
 
   !> Run the cases that the file lacks. `error` says why not all were run; the file is then still open, unless it cannot be written.
-  subroutine run(self, sweep, quiet, error)
-    class(sweep_work_t), intent(inout) :: self
+  subroutine run_missing_cases(self, sweep, quiet, error)
+    type(sweep_work_t), intent(inout), target :: self
     type(sweep_t), intent(in), target :: sweep
     logical, intent(in) :: quiet
     type(error_t), allocatable, intent(out) :: error
@@ -81,14 +78,14 @@ contains
     self%interim = interim_t(sweep%deck%real_of('output', 'checkpoint_interval'), self%begun, self%begun)
     self%progress = new_progress(sweep%deck%name, quiet)
     call new_worker(sweep, self%first_worker)
-    call run_in_threads(self, thread_count(self%to_do))
+    call run_in_threads(c_funloc(run_cases), c_loc(self), int(thread_count(self%to_do), c_int))
     call self%progress%close()
     if (allocated(self%error)) then
       call move_alloc(self%error, error)
     else if (self%stop /= 0) then
       call raise(error, stopped_early, stop_text(self))
     end if
-  end subroutine run
+  end subroutine run_missing_cases
 
   !> As many threads as OpenMP counts processors or is set to use.
   integer function thread_count(cases) result(threads)
@@ -101,15 +98,17 @@ contains
   end function thread_count
 
   !> One thread, which computes case after case.
-  subroutine run_cases(self, number)
-    class(sweep_work_t), intent(inout), target :: self
-    integer, intent(in) :: number
+  subroutine run_cases(task, number) bind(c)
+    type(c_ptr), value :: task              !! the sweep_work_t
+    integer(c_int), value :: number
+    type(sweep_work_t), pointer :: self
     type(sweep_watch_t) :: watch
     type(worker_t), allocatable :: worker
     type(case_t) :: case
     integer :: next
     logical :: done
 
+    call c_f_pointer(task, self)
     !$omp atomic
     self%at_work = self%at_work + 1
     watch%shared => self

@@ -5,7 +5,8 @@
 !> Blank lines are skipped. A fault is reported with its line.
 module dst_csv
   use dst_kinds, only: wp
-  use dst_text, only: excerpt, integer_text, read_real
+  use dst_text, only: excerpt, integer_text, read_real, with_blanks
+  use dst_text_file, only: read_text, hdf5_signature
   implicit none
   private
 
@@ -17,8 +18,9 @@ module dst_csv
     character(:), allocatable :: names(:)
     !> Whether the first line has no numbers only: it is no row of the values.
     logical :: has_names = .false.
-    real(wp), allocatable :: values(:, :)                    !! values(column, row)
+    real(wp), allocatable :: values(:, :)                    !! values(column, row), of which there are `rows`
     integer, allocatable :: line(:)                          !! line of each row
+    integer :: rows = 0
     integer :: first_line = 0                                !! line of the names, 0 if there is none
   end type csv_table_t
 
@@ -32,63 +34,50 @@ module dst_csv
 
 contains
 
-  !> The table in a text; `problem` is '' or ':LINE: ' and what is wrong there.
-  subroutine read_csv(text, table, problem)
-    character(*), intent(in) :: text
+  !> The table in a file; `problem` is '' or the place and what is wrong there: 'PATH:LINE: ...'.
+  subroutine read_csv(path, most_bytes, remedy, table, problem)
+    character(*), intent(in) :: path
+    integer, intent(in) :: most_bytes
+    character(*), intent(in) :: remedy       !! what to give, if the file cannot be read
     type(csv_table_t), intent(out) :: table
     character(:), allocatable, intent(out) :: problem
-    character(:), allocatable :: lines, row
+    character(:), allocatable :: text, row
     integer, allocatable :: bounds(:, :)
     character :: separator, line_end
-    integer :: next, last, line, n, i
+    integer :: next, last, line, i
 
-    problem = ''
+    allocate (character(0) :: table%names(0))
+    call read_text(path, most_bytes, text, problem)
+    if (index(text, hdf5_signature) == 1) then
+      problem = 'is an HDF5 file: write its columns as CSV'
+    else if (problem /= '') then
+      problem = problem//': '//remedy
+    end if
+    if (problem /= '') problem = path//': '//problem
     line_end = merge(lf, cr, index(text, lf) > 0)
-    lines = text//line_end
+    text = text//line_end
     next = merge(1 + len(byte_order_mark), 1, index(text, byte_order_mark) == 1)
     line = 0
-    n = 0
-    allocate (character(0) :: table%names(0))
-    allocate (table%values(0, 0), table%line(0))
-    do while (next <= len(text))
-      last = next - 2 + index(lines(next:), line_end)
-      row = lines(next:last)
+    do while (next < len(text) .and. problem == '')
+      last = next - 2 + index(text(next:), line_end)
+      ! Quotes around a field are as good as blanks: no name of a key, and no number, has one inside.
+      row = with_blanks(text(next:last), quote)
       if (row(max(1, len(row)):) == cr) row = row(:len(row) - 1)
       line = line + 1
-      if (verify(row, blanks) > 0) then
-        if (table%first_line == 0) then
-          call read_names()
-        else
-          call find_fields(row, separator, bounds)
-          if (size(bounds, 2) /= size(table%names)) problem = integer_text(size(bounds, 2))// &
-            ' value(s), but the first line has '//integer_text(size(table%names))//': give one for each'
-        end if
-        if (problem == '' .and. .not. (line == table%first_line .and. table%has_names)) call read_values()
-        if (problem /= '') then
-          problem = ':'//integer_text(line)//': '//problem
-          return
-        end if
-      end if
       next = last + 2
+      if (verify(row, blanks) == 0) cycle
+      if (table%first_line == 0) then
+        call read_names()
+      else
+        call find_fields(row, separator, bounds)
+        if (size(bounds, 2) /= size(table%names)) problem = integer_text(size(bounds, 2))// &
+          ' value(s), but the first line has '//integer_text(size(table%names))//': give one for each'
+      end if
+      if (problem == '' .and. .not. (line == table%first_line .and. table%has_names)) call read_values()
+      if (problem /= '') problem = path//':'//integer_text(line)//': '//problem
     end do
-    call remove_spare_room()
 
   contains
-
-    !> There may be very many rows: not on the stack.
-    subroutine remove_spare_room()
-      real(wp), allocatable :: values(:, :)
-      integer, allocatable :: lines_of_rows(:)
-      integer :: k
-
-      allocate (values(size(table%values, 1), n), lines_of_rows(n))
-      do k = 1, n
-        values(:, k) = table%values(:, k)
-        lines_of_rows(k) = table%line(k)
-      end do
-      call move_alloc(values, table%values)
-      call move_alloc(lines_of_rows, table%line)
-    end subroutine remove_spare_room
 
     !> The first line, and room for the others.
     subroutine read_names()
@@ -106,16 +95,16 @@ contains
       if (columns > most_columns) problem = integer_text(columns)//' columns: give at most '//integer_text(most_columns)
       if (any(bounds(2, :) < bounds(1, :))) problem = 'an empty field: give each column a name'
       if (problem /= '') return
-      deallocate (table%names, table%values, table%line)
+      deallocate (table%names)
       allocate (character(min(maxval(bounds(2, :) - bounds(1, :)) + 1, longest_name)) :: table%names(columns))
       do i = 1, columns
         table%names(i) = row(bounds(1, i):bounds(2, i))
         call read_real(row(bounds(1, i):bounds(2, i)), value, unreadable)
         table%has_names = table%has_names .or. unreadable /= ''
       end do
-      rows = 0
-      do i = next, len(lines)
-        if (lines(i:i) == line_end) rows = rows + 1
+      rows = 1
+      do i = next, len(text)
+        if (text(i:i) == line_end) rows = rows + 1
       end do
       ! A row has two characters for each number, or it is too short.
       rows = min(rows, (len(text) - next)/(2*columns) + 2)
@@ -123,11 +112,11 @@ contains
     end subroutine read_names
 
     subroutine read_values()
-      n = n + 1
-      table%line(n) = line
+      table%rows = table%rows + 1
+      table%line(table%rows) = line
       do i = 1, size(table%names)
         associate (field => row(bounds(1, i):bounds(2, i)))
-          call read_real(field, table%values(i, n), problem)
+          call read_real(field, table%values(i, table%rows), problem)
           if (problem /= '') problem = "'"//excerpt(field)//"' "//problem//': give a finite real number'
         end associate
         if (problem /= '') return
@@ -135,7 +124,7 @@ contains
     end subroutine read_values
   end subroutine read_csv
 
-  !> First and last character of each field, without the blanks and quotes around it.
+  !> First and last character of each field, without the blanks around it.
   pure subroutine find_fields(line, separator, bounds)
     character(*), intent(in) :: line
     character, intent(in) :: separator
@@ -152,23 +141,11 @@ contains
       ! Several blanks in a row are one separator.
       if (last >= first .or. separator /= ' ') then
         n = n + 1
-        found(:, n) = without_blanks(line, [first, last])
-        associate (inner => found(:, n))
-          if (inner(2) > inner(1)) then
-            if (line(inner(1):inner(1))//line(inner(2):inner(2)) == quote//quote) inner = without_blanks(line, inner + [1, -1])
-          end if
-        end associate
+        found(1, n) = first - 1 + verify(line(first:last)//'.', blanks)
+        found(2, n) = first - 1 + verify(line(first:last), blanks, back=.true.)
       end if
       first = last + 2
     end do
     bounds = found(:, :n)
   end subroutine find_fields
-
-  pure function without_blanks(line, bounds) result(inner)
-    character(*), intent(in) :: line
-    integer, intent(in) :: bounds(2)
-    integer :: inner(2)
-
-    inner = bounds(1) - 1 + [verify(line(bounds(1):bounds(2))//'.', blanks), verify(line(bounds(1):bounds(2)), blanks, back=.true.)]
-  end function without_blanks
 end module dst_csv

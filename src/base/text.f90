@@ -6,18 +6,17 @@ module dst_text
   private
 
   public :: text_builder_t, name_width, unit_width, value_width, meaning_width
-  public :: lower_case, starts_with, with_blanks, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, &
-    printable, one_per_line, utf8_width
+  public :: lower_case, with_blanks, word, word_count, word_number, has_word, nearest_word, alternatives, excerpt, &
+    printable, one_per_line, decode
   public :: short_length, real_text, short_text, integer_text, quoted_text, read_real, read_integer
 
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
 
-  !> Text that grows; the time to append is proportional to the length of what is appended.
+  !> Text that grows line by line.
   type :: text_builder_t
     private
-    character(:), allocatable :: buffer
-    integer :: length = 0
+    character(:), allocatable :: text
   contains
     procedure :: append
     procedure :: line
@@ -45,16 +44,9 @@ contains
   subroutine append(self, text)
     class(text_builder_t), intent(inout) :: self
     character(*), intent(in) :: text
-    character(:), allocatable :: larger
 
-    if (.not. allocated(self%buffer)) allocate (character(1024) :: self%buffer)
-    if (self%length + len(text) > len(self%buffer)) then
-      allocate (character(2*(self%length + len(text))) :: larger)
-      larger(:self%length) = self%buffer(:self%length)
-      call move_alloc(larger, self%buffer)
-    end if
-    self%buffer(self%length + 1:self%length + len(text)) = text
-    self%length = self%length + len(text)
+    if (.not. allocated(self%text)) self%text = ''
+    self%text = self%text//text
   end subroutine append
 
   !> Append `text` without its trailing blanks, and end the line.
@@ -62,8 +54,7 @@ contains
     class(text_builder_t), intent(inout) :: self
     character(*), intent(in) :: text
 
-    call self%append(trim(text))
-    call self%append(newline)
+    call self%append(trim(text)//newline)
   end subroutine line
 
   !> A line of a table: a name, and from a fixed column on its value.
@@ -81,7 +72,7 @@ contains
     character(:), allocatable :: text
 
     text = ''
-    if (self%length > 0) text = self%buffer(:self%length)
+    if (allocated(self%text)) text = self%text
   end function content
 
   !> A list with blanks in place of its separators.
@@ -108,13 +99,6 @@ contains
       if (text(i:i) >= 'A' .and. text(i:i) <= 'Z') lower(i:i) = achar(iachar(text(i:i)) + 32)
     end do
   end function lower_case
-
-  !> Whether a text begins with another one.
-  pure logical function starts_with(text, beginning)
-    character(*), intent(in) :: text, beginning
-
-    starts_with = index(text, beginning) == 1
-  end function starts_with
 
   !> Word `n` of a list separated by blanks; '' if there are fewer.
   pure function word(list, n) result(text)
@@ -249,64 +233,49 @@ contains
   pure function printable(text) result(shown)
     character(*), intent(in) :: text
     character(len(text)) :: shown
-    integer :: i, width
+    integer :: i, width, code
 
     shown = text
     i = 1
     do while (i <= len(shown))
-      width = character_width(shown(i:min(i + 3, len(shown))))
+      call decode(shown(i:min(i + 3, len(shown))), width, code)
+      if (.not. is_harmless(code)) width = 0
       if (width == 0) shown(i:i) = '?'
       i = i + max(1, width)
     end do
   end function printable
 
-  !> Number of bytes of the UTF-8 character with which `text` begins; 0 if it does not begin with one. RFC 3629, table in section 4:
-  !> no code may be longer than necessary, a surrogate, or beyond U+10FFFF.
-  pure integer function utf8_width(text) result(width)
+  !> The UTF-8 character with which `text` begins (RFC 3629): the number of its bytes, 0 if it does not begin with one, and its code.
+  pure subroutine decode(text, width, code)
     character(*), intent(in) :: text
-    integer :: first, low, high, i
+    integer, intent(out) :: width, code
+    !> The least code with so many bytes: none may be longer than necessary. The largest of all, and the surrogates, which are none.
+    integer, parameter :: least(4) = [0, 128, 2048, 65536], largest = 1114111, surrogates(2) = [55296, 57343]
+    integer, parameter :: first_byte(5) = [0, 192, 224, 240, 248]
+    integer :: i, byte
 
-    first = iachar(text(1:1))
-    width = 0
-    low = 128
-    high = 191
-    select case (first)
-    case (0:127)
-      width = 1
-    case (194:223)
-      width = 2
-    case (224:239)
-      width = 3
-      if (first == 224) low = 160
-      if (first == 237) high = 159
-    case (240:244)
-      width = 4
-      if (first == 240) low = 144
-      if (first == 244) high = 143
-    end select
-    if (width > len(text)) width = 0
+    byte = iachar(text(1:1))
+    width = count(byte >= first_byte)
+    code = byte - first_byte(width)
+    if (width > len(text) .or. width > size(least) .or. (width == 1 .and. byte >= 128)) width = 0
     do i = 2, width
-      if (iachar(text(i:i)) < low .or. iachar(text(i:i)) > high) width = 0
-      low = 128
-      high = 191
+      byte = iachar(text(i:i))
+      if (byte < 128 .or. byte >= 192) width = 0
+      if (width == 0) return
+      code = 64*code + byte - 128
     end do
-  end function utf8_width
+    if (width == 0) return
+    if (code < least(width) .or. code > largest .or. (code >= surrogates(1) .and. code <= surrogates(2))) width = 0
+  end subroutine decode
 
-  !> The same, but 0 for a control character, and for a character that breaks a line or changes the direction of writing.
-  pure integer function character_width(text) result(width)
-    character(*), intent(in) :: text
+  !> Whether a character, by its code, neither controls a terminal, nor breaks a line, nor changes the direction of writing.
+  pure logical function is_harmless(code)
+    integer, intent(in) :: code
+    !> U+0000 to U+001F, U+007F to U+009F, U+2028 to U+202E, U+2066 to U+2069.
+    integer, parameter :: first(4) = [0, 127, 8232, 8294], last(4) = [31, 159, 8238, 8297]
 
-    width = utf8_width(text)
-    if (iachar(text(1:1)) < 32 .or. iachar(text(1:1)) == 127) width = 0
-    if (width == 2) then
-      ! U+0080 to U+009F
-      if (iachar(text(1:1)) == 194 .and. iachar(text(2:2)) < 160) width = 0
-    else if (width == 3) then
-      ! U+2028 to U+202E, U+2066 to U+2069
-      if (text(:2) == char(226)//char(128) .and. iachar(text(3:3)) >= 168 .and. iachar(text(3:3)) <= 174) width = 0
-      if (text(:2) == char(226)//char(129) .and. iachar(text(3:3)) >= 166 .and. iachar(text(3:3)) <= 169) width = 0
-    end if
-  end function character_width
+    is_harmless = .not. any(code >= first .and. code <= last)
+  end function is_harmless
 
   !> Every line of `text` after `prefix`, in a form that is safe on a terminal.
   pure function one_per_line(text, prefix) result(lines)
@@ -481,15 +450,11 @@ contains
     character(*), intent(in) :: text
     integer(int64), intent(out) :: value
     character(:), allocatable, intent(out) :: problem
-    integer :: ios, first
+    integer :: ios
 
     value = 0_int64
     problem = 'is not an integer'
-    first = 1
-    if (len(text) == 0 .or. len(text) > longest_number) return
-    if (scan(text(1:1), '+-') == 1) first = 2
-    if (first > len(text)) return
-    if (verify(text(first:), digits) > 0) return
+    if (len(text) > longest_number .or. unsigned(text) == '' .or. verify(unsigned(text), digits) > 0) return
     problem = ''
     read (text, *, iostat=ios) value
     if (ios /= 0) problem = 'is beyond the range of 64-bit integers'

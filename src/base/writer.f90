@@ -82,9 +82,7 @@ contains
     type(quantity_t), intent(in) :: quantities(:)
     character(*), intent(in) :: name
 
-    do find_quantity = size(quantities), 1, -1
-      if (quantities(find_quantity)%name == name) return
-    end do
+    find_quantity = findloc(quantities%name, name, dim=1)
   end function find_quantity
 
   !> What stands for a value that does not exist: NaN. Files leave it out.

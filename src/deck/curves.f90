@@ -5,11 +5,11 @@
 !> resolved deck contains the points and the file is read once.
 module dst_curves
   use dst_csv, only: csv_table_t, read_csv
-  use dst_deck_values, only: deck_t, usage, used
+  use dst_deck_values, only: deck_t, set_default, usage, used
   use dst_kinds, only: wp
   use dst_schema, only: schema, find_key, in_range, out_of_range_text
   use dst_text, only: excerpt, integer_text, lower_case, real_text
-  use dst_text_file, only: path_beside, read_text
+  use dst_text_file, only: path_beside
   implicit none
   private
 
@@ -19,6 +19,7 @@ module dst_curves
   integer, parameter :: least_points = 2, most_points = 1000, most_bytes = 1000000
   !> Steepest change of the friction coefficient over the slip velocity [s/m]. Convention: far from overflow, and beyond any rig.
   real(wp), parameter :: steepest = 1.0e30_wp
+  character(11), parameter :: names(2) = [character(11) :: 'table_speed', 'table_mu']
   character(*), parameter :: columns = 'table_speed, table_mu'
 
 contains
@@ -36,29 +37,25 @@ contains
       ! mu_0 follows from the points, and is not missing.
       mu_0%attempted = .true.
       path = ''
+      problem = ''
       if (table%user .and. table%texts(1) /= '') then
         path = path_beside(deck%name, trim(table%texts(1)))
+        if (speed%user .or. mu%user) then
+          problem = "'table' beside 'table_speed' or 'table_mu': give the file, or the points themselves"
+        else if (table%valid) then
+          call read_points(path, points, problem)
+        end if
         speed%attempted = .true.
         mu%attempted = .true.
-        if (.not. table%valid) return
-        if (speed%user .or. mu%user) then
-          call deck%refuse('friction', 'table', &
-            "'table' beside 'table_speed' or 'table_mu': give the file, or the points themselves")
-          return
-        end if
-        call read_points(path, points, problem)
-        if (problem /= '') then
-          call deck%refuse('friction', 'table', path//problem)
-          return
-        end if
+        if (problem /= '') call deck%refuse('friction', 'table', problem)
+        if (problem /= '' .or. .not. table%valid) return
         speed%user = .true.
         mu%user = .true.
         speed%place = table%place
         mu%place = table%place
-        speed%reals = points%values(1, :)
-        mu%reals = points%values(2, :)
-        table%texts(1) = ''
-        table%user = .false.
+        speed%reals = points%values(1, :points%rows)
+        mu%reals = points%values(2, :points%rows)
+        call set_default(schema(find_key('friction', 'table')), table)
       end if
       if (.not. (speed%user .and. mu%user .and. speed%valid .and. mu%valid)) return
       call check_points(speed%reals, mu%reals, problem, i)
@@ -74,6 +71,27 @@ contains
       end if
     end associate
   end subroutine take_friction_table
+
+  !> The points in a CSV file; `problem` is '' or the place, and what is wrong there.
+  subroutine read_points(path, points, problem)
+    character(*), intent(in) :: path
+    type(csv_table_t), intent(out) :: points
+    character(:), allocatable, intent(out) :: problem
+    integer :: i
+
+    call read_csv(path, most_bytes, 'give the path of a CSV file with the columns '//columns, points, problem)
+    if (problem /= '') return
+    if (points%first_line == 0) then
+      problem = path//': 0 point(s): give at least '//integer_text(least_points)//', a row for each: '//columns
+    else if (size(points%names) /= 2) then
+      problem = integer_text(size(points%names))//' value(s): give two in each row, '//columns
+    else if (points%has_names .and. .not. all([(lower_case(points%names(i)) == names(i) .or. &
+             lower_case(points%names(i)) == 'friction.'//names(i), i=1, 2)])) then
+      problem = "'"//excerpt(trim(points%names(1)))//"', '"//excerpt(trim(points%names(2)))// &
+        "' are neither two finite real numbers nor their names: name the columns in the first line: "//columns
+    end if
+    if (problem /= '' .and. points%first_line > 0) problem = path//':'//integer_text(points%first_line)//': '//problem
+  end subroutine read_points
 
   !> At least two points, in range, of increasing speed from 0 on: `problem` is '' or the first fault, which is that of point `i`,
   !> or of all if this is 0.
@@ -91,72 +109,28 @@ contains
         integer_text(most_points)
     end if
     if (problem /= '') return
-    call check_range('table_speed', speed)
-    if (problem == '') call check_range('table_mu', mu)
-    if (problem /= '') return
-    i = 1
-    if (speed(1) > 0.0_wp) problem = item_text('table_speed', speed, 1)//'is not the start: the first slip velocity must be 0.0 m/s'
-    if (problem /= '') return
-    do i = 2, size(speed)
-      if (.not. speed(i) > speed(i - 1)) then
-        problem = item_text('table_speed', speed, i)//'is not above the slip velocity ahead of it, '//real_text(speed(i - 1))// &
-          ' m/s: slip velocities must increase'
-      else if (.not. abs(mu(i) - mu(i - 1))/steepest < speed(i) - speed(i - 1)) then
-        problem = item_text('table_mu', mu, i)//'changes by more than '//real_text(steepest)//' per m/s: give points further apart'
+    do i = 1, size(speed)
+      ! Of a file: the lists of a deck are in range.
+      if (.not. in_range(schema(find_key('friction', 'table_speed'))%range, speed(i))) then
+        problem = out_of_range_text(schema(find_key('friction', 'table_speed')), real_text(speed(i)))
+      else if (.not. in_range(schema(find_key('friction', 'table_mu'))%range, mu(i))) then
+        problem = out_of_range_text(schema(find_key('friction', 'table_mu')), real_text(mu(i)))
+      else if (i == 1 .and. speed(1) > 0.0_wp) then
+        problem = item_text('table_speed', speed, 1)//'is not the start: the first slip velocity must be 0.0 m/s'
+      else if (i > 1) then
+        associate (before => max(1, i - 1))
+          if (.not. speed(i) > speed(before)) then
+            problem = item_text('table_speed', speed, i)//'is not above the slip velocity ahead of it, '// &
+              real_text(speed(before))//' m/s: slip velocities must increase'
+          else if (.not. abs(mu(i) - mu(before))/steepest < speed(i) - speed(before)) then
+            problem = item_text('table_mu', mu, i)//'changes by more than '//real_text(steepest)// &
+              ' per m/s: give points further apart'
+          end if
+        end associate
       end if
       if (problem /= '') return
     end do
-
-  contains
-
-    !> Of a file: the lists of a deck are in range.
-    subroutine check_range(key, values)
-      character(*), intent(in) :: key
-      real(wp), intent(in) :: values(:)
-
-      associate (entry => schema(find_key('friction', key)))
-        i = findloc(in_range(entry%range, values), .false., dim=1)
-        if (i > 0) problem = out_of_range_text(entry, real_text(values(i)))
-      end associate
-    end subroutine check_range
   end subroutine check_points
-
-  !> The points in a CSV file; `problem` is '' or the line, and what is wrong there.
-  subroutine read_points(path, points, problem)
-    character(*), intent(in) :: path
-    type(csv_table_t), intent(out) :: points
-    character(:), allocatable, intent(out) :: problem
-    character(:), allocatable :: text
-
-    call read_text(path, most_bytes, text, problem)
-    if (problem /= '') then
-      problem = ': '//problem//': give the path of a CSV file with the columns '//columns
-      return
-    end if
-    call read_csv(text, points, problem)
-    if (problem /= '') return
-    if (size(points%names) == 0) then
-      problem = ': 0 point(s): give at least '//integer_text(least_points)//', a row for each: '//columns
-    else if (size(points%names) /= 2) then
-      problem = integer_text(size(points%names))//' value(s): give two in each row, '//columns
-    else if (points%has_names .and. .not. (is_name(1, 'table_speed') .and. is_name(2, 'table_mu'))) then
-      problem = "'"//excerpt(trim(points%names(1)))//"', '"//excerpt(trim(points%names(2)))// &
-        "' are neither two finite real numbers nor their names: name the columns in the first line: "//columns
-    end if
-    if (problem /= '' .and. points%first_line > 0) problem = ':'//integer_text(points%first_line)//': '//problem
-    if (problem == '' .and. size(points%line) > most_points) problem = ':'//integer_text(points%line(most_points + 1))// &
-      ': more than '//integer_text(most_points)//' points: give fewer'
-
-  contains
-
-    !> Whether column `k` has this name, with its group or without.
-    logical function is_name(k, name)
-      integer, intent(in) :: k
-      character(*), intent(in) :: name
-
-      is_name = lower_case(points%names(k)) == name .or. lower_case(points%names(k)) == 'friction.'//name
-    end function is_name
-  end subroutine read_points
 
   !> The corners of the drive: as many times as velocities, from 0 on, never decreasing, with a jump between two velocities. A fault
   !> after a wrong corner is seldom one of its own.

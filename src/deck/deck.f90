@@ -4,7 +4,7 @@ module dst_deck
   use dst_curves, only: take_friction_table, check_drive
   use dst_deck_sweep, only: check_sweep
   use dst_deck_text, only: resolved, template, has_model, has_other_condition
-  use dst_deck_values, only: deck_t, value_t, usage, excluding_key, failing_condition, set_default, is_default, used, unused
+  use dst_deck_values, only: deck_t, value_t, usage, failing_condition, set_default, is_default, used
   use dst_errors, only: error_t, raise, raise_lines, deck_error
   use dst_faults, only: place_t
   use dst_methods, only: adaptive_methods, fixed_step_methods
@@ -102,15 +102,23 @@ contains
     line_of = 0
     group = ''
     do i = 1, list%entry_count
+      if (deck%faults%full()) exit
       associate (entry => list%entries(i))
-        if (.not. entry%is_group .or. entry%name == '') cycle
+        if (.not. entry%is_group) then
+          if (group /= '' .and. entry%name /= '') call take_entry(list, i, group, deck)
+          cycle
+        end if
         group = lower_case(trim(entry%name))
+        if (group == '') cycle
         g = word_number(group_names, group)
         if (g == 0) then
           call deck%faults%add(place_t(entry%line), unknown_group_text(trim(entry%name)))
-          ! Its keys are not missing: they are in the group with the wrong name.
-          group = nearest_word(group, group_names)
-          if (group /= '') where (schema%group == group) deck%value%attempted = .true.
+          ! Its keys were to be those of the nearest group: none is missing there, and nothing follows from them.
+          where (schema%group == nearest_word(group, group_names))
+            deck%value%attempted = .true.
+            deck%value%valid = .false.
+          end where
+          group = ''
         else if (line_of(g) > 0) then
           call deck%faults%add(place_t(entry%line), 'group &'//group//' given again: it began in line '// &
                                integer_text(line_of(g))//', put all its keys there')
@@ -121,19 +129,6 @@ contains
     end do
     if (.not. any(list%entries(:list%entry_count)%is_group) .and. deck%faults%count == 0) &
       call deck%faults%add(place_t(1), 'no group in the deck: it needs at least &scene, see dynstiction template')
-    do i = 1, list%entry_count
-      if (deck%faults%full()) exit
-      if (list%entries(i)%is_group) then
-        ! The keys of a group with a wrong name belong to the nearest group, if the deck does not have that one, too.
-        group = lower_case(trim(list%entries(i)%name))
-        if (word_number(group_names, group) > 0) cycle
-        group = nearest_word(group, group_names)
-        if (group == '') cycle
-        if (line_of(word_number(group_names, group)) > 0) group = ''
-      else if (group /= '' .and. list%entries(i)%name /= '') then
-        call take_entry(list, i, group, deck)
-      end if
-    end do
   end subroutine take_entries
 
   function unknown_group_text(group) result(text)
@@ -160,7 +155,7 @@ contains
       key = lower_case(trim(entry%name))
       k = find_key(group, key)
       if (k == 0) then
-        if (.not. entry%bare) call deck%faults%add(place, unknown_key_text(group, trim(entry%name)))
+        if (.not. entry%faulty) call deck%faults%add(place, unknown_key_text(group, trim(entry%name)))
         ! The key that was meant is not missing as well.
         k = find_name(key)
         if (k == 0) k = meant_key(group, key)
@@ -224,7 +219,6 @@ contains
     type(place_t) :: place
     integer :: equals, dot, k
 
-    k = 0
     equals = index(text, '=')
     dot = index(text(:max(0, equals - 1)), '.')
     group = lower_case(trim(adjustl(text(:max(0, dot - 1)))))
@@ -232,51 +226,45 @@ contains
     given = trim(adjustl(text(equals + 1:)))
     place = place_t(setting=setting, argument=excerpt(text))
     problem = ''
+    k = find_name(lower_case(key))
     if (.not. is_plain_text(text)) then
       problem = 'control characters, or a character that is not UTF-8: give plain UTF-8 text'
     else if (equals == 0) then
       problem = "no '=': write --set GROUP.KEY=VALUE"
     else if (dot == 0) then
       problem = 'no group: write --set GROUP.KEY=VALUE'
-      k = find_name(lower_case(key))
       if (k > 0) problem = 'no group: write --set '//trim(schema(k)%group)//'.'//trim(schema(k)%name)//'=VALUE'
     else if (word_number(group_names, group) == 0) then
       problem = unknown_group_text(group)
-    else
-      k = find_key(group, lower_case(key))
-      if (k == 0) problem = unknown_key_text(group, key)
-    end if
-    if (problem == '') then
-      if (deck%value(k)%place%setting > 0) problem = "'"//trim(schema(k)%name)// &
-        "' set again: a --set before sets it already, keep one of them"
+    else if (find_key(group, lower_case(key)) == 0) then
+      problem = unknown_key_text(group, key)
+    else if (deck%value(k)%place%setting > 0) then
+      problem = "'"//trim(schema(k)%name)//"' set again: a --set before sets it already, keep one of them"
     end if
     if (problem /= '') then
       call deck%faults%add(place, problem)
+      return
     else if (given == '') then
       call set_default(schema(k), deck%value(k))
-      deck%value(k)%place = place
+    else if (any(schema(k)%kind == [text_kind, choice_kind]) .and. scan(given, '''"') /= 1) then
+      ! One text as it is: the shell has removed its quotes already.
+      list%text = given
+      list%tokens = [token_t(last=len(given))]
+      call take_values(deck, k, list, 1, 1, place)
     else
-      if (any(schema(k)%kind == [text_kind, choice_kind]) .and. scan(given, '''"') /= 1) then
-        ! One text as it is: the shell has removed its quotes already.
-        list%text = given
-        list%tokens = [token_t(last=len(given))]
-        list%token_count = 1
-      else
-        call scan_namelist(given, list, trim(schema(k)%name))
-      end if
+      call scan_namelist(given, list, trim(schema(k)%name))
       if (list%faults%count == 0) then
         call take_values(deck, k, list, 1, list%token_count, place)
       else
         call deck%faults%add(place, trim(list%faults%item(1)%text))
         deck%value(k)%valid = .false.
         deck%value(k)%attempted = .true.
-        deck%value(k)%place = place
       end if
     end if
+    deck%value(k)%place = place
   end subroutine take_setting
 
-  !> Convert the words `first` to `last` to the value of key `k`. If several words have the wrong form, or if there are too many,
-  !> only the first is a fault.
+  !> Convert the words `first` to `last` to the value of key `k`; only the first fault of them is one.
   subroutine take_values(deck, k, list, first, last, place)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: k
@@ -285,60 +273,54 @@ contains
     type(place_t), intent(in) :: place
     real(wp), allocatable :: reals(:)
     character(longest_text), allocatable :: texts(:)
-    character(:), allocatable :: given
+    character(:), allocatable :: given, problem
     type(key_t) :: key
     real(wp) :: number
     integer(int64) :: total, most
     integer :: i, n
 
     key = schema(k)
-    associate (value => deck%value(k), tokens => list%tokens(first:last))
-      value%user = .true.
-      value%attempted = .true.
-      value%valid = .true.
-      value%place = place
-      do i = 1, size(tokens)
-        call refuse(form_problem(key, tokens(i), token_text(list, tokens(i)), place%setting > 0))
-        if (.not. value%valid) return
-      end do
-      most = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
-      total = 0_int64
-      do i = 1, size(tokens)
-        total = total + tokens(i)%repeat
-        if (total > most) call refuse("too many values for '"//trim(key%name)//"', from '"// &
-          excerpt(token_text(list, tokens(i)))//"' on: "//integer_text(sum(int(tokens%repeat, int64)))//' given, at most '// &
-          integer_text(most)//' allowed')
-        if (.not. value%valid) return
-      end do
+    most = merge(most_values, 1, key%kind == reals_kind .or. key%kind == texts_kind)
+    problem = ''
+    total = 0_int64
+    do i = first, last
+      given = token_text(list, list%tokens(i))
+      total = total + list%tokens(i)%repeat
+      problem = form_problem(key, list%tokens(i), given, place%setting > 0)
+      if (problem == '' .and. total > most) problem = "too many values for '"//trim(key%name)//"', from '"//excerpt(given)// &
+        "' on: "//integer_text(sum(int(list%tokens(first:last)%repeat, int64)))//' given, at most '//integer_text(most)//' allowed'
+      if (problem /= '') exit
+    end do
+    if (problem == '') then
       allocate (reals(merge(0_int64, total, is_text(key))), texts(merge(total, 0_int64, is_text(key))))
       n = 0
-      do i = 1, size(tokens)
-        given = token_text(list, tokens(i))
-        associate (end => n + tokens(i)%repeat)
+      do i = first, last
+        given = token_text(list, list%tokens(i))
+        associate (end => n + list%tokens(i)%repeat)
           if (is_text(key)) then
-            call refuse(text_problem(key, given))
+            problem = text_problem(key, given)
             texts(n + 1:end) = given
           else
-            call refuse(number_problem(key, given, number))
+            problem = number_problem(key, given, number)
             reals(n + 1:end) = number
           end if
           n = end
         end associate
+        if (problem /= '') exit
       end do
-      call move_alloc(reals, value%reals)
-      call move_alloc(texts, value%texts)
+    end if
+    associate (value => deck%value(k))
+      value%user = .true.
+      value%attempted = .true.
+      value%valid = problem == ''
+      value%place = place
+      if (value%valid) then
+        call move_alloc(reals, value%reals)
+        call move_alloc(texts, value%texts)
+      else
+        call deck%faults%add(place_t(list%tokens(i)%line, place%setting, place%argument), problem)
+      end if
     end associate
-
-  contains
-
-    !> Note the fault of word `i`.
-    subroutine refuse(problem)
-      character(*), intent(in) :: problem
-
-      if (problem == '') return
-      deck%value(k)%valid = .false.
-      call deck%faults%add(place_t(list%tokens(first + i - 1)%line, place%setting, place%argument), problem)
-    end subroutine refuse
   end subroutine take_values
 
   !> '' or the problem of one word: a text without quotes, a number with quotes, or one with a unit.
@@ -423,8 +405,8 @@ contains
     do i = 1, key_count
       associate (key => schema(i), value => deck%value(i))
         if (.not. (value%user .and. value%valid)) cycle
-        if (usage(deck, i) == unused .and. .not. is_default(key, value)) then
-          if (value%place%setting == 0 .and. deck%value(excluding_key(deck, i))%place%setting > 0) then
+        if (usage(deck, i) > used .and. .not. is_default(key, value)) then
+          if (value%place%setting == 0 .and. deck%value(usage(deck, i))%place%setting > 0) then
             call deck%notes%add(value%place, "note: '"//trim(key%name)//"' is not used with "//failing_condition(deck, i)// &
                     ' and is left out')
             call set_default(key, value)

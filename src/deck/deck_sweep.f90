@@ -3,7 +3,7 @@ module dst_deck_sweep
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dst_kinds, only: wp
   use dst_curves, only: lengths_text
-  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used, unused
+  use dst_deck_values, only: deck_t, usage, failing_condition, element_count, is_default, used
   use dst_faults, only: place_t
   use dst_schema, only: schema, sweep_group, find_key, in_range, is_automatic, is_text, range_text, reals_kind, &
                         integer_kind, longest_text
@@ -12,8 +12,10 @@ module dst_deck_sweep
   implicit none
   private
 
-  public :: check_sweep, varied_key, variation_problem, range_problem, grid_cases, many_cases
+  public :: check_sweep, varied_key, variation_problem, range_problem, grid_cases, grid_keys, many_cases
 
+  !> The keys that make a grid; an option --vary gives one element of each.
+  character(9), parameter :: grid_keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
   !> Groups whose keys describe how a case is written, not the case itself.
   character(*), parameter :: fixed_groups = 'output sweep'
   !> Models whose load on the soft spring rises and falls.
@@ -30,6 +32,7 @@ contains
     integer, intent(in) :: line
     logical, intent(in) :: is_varied
     character(longest_text), allocatable :: names(:)
+    character(:), allocatable :: model
     integer, allocatable :: keys(:)
     type(place_t) :: place
     integer :: i, n
@@ -45,7 +48,10 @@ contains
       call deck%refuse(sweep_group, 'keep', "keep 'series' needs the same times in every case: give output.interval > 0")
     if (keeps_series .and. deck%text_of('integrator', 'method') == 'rodas4p') &
       call deck%refuse('integrator', 'method', "method 'rodas4p' keeps no series: use radau9, or keep = 'summary'")
-    if (deck%text_of(sweep_group, 'keep') == 'cycles') call check_cycles(deck)
+    model = deck%text_of('scene', 'model')
+    if (deck%text_of(sweep_group, 'keep') == 'cycles' .and. is_known(deck, 'keep') .and. &
+        .not. has_word(models_with_cycles//' auto', model)) call deck%refuse(sweep_group, 'keep', "keep 'cycles': model '"// &
+      model//"' has no stick-slip cycles: use keep = 'summary', or model "//alternatives(models_with_cycles))
     allocate (names, source=deck%texts_of(sweep_group, 'parameter'))
     n = size(names)
     allocate (keys, source=[(varied_key(trim(names(i))), i=1, n)])
@@ -73,17 +79,6 @@ contains
       call deck%refuse(sweep_group, 'count', 'more than '//real_text(many_cases)//' cases: use smaller counts')
   end subroutine check_sweep
 
-  !> Cycles can be kept only for models that have some.
-  subroutine check_cycles(deck)
-    type(deck_t), intent(inout) :: deck
-    character(:), allocatable :: model
-
-    model = deck%text_of('scene', 'model')
-    if (.not. is_known(deck, 'keep') .or. model == 'auto' .or. has_word(models_with_cycles, model)) return
-    call deck%refuse(sweep_group, 'keep', "keep 'cycles': model '"//model//"' has no stick-slip cycles: use keep = 'summary', "// &
-      'or model '//alternatives(models_with_cycles))
-  end subroutine check_cycles
-
   !> Whether the value of a key of the group is valid: neither faulty, nor given under a wrong name.
   pure logical function is_known(deck, key)
     type(deck_t), intent(in) :: deck
@@ -94,31 +89,28 @@ contains
     end associate
   end function is_known
 
-  !> Number of cases of the grid; `huge` if there are more than a result file may have.
-  real(wp) function grid_cases(deck) result(cases)
+  !> Number of cases of the grid, exact unless there are more than a result file may have.
+  pure real(wp) function grid_cases(deck) result(cases)
     type(deck_t), intent(in) :: deck
-    real(wp), allocatable :: counts(:)
     integer :: i
 
-    allocate (counts, source=deck%reals_of(sweep_group, 'count'))
     cases = 1.0_wp
-    do i = 1, size(counts)
-      cases = cases*counts(i)
-      if (cases > many_cases) cases = huge(cases)
-      if (cases > many_cases) return
-    end do
+    associate (counts => deck%value(find_key(sweep_group, 'count'))%reals)
+      do i = 1, size(counts)
+        if (cases <= many_cases) cases = cases*counts(i)
+      end do
+    end associate
   end function grid_cases
 
   !> A list of points must be alone.
   subroutine check_no_grid(deck)
     type(deck_t), intent(inout) :: deck
-    character(9), parameter :: keys(5) = [character(9) :: 'parameter', 'first', 'last', 'count', 'spacing']
     integer :: i, k
 
-    do i = 1, size(keys)
-      k = find_key(sweep_group, keys(i))
-      if (deck%value(k)%user .and. .not. is_default(schema(k), deck%value(k))) &
-        call deck%refuse(sweep_group, keys(i), "'"//trim(keys(i))//"' beside 'points': give a grid or a list of points")
+    do i = 1, size(grid_keys)
+      k = find_key(sweep_group, grid_keys(i))
+      if (deck%value(k)%user .and. .not. is_default(schema(k), deck%value(k))) call deck%refuse(sweep_group, grid_keys(i), &
+        "'"//trim(grid_keys(i))//"' beside 'points': give a grid or a list of points")
     end do
   end subroutine check_no_grid
 
@@ -126,13 +118,12 @@ contains
   subroutine check_lengths(deck, n)
     type(deck_t), intent(inout) :: deck
     integer, intent(in) :: n
-    character(7), parameter :: keys(4) = [character(7) :: 'first', 'last', 'count', 'spacing']
     integer :: i, given
 
-    do i = 1, size(keys)
-      given = element_count(deck%value(find_key(sweep_group, keys(i))))
-      if (given == n .or. (given == 1 .and. keys(i) == 'spacing') .or. .not. is_known(deck, keys(i))) cycle
-      call deck%refuse(sweep_group, keys(i), lengths_text(given, trim(keys(i)), n, 'parameter', 'one for each'))
+    do i = 1, size(grid_keys)
+      given = element_count(deck%value(find_key(sweep_group, grid_keys(i))))
+      if (given == n .or. (given == 1 .and. grid_keys(i) == 'spacing') .or. .not. is_known(deck, grid_keys(i))) cycle
+      call deck%refuse(sweep_group, grid_keys(i), lengths_text(given, trim(grid_keys(i)), n, 'parameter', 'one for each'))
     end do
   end subroutine check_lengths
 
@@ -214,7 +205,7 @@ contains
     else if (schema(k)%name == 'mu_0' .and. deck%text_of('friction', 'law') == 'table' .and. &
              usage(deck, find_key('friction', 'law')) == used) then
       problem = "'"//name//"' is the first friction coefficient of the table: vary another key"
-    else if (usage(deck, k) == unused) then
+    else if (usage(deck, k) > used) then
       problem = "'"//name//"' is not used with "//failing_condition(deck, k)//': vary another key'
     else if (schema(k)%kind == reals_kind .and. deck%value(k)%valid .and. deck%value(k)%user .and. &
              size(deck%reals_of(trim(schema(k)%group), trim(schema(k)%name))) /= 1) then

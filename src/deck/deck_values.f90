@@ -9,12 +9,10 @@ module dst_deck_values
   implicit none
   private
 
-  public :: deck_t, value_t, usage, excluding_key, failing_condition, element_count, set_default, is_default
-  public :: used, unused, unknown
+  public :: deck_t, value_t, usage, failing_condition, element_count, set_default, is_default, used
 
-  !> Whether a key has a meaning in this deck; unknown as long as the choice on which it depends is faulty.
-  integer, parameter :: used = 1, unused = 2, unknown = 3
-  integer, parameter :: undecided = -1
+  !> What `usage` says of a key that has a meaning in this deck, and of one whose meaning hangs on a faulty choice.
+  integer, parameter :: used = 0, unknown = -1
 
   !> The value of a key, and where it comes from. Of the two lists one is empty.
   type :: value_t
@@ -120,31 +118,21 @@ contains
     call self%faults%add(self%value(find_key(group, key))%place, text)
   end subroutine refuse
 
-  !> Whether key `i` is used: all its conditions are true, and the keys that they name are used themselves.
-  pure integer function usage(deck, i)
-    type(deck_t), intent(in) :: deck
-    integer, intent(in) :: i
-
-    usage = unused
-    if (excluding_key(deck, i) == 0) usage = used
-    if (excluding_key(deck, i) == undecided) usage = unknown
-  end function usage
-
-  !> The key whose value is the reason why key `i` is not used, 0 if it is used; `undecided` as long as a value is faulty on which
-  !> that hangs.
-  pure recursive function excluding_key(deck, i) result(key)
+  !> Whether key `i` is `used`: all its conditions are true, and the keys that they name are used themselves. Otherwise the key whose
+  !> value is the reason why it is not, or `unknown` as long as a value is faulty on which that hangs.
+  pure recursive function usage(deck, i) result(key)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i
     integer :: key
     integer :: n, on, its
 
-    key = 0
+    key = used
     do n = 1, condition_count(schema(i))
       on = find_name(schema(i)%used_by(n)%on)
-      its = excluding_key(deck, on)
-      if (its == undecided .or. (its == 0 .and. .not. deck%value(on)%valid)) then
-        key = undecided
-      else if (its > 0) then
+      its = usage(deck, on)
+      if (its == unknown .or. (its == used .and. .not. deck%value(on)%valid)) then
+        key = unknown
+      else if (its > used) then
         key = its
         return
       else if (.not. has_word(schema(i)%used_by(n)%choices, trim(deck%value(on)%texts(1)))) then
@@ -152,7 +140,7 @@ contains
         return
       end if
     end do
-  end function excluding_key
+  end function usage
 
   !> The reason why key `i` is not used: 'law constant'.
   pure function failing_condition(deck, i) result(text)
@@ -161,9 +149,9 @@ contains
     character(:), allocatable :: text
     integer :: on
 
-    on = excluding_key(deck, i)
+    on = usage(deck, i)
     text = ''
-    if (on > 0) text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
+    if (on > used) text = trim(schema(on)%name)//' '//trim(deck%value(on)%texts(1))
   end function failing_condition
 
   !> Number of values of a key.

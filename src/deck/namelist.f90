@@ -4,7 +4,7 @@
 !> uses the grammar; dst_deck interprets the groups and keys. It reads the text once, from left to right, and keeps positions, not
 !> copies.
 module dst_namelist
-  use dst_text, only: excerpt, lower_case, utf8_width
+  use dst_text, only: decode, excerpt, lower_case
   use dst_faults, only: faults_t, place_t
   use dst_units, only: is_unit
   implicit none
@@ -31,7 +31,6 @@ module dst_namelist
     integer :: line = 0
     integer :: first = 1, last = 0     !! in `tokens`
     logical :: faulty = .false.        !! a fault of it has been noted
-    logical :: bare = .false.          !! without =, so perhaps no key at all
   end type entry_t
 
   !> A deck taken apart into groups and their keys, with their places.
@@ -50,7 +49,7 @@ module dst_namelist
   character(*), parameter :: blanks = ' '//tab//return
   character(*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
   character(*), parameter :: digits = '0123456789'
-  character(*), parameter :: word_ends = blanks//newline//',/=!&''"(%'//nul
+  character(*), parameter :: word_ends = blanks//newline//',/=!&''"'//nul
   character(*), parameter :: byte_order_mark = char(239)//char(187)//char(191)
 
 contains
@@ -61,12 +60,14 @@ contains
     character(*), intent(in) :: given
     type(namelist_t), intent(out) :: list
     character(*), intent(in), optional :: key
-    character(:), allocatable :: text
+    character(:), allocatable :: text, value_ends
     integer :: position, line
 
     ! Two, so that each character has a next one.
     text = given//nul//nul
     list%text = text
+    value_ends = blanks//newline//',/&'//nul
+    if (.not. present(key)) value_ends = value_ends//'!'
     ! There is room for all of it: a word, or a key with its =, takes two characters; what is shorter is a fault.
     allocate (list%entries(len(text)/2 + 102), list%tokens(len(text)/2 + 2))
     position = 1
@@ -99,25 +100,18 @@ contains
       integer :: before
 
       position = position + 1
-      call add_entry(next_word(), .true.)
-      associate (group => list%entries(list%entry_count))
-        if (group%name == '') then
-          call refuse("'&' without a group name: write the name right after it, as in &scene")
-          call skip_blank()
-          group%name = next_word()
-        end if
-        name = excerpt(trim(group%name))
-      end associate
-      if (lower_case(name) == 'end') then
-        call refuse("'&end' without a group to end: remove it")
-        list%entry_count = list%entry_count - 1
-        return
+      name = next_word()
+      if (name == '') then
+        call refuse("'&' without a group name: write the name right after it, as in &scene")
+        call skip_blank()
+        name = next_word()
       end if
+      call add_entry(name, .true.)
       do while (.not. list%faults%full())
         call skip_blank()
         select case (here())
         case (nul)
-          call list%faults%add(place_t(last_line(given)), "missing '/': end the group &"//name//" with a '/'")
+          call list%faults%add(place_t(last_line(given)), "missing '/': end the group &"//excerpt(name)//" with a '/'")
           return
         case ('/')
           position = position + 1
@@ -127,7 +121,7 @@ contains
           position = before + 1
           if (lower_case(next_word()) == 'end') return
           position = before
-          call refuse("missing '/': end the group &"//name//" with a '/' before this line's '&'")
+          call refuse("missing '/': end the group &"//excerpt(name)//" with a '/' before this line's '&'")
           return
         end select
         call scan_key()
@@ -137,30 +131,26 @@ contains
 
     !> The key and its `=`.
     subroutine scan_key()
-      character(:), allocatable :: name
+      character(:), allocatable :: name, shown
+      integer :: part
 
+      shown = "'"//excerpt(rest_of_line())//"'"
       if (.not. begins_name(here())) then
         call add_entry('', .false.)
-        call refuse_entry("'"//excerpt(rest_of_line())//"' where a key should be: write KEY = VALUE", line)
+        call refuse_entry(shown//' where a key should be: write KEY = VALUE', line)
         return
       end if
       name = next_word()
-      call add_entry(name, .false.)
-      associate (it => list%entries(list%entry_count))
-        if (here() == '(' .or. here() == '%') then
-          call refuse_entry("'"//excerpt(name//rest_of_line())//"' sets a part of a key: give all values at once, as in "// &
-                            excerpt(name)//' = VALUE, VALUE', it%line)
-          ! Move past the subscript, within its line.
-          call skip_until(newline//'=!/&')
-        end if
-        call skip_blank()
-        if (here() == '=') then
-          position = position + 1
-        else
-          call refuse_entry("'"//excerpt(name)//"' without '=': write KEY = VALUE", it%line)
-          it%bare = .true.
-        end if
-      end associate
+      part = scan(name//'(', '(%')
+      call add_entry(name(:part - 1), .false.)
+      if (part <= len(name)) call refuse_entry(shown//' sets a part of a key: give all values at once, as in '// &
+        excerpt(name(:part - 1))//' = VALUE, VALUE', line)
+      call skip_blank()
+      if (here() == '=') then
+        position = position + 1
+      else
+        call refuse_entry("'"//excerpt(name)//"' without '=': write KEY = VALUE", list%entries(list%entry_count)%line)
+      end if
     end subroutine scan_key
 
     subroutine add_entry(name, is_group)
@@ -199,14 +189,12 @@ contains
       do
         call skip_blank()
         if (scan(here(), '/&'//nul) == 1) exit
+        if (next_key_follows()) exit
         if (here() == ',') then
-          if (.not. after_value) &
-            call refuse_entry("nothing before a ',' in '"//name// &
-                              "': an empty value is not allowed, give it or remove the ','", line)
+          if (.not. after_value) call refuse_entry("nothing before a ',' in '"//name// &
+            "': an empty value is not allowed, give it or remove the ','", line)
           after_value = .false.
           position = position + 1
-        else if (next_key_follows()) then
-          exit
         else
           call read_token()
           after_value = .true.
@@ -221,120 +209,83 @@ contains
     !> One word with its repeat count.
     subroutine read_token()
       type(token_t) :: token
-      character(:), allocatable :: problem
+      integer :: first, star
 
-      problem = ''
+      first = position
       token%line = line
-      call read_repeat(token%repeat, problem)
-      if (problem == '') then
-        if (scan(here(), '''"') == 1) then
-          call read_string(token, problem)
-        else
-          call read_bare(token, problem)
-          if (scan(text(token%first:token%first), digits//'+-.') == 1) call take_unit(token, problem)
+      star = first + verify(text(first:), digits) - 1
+      if (star > first .and. text(star:star) == '*') then
+        ! More than any list may have, and no overflow.
+        token%repeat = huge(1)
+        if (star - first <= 9) read (text(first:star - 1), *) token%repeat
+        position = star + 1
+      end if
+      if (scan(here(), '''"') == 1) then
+        call read_string(token)
+        if (position == token%last + 1) then
+          call refuse_entry('unclosed quote '//token%quote//excerpt(trim(text(token%first:token%last)))//': close it with '// &
+            token%quote//' in the same line', line)
+          return
+        end if
+      else
+        token%first = position
+        call skip_until(word_ends)
+        token%last = position - 1
+        if (scan(text(token%first:token%first), digits//'+-.') == 1) call take_unit(token)
+        if (position > first .and. (token%last < token%first .or. token%repeat < 1)) then
+          call refuse_entry("'"//excerpt(text(first:position - 1))//"' repeats nothing: give a count of 1 or more and, right "// &
+            "after the '*', the value", line)
+          return
         end if
       end if
-      if (problem /= '') then
-        call refuse_entry(problem, token%line)
-      else
-        list%token_count = list%token_count + 1
-        list%tokens(list%token_count) = token
+      if (scan(here(), value_ends) == 0) then
+        call refuse_entry("unexpected '"//excerpt(rest_of_line())//"' in a value: separate values by ',', put text in quotes, "// &
+          'and double a quote inside it', line)
+        ! At least one character further, past a quote that would only be found again.
+        position = position + 1
+        call skip_until(value_ends)
+        return
       end if
+      list%token_count = list%token_count + 1
+      list%tokens(list%token_count) = token
     end subroutine read_token
 
-    !> `n*` before a value.
-    subroutine read_repeat(times, problem)
-      integer, intent(out) :: times
-      character(:), allocatable, intent(inout) :: problem
-      character(:), allocatable :: number
-      integer :: star
-
-      times = 1
-      star = position + verify(text(position:), digits) - 1
-      if (star == position .or. text(star:star) /= '*') return
-      number = text(position:star - 1)
-      position = star + 1
-      ! More than any list may have, and no overflow.
-      times = huge(1)
-      if (len(number) <= 9) read (number, *) times
-      if (times < 1) then
-        problem = "repeat count '"//number//"*' is not positive: give 1 or more"
-      else if (scan(here(), word_ends) == 1 .and. scan(here(), '''"') == 0) then
-        problem = "'"//excerpt(number)//"*' repeats an empty value: give the value after the '*'"
-      end if
-      if (problem /= '') call skip_until(word_ends)
-    end subroutine read_repeat
-
-    !> A string; it ends in its own line.
-    subroutine read_string(token, problem)
+    !> A string, up to behind the quote that ends it, or to the end of its line.
+    subroutine read_string(token)
       type(token_t), intent(inout) :: token
-      character(:), allocatable, intent(inout) :: problem
-      integer :: i
 
       token%quote = here()
       token%first = position + 1
-      i = position
       do
-        i = i + scan(text(i + 1:), token%quote//newline//nul)
-        if (text(i:i) /= token%quote .or. text(i + 1:i + 1) /= token%quote) exit
-        i = i + 1
+        position = position + scan(text(position + 1:), token%quote//newline//nul)
+        if (text(position:position + 1) /= repeat(token%quote, 2)) exit
+        position = position + 1
       end do
-      position = i
-      token%last = i - 1
-      if (text(i:i) /= token%quote) then
-        if (text(i - 1:i - 1) == return) i = i - 1
-        problem = 'unclosed quote '//token%quote//excerpt(text(token%first:i - 1))//': close it with '//token%quote// &
-                  ' in the same line'
-        return
-      end if
-      position = i + 1
-      if (scan(here(), blanks//newline//',/!&'//nul) == 1) return
-      problem = "'"//excerpt(rest_of_line())//"' directly after a closing quote: separate values by ',', and double a quote "// &
-                'inside a string'
-      position = position + 1
-      call skip_until(blanks//newline//',/!&')
+      token%last = position - 1
+      if (here() == token%quote) position = position + 1
     end subroutine read_string
 
-    !> A word without quotes.
-    subroutine read_bare(token, problem)
-      type(token_t), intent(inout) :: token
-      character(:), allocatable, intent(inout) :: problem
-
-      token%first = position
-      call skip_until(word_ends)
-      token%last = position - 1
-      if (scan(here(), '=(%''"') == 0 .and. (here() /= '!' .or. .not. present(key))) return
-      problem = "unexpected '"//excerpt(rest_of_line())//"' in a value: separate values by ',', put text in quotes"
-      ! At least one character further, and past a bracket or quote that would only be found again.
-      position = position + 1
-      call skip_until(blanks//newline//',/&')
-    end subroutine read_bare
-
     !> A unit after the number that was read, in its line: otherwise the '/' of mm/s would end the group.
-    subroutine take_unit(token, problem)
+    subroutine take_unit(token)
       type(token_t), intent(inout) :: token
-      character(:), allocatable, intent(inout) :: problem
       integer :: first, last, next
 
-      ! There is no blank between them.
+      ! There may be no blank between them.
       last = end_of_run(token%first)
       do first = token%first, last
-        if (scan(text(first:first), digits//'+-.') == 1 .or. .not. is_unit(text(first:last))) cycle
-        token%last = first - 1
-        exit
+        if (is_unit(text(first:last))) exit
       end do
-      if (first > last) then
-        if (problem /= '') return
+      if (first <= last) then
+        token%last = first - 1
+      else
         first = position + verify(text(position:), ' '//tab) - 1
         last = end_of_run(first)
-        if (first == position .or. .not. is_unit(text(first:last))) return
         ! It may be a key of the same name.
         next = last + verify(text(last + 1:), ' '//tab)
-        if (text(next:next) == '=') return
+        if (first == position .or. .not. is_unit(text(first:last)) .or. text(next:next) == '=') return
       end if
       token%unit = text(first:last)
       position = last + 1
-      problem = ''
     end subroutine take_unit
 
     !> The last place before a blank, a comma or a comment.
@@ -344,7 +295,7 @@ contains
       end_of_run = place - 2 + scan(text(place:), blanks//newline//',!'//nul)
     end function end_of_run
 
-    !> Whether a name and `=`, or a name and a subscript, begin here.
+    !> Whether a name and `=` begin here.
     logical function next_key_follows()
       integer :: before(2)
 
@@ -352,9 +303,8 @@ contains
       if (.not. begins_name(here())) return
       before = [position, line]
       call skip_until(word_ends)
-      next_key_follows = here() == '(' .or. here() == '%'
       call skip_blank()
-      next_key_follows = next_key_follows .or. here() == '='
+      next_key_follows = here() == '='
       position = before(1)
       line = before(2)
     end function next_key_follows
@@ -421,29 +371,32 @@ contains
     begins_name = scan(letter, letters) == 1 .or. iachar(letter) >= 128
   end function begins_name
 
-  !> A deck is UTF-8 without control characters; `plain` is false if it has bytes that no text file has.
+  !> A deck is UTF-8 without control characters except tab and line ends; `plain` is false if it has bytes that no text file has.
   subroutine check_bytes(text, faults, plain)
     character(*), intent(in) :: text
     type(faults_t), intent(inout) :: faults
     logical, intent(out) :: plain
-    integer :: i, line, bad_line, width
+    integer :: i, line, bad_line, width, code
 
-    plain = .true.
     bad_line = 0
     line = 1
     i = 1
     do while (i <= len(text))
-      if (.not. is_plain(text, i)) then
+      associate (byte => iachar(text(i:i)))
+        plain = byte >= 32 .and. byte /= 127 .or. scan(text(i:i), tab//newline) == 1
+      end associate
+      if (text(i:i) == return) plain = index(text(i:min(i + 1, len(text)))//newline, return//newline) == 1
+      if (.not. plain) then
         call faults%add(place_t(line), trim(merge('NUL bytes         ', 'control characters', text(i:i) == nul))// &
                         ' in the deck: a deck is plain UTF-8 text, not a binary file')
-        plain = .false.
         return
       end if
-      width = utf8_width(text(i:min(i + 3, len(text))))
+      call decode(text(i:min(i + 3, len(text))), width, code)
       if (bad_line == 0 .and. width == 0) bad_line = line
       if (text(i:i) == newline) line = line + 1
       i = i + max(1, width)
     end do
+    plain = .true.
     if (bad_line > 0) call faults%add(place_t(bad_line), 'a character is not UTF-8: save the deck as UTF-8 text')
   end subroutine check_bytes
 
@@ -455,15 +408,6 @@ contains
     call check_bytes(text, faults, is_plain_text)
     is_plain_text = faults%count == 0
   end function is_plain_text
-
-  !> Whether byte `i` may be in a text: it is no control character except tab and line ends.
-  pure logical function is_plain(text, i)
-    character(*), intent(in) :: text
-    integer, intent(in) :: i
-
-    is_plain = iachar(text(i:i)) >= 32 .and. iachar(text(i:i)) /= 127 .or. scan(text(i:i), tab//newline) == 1
-    if (text(i:i) == return) is_plain = index(text(i:min(i + 1, len(text)))//newline, return//newline) == 1
-  end function is_plain
 
   !> Number of the last line that has text.
   pure integer function last_line(text)

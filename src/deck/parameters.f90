@@ -25,7 +25,7 @@ contains
     type(parameter_t), allocatable, intent(out) :: parameters(:)
     real(wp), intent(in), optional :: interval
     type(parameter_t) :: found(key_count)
-    integer :: i, n
+    integer :: i, k, n
     logical :: is_chosen
 
     n = 0
@@ -40,7 +40,10 @@ contains
         found(n)%quantity = quantity_t(key%name, key%unit, key%meaning)
         if (key%unit == '') found(n)%quantity%units = '1'
         if (is_text(key)) then
-          found(n)%text = joined(value%texts)
+          found(n)%text = trim(value%texts(1))
+          do k = 2, size(value%texts)
+            found(n)%text = found(n)%text//' '//trim(value%texts(k))
+          end do
         else
           found(n)%value = value%reals(1)
           if (is_chosen) found(n)%value = interval
@@ -49,17 +52,4 @@ contains
     end do
     allocate (parameters, source=found(:n))
   end subroutine parameters_of
-
-  !> The texts of a key, one after the other.
-  pure function joined(texts) result(list)
-    character(*), intent(in) :: texts(:)
-    character(:), allocatable :: list
-    integer :: i
-
-    list = ''
-    do i = 1, size(texts)
-      list = list//trim(texts(i))
-      if (i < size(texts)) list = list//' '
-    end do
-  end function joined
 end module dst_parameters

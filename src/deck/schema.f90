@@ -221,13 +221,8 @@ contains
   !> Index of the key of this name in any group; 0 if there is none. Key names are unique.
   pure integer function find_name(name)
     character(*), intent(in) :: name
-    integer :: i
 
-    find_name = 0
-    do i = 1, key_count
-      if (schema(i)%name == name) find_name = i
-      if (find_name > 0) return
-    end do
+    find_name = findloc(schema%name, name, dim=1)
   end function find_name
 
   !> Whether the values of a key are texts.

@@ -9,7 +9,7 @@ module dst_sweep_points
   use dst_schema, only: sweep_group
   use dst_sweep, only: axis_t, name_axis
   use dst_text, only: integer_text
-  use dst_text_file, only: path_beside, read_text, hdf5_signature
+  use dst_text_file, only: path_beside
   implicit none
   private
 
@@ -33,24 +33,15 @@ contains
     type(axis_t), allocatable, intent(out) :: axes(:)
     type(error_t), allocatable, intent(out) :: error
     type(csv_table_t) :: table
-    character(:), allocatable :: path, text, problem
+    character(:), allocatable :: path, problem
     integer :: i, n
 
     path = path_of_points(deck)
-    call read_text(path, most_bytes, text, problem)
-    if (index(text, hdf5_signature) == 1) then
-      problem = ': is an HDF5 file: write its columns as CSV, or give them to ds.sweep in Python, with points=True'
-    else if (problem /= '') then
-      problem = ': '//problem//': give a CSV file with the values of keys'
-    else
-      call read_csv(text, table, problem)
-    end if
-    if (problem == '') then
-      if (.not. table%has_names .or. size(table%line) == 0) problem = &
-        ': holds no points: give names of keys in the first line, and a case in each other line'
-    end if
+    call read_csv(path, most_bytes, 'give a CSV file with the values of keys', table, problem)
+    if (problem == '' .and. (table%rows == 0 .or. .not. table%has_names)) &
+      problem = path//': holds no points: give names of keys in the first line, and a case in each other line'
     if (problem /= '') then
-      call raise(error, file_error, path//problem)
+      call raise(error, file_error, problem)
       return
     end if
     allocate (axes(size(table%names)))
@@ -58,9 +49,9 @@ contains
       call name_axis(deck, trim(table%names(i)), axes, i, 'named', problem)
       if (problem /= '') call raise(error, file_error, path//':'//integer_text(table%first_line)//': '//problem)
       if (allocated(error)) return
-      axes(i)%values = table%values(i, :)
+      axes(i)%values = table%values(i, :table%rows)
     end do
-    do n = 1, size(table%line)
+    do n = 1, table%rows
       do i = 1, size(axes)
         problem = range_problem(axes(i)%key, axes(i)%values(n))
         if (problem == '') cycle

@@ -285,33 +285,71 @@ void dst_become(char *words, int count) {
   free(arguments);
 }
 
-/* Threads. */
+/* Threads. OpenMP's have stacks of OMP_STACKSIZE or `ulimit -s`, where an overflow is a segmentation fault, and one too many for the
+   system ends the program. These have stacks of a known size, and there are as many as the system allows. OpenMP's locks and atomic
+   operations work between them too. */
 
-/* A new thread with a stack of so many bytes, for dst_join_thread; NULL if the system does not give one. */
-void *dst_begin_thread(void *(*start)(void *), void *argument, int64_t stack_bytes) {
-  pthread_attr_t attributes;
-  pthread_t *thread = malloc(sizeof *thread);
-  if (!thread || pthread_attr_init(&attributes)) {
-    free(thread);
-    return NULL;
-  }
-  int failed = pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) || pthread_create(thread, &attributes, start, argument);
-  pthread_attr_destroy(&attributes);
-  if (!failed) return thread;
-  free(thread);
+/* Bytes of a stack: the default of Linux for a program, and the size that suffices; bytes that the work of a thread may need besides
+   (an arena of malloc holds 64 MB, for two threads or more), and that of all. */
+static const int64_t stack_bytes = 8 << 20, least_stack_bytes = 1 << 20, work_bytes = 32 << 20, common_bytes = 64 << 20;
+
+typedef struct {
+  void (*work)(void *, int);
+  void *task;
+  int number;
+  pthread_t thread;
+} member;
+
+static void *do_part(void *argument) {
+  member *self = argument;
+  self->work(self->task, self->number);
   return NULL;
 }
 
-void dst_join_thread(void *thread) {
-  pthread_join(*(pthread_t *)thread, NULL);
-  free(thread);
+static _Bool begin(member *self) {
+  pthread_attr_t attributes;
+  if (pthread_attr_init(&attributes)) return 0;
+  int failed = pthread_attr_setstacksize(&attributes, (size_t)stack_bytes) || pthread_create(&self->thread, &attributes, do_part, self);
+  pthread_attr_destroy(&attributes);
+  return !failed;
 }
 
-/* Bytes that the stack of the first thread may have. */
-int64_t dst_stack_limit(void) {
+/* How many of so many threads have room for their stacks and their work: where memory is limited (`ulimit -v`, a job's share), what
+   stacks took, the work would lack. Asked before the first begins: later the question would itself take room, if only for a moment.
+   Memory that is not touched is not used. */
+static int threads_with_room(int wanted) {
+  while (wanted > 1) {
+    void *volatile room = malloc((size_t)(common_bytes + (wanted - 1) * (stack_bytes + work_bytes)));
+    free(room);
+    if (room) break;
+    wanted -= wanted < 16 ? 1 : wanted / 8;
+  }
+  return wanted;
+}
+
+/* Do a task with this thread, whose number is 1, and up to wanted - 1 others, as many as the system allows, and wait for all. */
+void dst_run_in_threads(void (*work)(void *, int), void *task, int wanted) {
+  int threads = threads_with_room(wanted), others = 0;
+  member *members = threads > 1 ? calloc((size_t)threads, sizeof *members) : NULL;
+  for (; members && others < threads - 1; others++) {
+    members[others] = (member){.work = work, .task = task, .number = others + 2};
+    if (!begin(&members[others])) break;
+  }
+  work(task, 1);
+  while (others > 0) pthread_join(members[--others].thread, NULL);
+  free(members);
+}
+
+/* Do a task where the stack is large enough: in this thread, or, if its stack is limited to less, in another one. 0: no other thread
+   can be created, and the stack of this one is too small. */
+_Bool dst_run_with_room(void (*work)(void *, int)) {
   struct rlimit limit;
-  if (getrlimit(RLIMIT_STACK, &limit) || limit.rlim_cur == RLIM_INFINITY) return INT64_MAX;
-  return (int64_t)limit.rlim_cur;
+  _Bool is_limited = getrlimit(RLIMIT_STACK, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;
+  member other = {.work = work, .number = 1};
+  if (is_limited && (int64_t)limit.rlim_cur < stack_bytes && begin(&other)) return !pthread_join(other.thread, NULL);
+  if (is_limited && (int64_t)limit.rlim_cur < least_stack_bytes) return 0;
+  work(NULL, 1);
+  return 1;
 }
 
 /* Whether this processor runs what is compiled for x86-64-v3; no, where nothing is (src/meson.build). */

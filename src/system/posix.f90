@@ -1,11 +1,15 @@
 !> Calls of the operating system: the functions of posix.c, and those of the C library whose arguments are plain numbers and texts.
 !> Texts end with NUL. This is the only module that uses the system's C names; the meaning of the calls for this program is
-!> explained where they are used.
+!> explained where they are used. A handler of signals sets a variable in posix.c, which the executable reads; nothing that Python
+!> uses does.
 module dst_posix
   use, intrinsic :: iso_c_binding, only: c_int, c_int64_t, c_size_t, c_double, c_bool, c_char, c_ptr, c_funptr, &
     c_associated, c_f_pointer, c_null_char
   implicit none
   public
+
+  !> No signal has arrived: `stop_signal`.
+  integer, parameter :: no_signal = 0
 
   !> Identity of a file, whatever its name is.
   type, bind(c) :: identity_t
@@ -52,7 +56,6 @@ module dst_posix
   procedure(question), bind(c, name='dst_has_v3') :: has_v3
   procedure(address_call), bind(c, name='free') :: c_free
   procedure(address_call), bind(c, name='dst_forget_matches') :: c_forget_matches
-  procedure(address_call), bind(c, name='dst_join_thread') :: c_join_thread
   procedure(descriptor_call), bind(c, name='dst_fsync') :: c_fsync
   procedure(descriptor_call), bind(c, name='dst_close') :: c_close
   procedure(naming_call), bind(c, name='rename') :: c_rename
@@ -187,20 +190,43 @@ module dst_posix
       integer(c_int), value :: count
     end subroutine c_become
 
-    type(c_ptr) function c_begin_thread(start, argument, stack_bytes) bind(c, name='dst_begin_thread')
-      import :: c_ptr, c_funptr, c_int64_t
-      type(c_funptr), value :: start
-      type(c_ptr), value :: argument
-      integer(c_int64_t), value :: stack_bytes
-    end function c_begin_thread
+    subroutine run_in_threads(work, task, wanted) bind(c, name='dst_run_in_threads')
+      import :: c_int, c_ptr, c_funptr
+      type(c_funptr), value :: work   !! (address of the task, number of the thread)
+      type(c_ptr), value :: task
+      integer(c_int), value :: wanted
+    end subroutine run_in_threads
 
-    integer(c_int64_t) function c_stack_limit() bind(c, name='dst_stack_limit')
-      import :: c_int64_t
-    end function c_stack_limit
-
+    logical(c_bool) function run_with_room(work) bind(c, name='dst_run_with_room')
+      import :: c_bool, c_funptr
+      type(c_funptr), value :: work
+    end function run_with_room
   end interface
 
 contains
+
+  !> 'stopped by SIGTERM': by the signal that has arrived.
+  function stopped_by() result(text)
+    character(:), allocatable :: text
+
+    text = 'stopped by '//fortran_text(c_signal_name(stop_signal()))
+  end function stopped_by
+
+  !> Write to standard output; `failed` if some of it was not written, which Fortran's own output does not report if a disk is full. If
+  !> the reader has ended, SIGPIPE ends the program, unless the signal is ignored.
+  subroutine put_output(text, failed)
+    character(*), intent(in) :: text
+    logical, intent(out) :: failed
+
+    failed = c_write(1_c_int, text, len(text, c_int64_t), -1_c_int64_t) /= 0
+  end subroutine put_output
+
+  !> Write to standard error. If this fails, there is nowhere to report it, and nothing is lost: a run continues.
+  subroutine put_error(text)
+    character(*), intent(in) :: text
+
+    call c_put_error(text, len(text, c_int64_t))
+  end subroutine put_error
 
   !> A text from C; '' if there is none.
   function fortran_text(address) result(text)

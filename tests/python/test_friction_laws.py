@@ -164,7 +164,7 @@ BAD_FILES = {
     "0.0,0.2\n0.01,-0.19\n": (":2:", "must be >= 0"),
     "\n \n": ("points.csv: ", "0 point(s): give at least 2"),
     "0.01,0.2\n0.02,0.19\n": ("table_speed(1) = '0.01'", "the first slip velocity must be 0.0"),
-    "".join(f"{i},0.2\n" for i in range(1001)): (":1001:", "more than 1000 points"),
+    "".join(f"{i},0.2\n" for i in range(1001)): ("points.csv: ", "1001 point(s) in 'table_speed': give 2 to 1000"),
     "0,0.2\n1e-300,0.1\n": ("table_mu(2)", "give points further apart"),
     "0,0.2\n0.1,1e400\n": (":2:", "'1e400'"),
     "\x01\x02": (":1:", ""),
