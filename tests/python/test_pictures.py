@@ -65,7 +65,7 @@ def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -
 def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
     settling = own(t_end=2.0, misalignment_deg=25.0)
     slower = own(t_end=4.0, time=[0.0, 2.0, 2.1], velocity=[5e-3, 5e-3, 4e-3])
-    assert np.count_nonzero(ds.stick_slip_statistics(slower).settled) > 10
+    assert np.isfinite(ds.stick_slip_statistics(slower)["period"]).sum() > 12
     for whole in (fig3_result, held, settling, slower):
         figure = plot.draw(whole, "history")
         assert figure.axes[0].get_xlim() == (0.0, whole.time[-1])

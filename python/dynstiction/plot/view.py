@@ -103,7 +103,7 @@ def shown_part(
         cycles = None
     first, last = float(result.time[0]), float(result.time[-1])
     if start is None and end is None:
-        if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
+        if cycles is None or len(cycles) <= most or not cycles.means() or drive_profile(result):
             return cycles, first, last
         peaks = cycles["peak_time"]
         return cycles, first, float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))

@@ -249,20 +249,18 @@ def _cycles(result: Result) -> str:
             "<p>No stick-slip cycle: the spring force never falls by more than 1 % of the static limit.</p>"
         )
     means, scatter = cycles.means(), cycles.scatter()
-    # The values of the summary are more accurate: it finds extremes between the samples.
-    found = result.summary
     if means:
         rows = [
             (
                 name,
-                number_shown(found.get(name, value)),
-                number_shown(found.get(f"{name}_scatter", scatter.get(name, "")), 2),
+                number_shown(value),
+                number_shown(scatter.get(name, ""), 2),
                 unit_shown(units),
                 meaning,
             )
             for (name, units, meaning), value in means.info()
         ]
-        settled = f"<p>{np.count_nonzero(cycles.settled)} settled cycles, of {len(cycles)} slips:</p>"
+        settled = f"<p>Settled cycles, of {len(cycles)} slips:</p>"
         settled += table(("", "mean", "standard deviation", "unit", ""), rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
