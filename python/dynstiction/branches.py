@@ -407,9 +407,7 @@ class _Curve:
             return "sliding"
         return "closed" if len(steps) > 10 and _passes(here, there, first) else None
 
-    def next(
-        self, steps: list[_Place], way: _Floats, step: float, sense: float
-    ) -> tuple[_Place, _Floats]:
+    def next(self, steps: list[_Place], way: _Floats, step: float, sense: float) -> tuple[_Place, _Floats]:
         """The next point of a branch and the way onward from there, if this step leads to one of the same branch."""
         here = steps[-1]
         (q, a), across = (here.q, here.a) + step * way, (-way[1], way[0])
@@ -540,7 +538,9 @@ def _in_sliding(the_map: _Map, last: _Place) -> _Place:
     seen = the_map.cycles(q)
     load = seen.sliding_load
     period = 2.0 * math.pi / abs(float(seen.eigenvalues[0].imag) or math.nan)
-    return _Place(q, load / the_map.unit, 0.0, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan))
+    return _Place(
+        q, load / the_map.unit, 0.0, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan)
+    )
 
 
 def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place]) -> Branch:

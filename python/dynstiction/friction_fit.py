@@ -34,6 +34,7 @@ LAWS: tuple[tuple[str, tuple[str, ...]], ...] = (
 """Laws of a deck with their free coefficients, from the simplest on."""
 STEEPEST = 10.0
 """Largest exponent of a deck."""
+COMPLEX_STEP = 1e-20
 
 
 @dataclass(frozen=True)
@@ -190,11 +191,8 @@ def fit_friction_law(
 
 
 def _slope(values: Mapping[str, float], v: float) -> float:
-    """By central differences; at rest by a difference to one side."""
-    step = 1e-6 * max(v, values.get("v_f", 1.0))
-    ahead, behind = v + step, max(v - step, 0.0)
-    low, high = friction_coefficient([behind, ahead], values)
-    return float((high - low) / (ahead - behind))
+    """Exact: the imaginary part after a step in the imaginary direction."""
+    return float(np.imag(friction_coefficient(v + 1j * COMPLEX_STEP, values)) / COMPLEX_STEP)
 
 
 def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> FrictionFit:

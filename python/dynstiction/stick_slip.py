@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import instance
+from ._slider import drive_of
 from .errors import Error, UsageError
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Info, Table
 from .result import Result
@@ -35,6 +36,7 @@ COLUMNS = (
     Info("rests", "1", "number of times that the object came to rest, from peak to the next peak"),
     Info("rest_time", "s", "time at rest, from peak to the next peak"),
 )
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StickSlip(Table[_Floats]):
@@ -161,11 +163,8 @@ def drive_profile(result: Result) -> tuple[_Floats, _Floats] | None:
     if "velocity" in result.parameters or not result.resolved_deck:
         return None
     try:
-        drive = Scene(result.resolved_deck).groups()["drive"]
-        time, velocity = (
-            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
-        )
-    except (Error, KeyError, ValueError):
+        time, velocity = map(np.array, drive_of(Scene(result.resolved_deck)))
+    except Error:
         return None
     return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
 

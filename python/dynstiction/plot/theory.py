@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..creep import Creep, creep_exact
+from ..creep import Creep, creep_exact, dimensionless
 from ..equations import friction_coefficient
 from ..errors import UsageError
 from ..result import Result
@@ -43,24 +43,21 @@ def stiff_frequency(result: Result) -> float | None:
     return None if system is None else float(max(oscillation_frequency([0.0, 0.5 * np.pi], **system)))
 
 
-def scaled_time(result: Result, time: Floats) -> Floats:
-    """``tau = V t k_x/(mu_0 W)`` at some times [s]; a `UsageError` if the run does not creep from a relaxed spring."""
-    given = _numbers(result, "velocity", "stiffness_x", "mu_0", "normal_load")
-    elongation = [float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")]
-    friction = given["mu_0"] * given["normal_load"]
-    if any(elongation) or given["velocity"] == 0.0 or friction == 0.0:
+def scaled(result: Result, time: Floats) -> tuple[Floats, Floats, Floats]:
+    """``tau = V t k_x/(mu_0 W)`` at some times [s], phi [rad] and kappa; a `UsageError` if the run has no such creep from a relaxed spring."""
+    if any(float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")):
         raise UsageError(
-            "the closed form of creep starts from a relaxed spring, with friction, under a constant drive velocity: "
-            "run a deck without elongation_x and elongation_y, and with mu_0, normal_load and velocity not 0"
+            "the closed form of creep starts from a relaxed spring: run without elongation_x, elongation_y"
         )
-    return np.asarray(abs(given["velocity"]) * time * given["stiffness_x"] / friction)
+    given = _numbers(
+        result, "velocity", "misalignment_deg", "stiffness_x", "stiffness_y", "mu_0", "normal_load"
+    )
+    return dimensionless(time, **given | {"velocity": abs(given["velocity"])})
 
 
 def creep(result: Result, time: Floats) -> Creep:
-    """Exact slow creep with the parameters of a run, at some times [s]; refused as by `scaled_time` and `creep_exact`."""
-    system = _numbers(result, "misalignment_deg", "stiffness_x", "stiffness_y")
-    kappa = system["stiffness_x"] / system["stiffness_y"]
-    return creep_exact(scaled_time(result, time), np.radians(system["misalignment_deg"]), kappa)
+    """Exact slow creep with the parameters of a run, at some times [s]; refused as by `scaled` and `creep_exact`."""
+    return creep_exact(*scaled(result, time))
 
 
 def static_limit(result: Result) -> float | None:
