@@ -182,13 +182,11 @@ def test_which_cycles_count() -> None:
     """All of two, the later half of more, at most a hundred: the drive changes its speed where they begin."""
     drive = {"velocity": (1e-3, 1e-3, 2e-3), "time": (0.0, 130.0, 130.0)}
     long = ds.run(scene_of(1.0, 240.0, drive))
-    cycles = ds.stick_slip_statistics(long)
     assert long.summary["cycles"] > 300
-    assert long.summary["period"] == pytest.approx(cycles["period"][-2], rel=1e-3)
+    assert long.summary["period"] == pytest.approx(ds.stick_slip_statistics(long)["period"][-2], rel=1e-3)
     for t_end, counted in ((2.5, 0), (3.5, 1), (4.5, 2), (5.0, 2), (7.0, 2), (10.0, 4)):
-        result = ds.run(scene_of(1.0, t_end, {"velocity": 1e-3}))
-        assert ("period" in result.summary) == (counted > 0)
-        assert ("period_scatter" in result.summary) == (counted > 1)
+        found = ds.run(scene_of(1.0, t_end, {"velocity": 1e-3})).summary
+        assert ("period" in found, "period_scatter" in found) == (counted > 0, counted > 1)
 
 
 def test_a_long_slide_parts_two_motions() -> None:
@@ -198,7 +196,6 @@ def test_a_long_slide_parts_two_motions() -> None:
         result = ds.run(scene_of(8.0, t_end, RAMP), integrator={"method": "radau13", "rtol": 1e-8})
         given += "period" in result.summary
         assert result.summary.get("period", 0.2) < 1.2, t_end
-        assert ds.stick_slip_statistics(result).means().get("period", 0.2) < 1.2, t_end
     assert given >= 3
 
 

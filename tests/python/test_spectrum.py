@@ -18,8 +18,8 @@ TIME = np.arange(20001) / 1e4
 
 def creep_frequency(t: np.ndarray, *, mass: float, **slider: float) -> np.ndarray:
     """Frequency of the fast oscillation in slow creep, at times since the spring was relaxed."""
-    stiffness = {name: slider[name] for name in ("stiffness_x", "stiffness_y")}
-    return ds.oscillation_frequency(ds.creep_exact(*dimensionless(t, **slider)).theta, mass=mass, **stiffness)
+    theta = ds.creep_exact(*dimensionless(t, **slider)).theta
+    return ds.oscillation_frequency(theta, mass=mass, stiffness_x=slider["stiffness_x"], stiffness_y=slider["stiffness_y"])
 
 
 def tone(frequency: float, amplitude: float = 1.0, offset: float = 0.0) -> np.ndarray:
