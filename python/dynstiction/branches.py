@@ -297,7 +297,7 @@ def branch(
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
                 places = _Curve(the_map, max(1, cycle.slow_cycles)).follow(q, a)
-                if not places:
+                if len(places) < 2:
                     continue
                 found.append((_as_branch(the_map, cycle.slow_cycles, places), places))
                 doublings = [
