@@ -53,7 +53,6 @@ from .result import open as open
 from .scene import Scene as Scene
 from .simulation import Simulation as Simulation
 from .spectrum import Spectrogram as Spectrogram
-from .spectrum import creep_frequency as creep_frequency
 from .spectrum import oscillation_frequency as oscillation_frequency
 from .spectrum import ridge as ridge
 from .spectrum import spectrogram as spectrogram

@@ -30,20 +30,20 @@ Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 2e-3, 0.04, 2e-7
 """Steps along a branch, in units of the range of the key and of the natural unit of a place, a radian or F_0."""
 SHARP_TURN = 0.9
-"""Cosine of the angle between two steps below which the second one is halved."""
+"""Cosine of the angle between the directions of a branch at both ends of a step below which the step is halved."""
 FAR = 0.2
 """How far a corrected point may be from the predicted one, over the step."""
 MOST_ITERATIONS = 8
 CLOSE = 1e-10
 """Accuracy of a place and of a value, in these units."""
-VAGUE, FITTING = 0.2, 0.4
-"""Shares of the integral of the slope: above the first one it is known well enough, and a point of the same branch passes the second."""
+DIFFERENCE = 1e-6
+"""Distance of the two values of the key of which the derivative of the map is the difference."""
 LEAP, UNFORESEEN = 0.3, 3e-3
 """Change of the period in a step, over the period, above which the second cycle is another one; and that by which it differs from the
 change in the last step, in proportion: where the map is steep, there are other cycles at hardly another place."""
 KINK = 1e-3
-"""Step from which on the tests of the integral and of the foreseen period are left out: both may jump where a stick or a slip begins to
-graze."""
+"""Step from which on the direction may turn sharply, and the period need not be foreseen: the slope may jump where a stick or a slip
+begins to graze."""
 SMOOTH = 0.02
 """At a fold the slope of the map is 1, at a doubling -1, to this; otherwise it jumps there."""
 SMALL = 2e-3
@@ -154,6 +154,8 @@ class _Place(NamedTuple):
 
     q: float
     a: float
+    turn: float
+    """Where the motion returns to, minus the place; 0 but for rounding in a cycle."""
     slope: float
     measures: tuple[float, ...]
     kind: Kind | None = None
@@ -195,8 +197,8 @@ class _Map:
         """The scene with a value of the key."""
         return _changed(self.scene, self.key, self.value(q))
 
-    def go(self, q: float, a: float, slow_cycles: int) -> tuple[float, _Place]:
-        """Where the motion from a place returns to, minus the place."""
+    def go(self, q: float, a: float, slow_cycles: int) -> _Place:
+        """What the motion from a place does."""
         try:
             to, slope, _, *measures = _native.returned(
                 self.at(q).source, self.model, a * self.unit, slow_cycles
@@ -205,20 +207,19 @@ class _Map:
             raise _NoReturn from None
         if math.isnan(to):
             raise _NoReturn
-        return to / self.unit - a, _Place(q, a, slope, tuple(measures))
+        return _Place(q, a, to / self.unit - a, slope, tuple(measures))
 
     def on_line(self, q: float, a: float, way: tuple[float, float], step: float, slow_cycles: int) -> _Place:
         """The cycle on a line in the plane of value and place, near one of its points, by the secant method."""
-        before, (old, _) = 0.0, self.go(q, a, slow_cycles)
-        at = step
+        before, old, at = 0.0, self.go(q, a, slow_cycles).turn, step
         for _ in range(MOST_ITERATIONS):
-            turn, here = self.go(q + at * way[0], a + at * way[1], slow_cycles)
-            if turn == old:
+            here = self.go(q + at * way[0], a + at * way[1], slow_cycles)
+            if here.turn == old:
                 break
-            change = -turn * (at - before) / (turn - old)
+            change = -here.turn * (at - before) / (here.turn - old)
             if abs(change) <= CLOSE:
                 return here
-            before, old, at = at, turn, at + change
+            before, old, at = at, here.turn, at + change
         raise _NoReturn
 
     def at_value(self, q: float, a: float, slow_cycles: int) -> _Place:
@@ -273,7 +274,7 @@ def branch(
     -----
     A cycle is a fixed point of the map from a release to the release so many slow cycles later, in the slow motion from a valley to the
     next. Both the map and its slope are exact, to the accuracy of the integrator, so that the value of a fold is known to some 1e-9. A branch
-    is followed with steps in its direction, which the slope says, each corrected across it. Branches that no cycle at the values
+    is followed with steps in its direction, which the derivatives of the map say, each corrected across it. Branches that no cycle at the values
     above is on are not found.
 
     Examples
@@ -297,7 +298,7 @@ def branch(
                 if len(found) == most_branches or _is_known(the_map, found, q, cycle):
                     continue
                 places = _Curve(the_map, max(1, cycle.slow_cycles)).follow(q, a)
-                if not places:
+                if len(places) < 2:
                     continue
                 found.append((_as_branch(the_map, cycle.slow_cycles, places), places))
                 doublings = [
@@ -365,16 +366,24 @@ class _Curve:
 
     def one_way(self, first: _Place, side: int) -> list[_Place]:
         """The branch from a cycle to one side of its value, to its end."""
-        steps, places, step = [first], [first], FIRST_STEP
-        end: Kind | None = "border" if first.q == (0.0 if side < 0 else 1.0) else None
+        if first.q == (0.0 if side < 0 else 1.0):
+            return [first._replace(kind="border")]
+        try:
+            way = self.direction(first)
+        except _NoReturn:
+            return [first._replace(kind="grazing")]
+        steps, places, step, end = [first], [first], FIRST_STEP, None
+        sense = side * math.copysign(1.0, way[0])
+        way *= sense
         while end is None and len(steps) < MOST_POINTS:
-            there, why = self.next(steps, side, step)
-            if there is None:
-                step *= 0.5
+            try:
+                there, onward = self.next(steps, way, step, sense)
+            except _NoReturn:
                 if step < SHORTEST_STEP:
                     at = self.beginning(places[-1])
                     places += [at] if at else []
-                    end = "doubling" if at else why
+                    end = "doubling" if at else self.why(steps[-1], step * way)
+                step *= 0.5
                 continue
             for at in self.between(steps[-1], there):
                 places.append(at)
@@ -384,7 +393,7 @@ class _Curve:
                     break
             else:
                 steps.append(there)
-                end = self.end(steps)
+                end, way = self.end(steps), onward
                 places.append(_in_sliding(self.map, there) if end == "sliding" else there)
                 step = min(LONGEST_STEP, 1.5 * step)
         places[-1] = places[-1]._replace(kind=end or "unfinished")
@@ -399,57 +408,55 @@ class _Curve:
             return "sliding"
         return "closed" if len(steps) > 10 and _passes(here, there, first) else None
 
-    def next(self, places: list[_Place], side: int, step: float) -> tuple[_Place | None, Kind]:
-        """The next point of a branch, or why there is none with this step."""
-        here = places[-1]
-        why: Kind = "without rest"
-        for way in _ways(places, side):
-            q, a, across = here.q + step * way[0], here.a + step * way[1], (-way[1], way[0])
-            if not 0.0 <= q <= 1.0:
-                # The last point is at the border.
-                border = min(1.0, max(0.0, q))
-                q, a, across = border, here.a + (border - here.q) / (q - here.q) * (a - here.a), (0.0, 1.0)
-            try:
-                there = self.map.on_line(q, a, across, 1e-3 * step, self.n)
-            except _NoReturn:
-                continue
-            why = "grazing"
-            moved = (there.q - here.q, there.a - here.a)
-            length = math.hypot(*moved)
-            if len(places) == 1:
-                # The direction is not known yet: the place may change more than the value, but not by leaps.
-                if length <= 20.0 * step + CLOSE and self.is_halfway(here, there):
-                    return there, why
-            elif (
-                0.0 <= there.q <= 1.0
-                and math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
-                and moved[0] * way[0] + moved[1] * way[1] >= SHARP_TURN * length
-                and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
-                and (step <= KINK or _is_foreseen(*places[-2:], there))
-                and _fits(places, there, is_short=step <= KINK)
-                and not self.is_of_fewer(there)
-            ):
-                return there, why
-        if why == "without rest":
-            with suppress(_NoReturn):
-                self.map.go(q, a, self.n)
-                why = "grazing"
-        return None, why
+    def next(self, steps: list[_Place], way: _Floats, step: float, sense: float) -> tuple[_Place, _Floats]:
+        """The next point of a branch and the way onward from there, if this step leads to one of the same branch."""
+        here = steps[-1]
+        (q, a), across = (here.q, here.a) + step * way, (-way[1], way[0])
+        if not 0.0 <= q <= 1.0:
+            # The last point is at the border.
+            border = min(1.0, max(0.0, q))
+            q, a, across = border, here.a + (border - here.q) / (q - here.q) * (a - here.a), (0.0, 1.0)
+        there = self.map.on_line(q, a, across, 1e-3 * step, self.n)
+        onward = sense * self.direction(there)
+        if not (
+            0.0 <= there.q <= 1.0
+            and math.hypot(there.q - q, there.a - a) <= FAR * step + 10.0 * CLOSE
+            and onward @ way >= (SHARP_TURN if step > KINK else 0.0)
+            and abs(there.measures[0] - here.measures[0]) <= LEAP * here.measures[0]
+            and (step <= KINK or len(steps) == 1 or _is_foreseen(steps[-2], here, there))
+            and not self.is_of_fewer(there)
+        ):
+            raise _NoReturn
+        return there, onward
 
-    def is_halfway(self, one: _Place, other: _Place) -> bool:
-        """Whether the cycle next to the first of two, at the value halfway, is halfway between them: then they are on one branch."""
+    def direction(self, here: _Place) -> _Floats:
+        """Unit vector along the cycles, on which the motion returns to where it began; the derivative over the value is a difference.
+        It turns continuously along a branch, and reverses where a branch of fewer slow cycles crosses.
+        """
+        beside = []
+        for apart in (-DIFFERENCE, DIFFERENCE):
+            with suppress(_NoReturn):
+                beside.append(self.map.go(here.q + apart, here.a, self.n))
+        if not beside:
+            raise _NoReturn
+        # The slope may jump right at a cycle, where a slow cycle begins to count as two: of both sides that with its slope.
+        one = min(beside, key=lambda each: abs(each.slope - here.slope))
+        along = np.array([1.0 - one.slope, (one.turn - here.turn) / (one.q - here.q)])
+        return along / math.hypot(*along)
+
+    def why(self, last: _Place, step: _Floats) -> Kind:
+        """Why a branch ends before a step: the motion does not return from there, or not to where it began."""
         try:
-            middle = self.map.at_value(0.5 * (one.q + other.q), one.a, self.n)
+            self.map.go(last.q + step[0], last.a + step[1], self.n)
         except _NoReturn:
-            return False
-        way = other.a - one.a
-        return abs(middle.a - one.a - 0.5 * way) <= FAR * abs(way) + 10.0 * CLOSE
+            return "without rest"
+        return "grazing"
 
     def is_of_fewer(self, place: _Place, *, near: float = 1e-6) -> bool:
         """Whether a cycle of n slow cycles is one of fewer, which the map of n has, too."""
         for fewer in (each for each in range(1, self.n // 2 + 1) if self.n % each == 0):
             with suppress(_NoReturn):
-                if abs(self.map.go(place.q, place.a, fewer)[0]) <= near:
+                if abs(self.map.go(place.q, place.a, fewer).turn) <= near:
                     return True
         return False
 
@@ -470,7 +477,7 @@ class _Curve:
         if not abs(found.slope + 1.0) < SMOOTH or abs(found.q - last.q) > BESIDE:
             return None
         period, *rest = found.measures
-        return _Place(found.q, found.a, 1.0, (2.0 * period, *rest))
+        return _Place(found.q, found.a, 0.0, 1.0, (2.0 * period, *rest))
 
     def between(self, one: _Place, other: _Place) -> Iterator[_Place]:
         """The folds and doublings between two points of a branch."""
@@ -518,54 +525,6 @@ def _passes(here: _Place, there: _Place, point: _Place) -> bool:
     return is_near and low - 0.1 * (high - low) <= point.slope <= high + 0.1 * (high - low)
 
 
-def _ways(places: list[_Place], side: int) -> list[_Floats]:
-    """Directions of the next step: along the branch, as the slope of the map says, along the last step, and between both."""
-    if len(places) == 1:
-        return [np.array([float(side), 0.0])]
-    before, here = places[-2:]
-    last, known = np.array([here.q - before.q, here.a - before.a]), _known_step(places)
-    if known and math.isfinite(here.slope):
-        along = np.array([known[0] * (here.slope - 1.0), known[1]])
-    else:
-        along = last
-    last, along = last / math.hypot(*last), along / math.copysign(math.hypot(*along), along @ last)
-    return [along, last, (along + last) / math.hypot(*(along + last))]
-
-
-def _known_step(places: list[_Place]) -> tuple[float, float] | None:
-    """Along a branch the change of the value is the integral of slope - 1 over the place, times a factor that changes little from step to
-    step: both in the last step in which the integral is known well enough.
-    """
-    for one, other in zip(places[-2:-5:-1], places[-1:-4:-1], strict=False):
-        integral, size = _integral(one, other)
-        if abs(integral) > VAGUE * size:
-            return other.q - one.q, integral
-    return None
-
-
-def _fits(places: list[_Place], there: _Place, *, is_short: bool) -> bool:
-    """Whether a point is on the branch of the last ones: that factor is the same, and the value turns only where the slope passes 1."""
-    before, here = places[-2:]
-    turns = (there.q - here.q) * (here.q - before.q) < 0.0
-    if turns and (there.slope - 1.0) * (before.slope - 1.0) > 0.0:
-        return False
-    if is_short:
-        return True
-    if abs(there.slope - here.slope) > max(1.0, 0.5 * max(abs(there.slope), abs(here.slope))):
-        return False
-    known = _known_step(places)
-    if not known:
-        return True
-    factor, (new, size) = known[0] / known[1], _integral(here, there)
-    return abs((there.q - here.q) - factor * new) <= FITTING * abs(factor) * size
-
-
-def _integral(one: _Place, other: _Place) -> tuple[float, float]:
-    """The integral of slope - 1 over the place between two points, and what it would be without a change of sign."""
-    way, ends = other.a - one.a, (one.slope - 1.0, other.slope - 1.0)
-    return 0.5 * sum(ends) * way, abs(way) * max(map(abs, ends))
-
-
 def _in_sliding(the_map: _Map, last: _Place) -> _Place:
     """The point of steady sliding in which a small cycle of the slow motion ends: where its stability changes."""
     from scipy.optimize import brentq  # noqa: PLC0415
@@ -580,7 +539,9 @@ def _in_sliding(the_map: _Map, last: _Place) -> _Place:
     seen = the_map.cycles(q)
     load = seen.sliding_load
     period = 2.0 * math.pi / abs(float(seen.eigenvalues[0].imag) or math.nan)
-    return _Place(q, load / the_map.unit, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan))
+    return _Place(
+        q, load / the_map.unit, 0.0, 1.0, (period, load, load, 0.5 * period, 0.5 * period, math.nan)
+    )
 
 
 def _as_branch(the_map: _Map, slow_cycles: int, places: list[_Place]) -> Branch:

@@ -16,7 +16,10 @@ from .errors import UsageError
 from .record import unit_shown
 from .scene import DeckLike, Scene
 
-__all__ = ["SlipProblem", "jacobian", "rhs", "slip_problem"]
+__all__ = ["SlipProblem", "friction_coefficient", "jacobian", "rhs", "slip_problem"]
+
+COEFFICIENTS = {"mu_0": 0.0, "mu_inf": 0.0, "v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
+"""Coefficients of the friction laws, and their values where a law has none; mu_inf is then mu_0."""
 
 LIMITS: dict[str, dict[str, Any]] = {
     **{name: {"above": 0.0} for name in ("mass", "stiffness_x", "stiffness_y")},
@@ -88,6 +91,14 @@ def jacobian(
     return _evaluated(_slider(scene, parameters), state, 4)
 
 
+def friction_coefficient(speed: ArrayLike, law: Mapping[str, Any]) -> NDArray[np.float64]:
+    """``mu(v) = mu_inf + (mu_0 - mu_inf) exp(-(v/v_f)^exponent) + viscous v`` with those of these coefficients that are given [SI]."""
+    given = {"mu_inf": law["mu_0"], **{name: law[name] for name in COEFFICIENTS if name in law}}
+    mu_0, mu_inf, v_f, exponent, viscous = (COEFFICIENTS | given).values()
+    v = np.asarray(speed)
+    return np.asarray(mu_inf + (mu_0 - mu_inf) * np.exp(-((v / v_f) ** exponent)) + viscous * v)
+
+
 @dataclass(frozen=True)
 class SlipProblem:
     """The motion of a scene in slip as an initial value problem, ready for ``scipy.integrate.solve_ivp``.
@@ -124,13 +135,7 @@ class SlipProblem:
         t : float
             Time [s].
         """
-        last = int(np.searchsorted(self.drive_time, t, side="right")) - 1
-        if last < 0:
-            return self.drive_velocity[0]
-        if last + 1 >= len(self.drive_time):
-            return self.drive_velocity[-1]
-        part = (t - self.drive_time[last]) / (self.drive_time[last + 1] - self.drive_time[last])
-        return self.drive_velocity[last] + part * (self.drive_velocity[last + 1] - self.drive_velocity[last])
+        return float(np.interp(t, self.drive_time, self.drive_velocity))
 
     def fun(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
         """Time derivative of the state, as `rhs` with the drive velocity at the time; of the shape of `y`.

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares  # type: ignore[import-untyped]
 
 from . import _native
 from ._arguments import number, reals
+from .equations import COEFFICIENTS, friction_coefficient
 from .errors import FitWarning, UsageError
 from .record import unit_shown
 from .trace_file import Units, read_friction
@@ -22,7 +23,7 @@ __all__ = ["FrictionFit", "fit_friction_law"]
 
 _Floats = NDArray[np.float64]
 
-KEYS = ("mu_0", "mu_inf", "v_f", "exponent", "viscous")
+KEYS = tuple(COEFFICIENTS)
 LAWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("constant", ("mu_0",)),
     ("weakening", ("mu_0", "mu_inf", "v_f")),
@@ -31,10 +32,9 @@ LAWS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("stribeck", KEYS),
 )
 """Laws of a deck with their free coefficients, from the simplest on."""
-ABSENT = {"v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
-"""Values of coefficients that are not free; mu_inf is then mu_0."""
 STEEPEST = 10.0
 """Largest exponent of a deck."""
+COMPLEX_STEP = 1e-20
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class FrictionFit:
         speed : array_like
             Slip speeds [m/s], at least 0.
         """
-        return _friction(self.values, reals("speed", speed, least=0.0, units="m/s"))
+        return friction_coefficient(reals("speed", speed, least=0.0, units="m/s"), self.values)
 
     def slope(self, speed: float) -> tuple[float, float]:
         """Slope of the friction coefficient [s/m], and its standard error.
@@ -190,18 +190,9 @@ def fit_friction_law(
     return best
 
 
-def _friction(values: Mapping[str, float], v: _Floats) -> _Floats:
-    coefficients = {"mu_inf": values["mu_0"], **ABSENT, **values}
-    mu_0, mu_inf, v_f, exponent, viscous = (coefficients[key] for key in KEYS)
-    return mu_inf + (mu_0 - mu_inf) * np.exp(-((v / v_f) ** exponent)) + viscous * v
-
-
 def _slope(values: Mapping[str, float], v: float) -> float:
-    """By central differences; at rest by a difference to one side."""
-    step = 1e-6 * max(v, values.get("v_f", 1.0))
-    ahead, behind = v + step, max(v - step, 0.0)
-    low, high = _friction(values, np.array([behind, ahead]))
-    return float((high - low) / (ahead - behind))
+    """Exact: the imaginary part after a step in the imaginary direction."""
+    return float(np.imag(friction_coefficient(v + 1j * COMPLEX_STEP, values)) / COMPLEX_STEP)
 
 
 def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> FrictionFit:
@@ -216,7 +207,7 @@ def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> Friction
         return {key: float(np.exp(x) if key == "v_f" else x) for key, x in zip(keys, p, strict=True)}
 
     def differences(p: _Floats) -> _Floats:
-        return (_friction(values_of(p), v) - f) / scale
+        return (friction_coefficient(v, values_of(p)) - f) / scale
 
     lower, upper = (np.array([bounds[key][side] for key in keys]) for side in (0, 1))
     start = {"mu_0": f[0], "mu_inf": f[-1], "exponent": 1.5, "viscous": 1e-3 * scale / most}
@@ -234,7 +225,7 @@ def _fitted(law: str, keys: tuple[str, ...], v: _Floats, f: _Floats) -> Friction
     if law == "constant":
         turns = np.sum(np.diff(np.sign(np.diff(f))) != 0)
     else:
-        turns = np.sum(np.diff(f) * np.diff(_friction(values, v)) < 0.0)
+        turns = np.sum(np.diff(f) * np.diff(friction_coefficient(v, values)) < 0.0)
     return FrictionFit(
         law, values, np.linalg.pinv(jacobian.T @ jacobian) * scatter**2, float(scatter), v, int(turns)
     )

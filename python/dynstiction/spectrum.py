@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import finite, instance, number, reals, shape_of
-from .creep import creep_exact, dimensionless
 from .errors import UsageError
 
-__all__ = ["Spectrogram", "creep_frequency", "oscillation_frequency", "ridge", "spectrogram"]
+__all__ = ["Spectrogram", "oscillation_frequency", "ridge", "spectrogram"]
 
 _Floats = NDArray[np.float64]
 
@@ -59,11 +57,13 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1) -> Spec
         If the samples are not uniform, not finite or too few for the window, if the window holds fewer than 8 of them, or if
         the density is beyond the range of double precision.
     """
-    times, signal = reals("time", time, checked=False), reals("values", values, checked=False)
+    from scipy import signal  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
+
+    times, samples = reals("time", time, checked=False), reals("values", values, checked=False)
     window = number("window", window, checked=False)
-    if times.ndim != 1 or times.shape != signal.shape:
-        raise UsageError(f"time and values of shapes {times.shape} and {signal.shape}: both must be (n,)")
-    if not (np.all(np.isfinite(signal)) and np.all(np.isfinite(times))):
+    if times.ndim != 1 or times.shape != samples.shape:
+        raise UsageError(f"time and values of shapes {times.shape} and {samples.shape}: both must be (n,)")
+    if not (np.all(np.isfinite(samples)) and np.all(np.isfinite(times))):
         raise UsageError("a value is not finite: leave such samples out")
     with np.errstate(all="ignore"):
         step, n = _uniform(times)
@@ -78,24 +78,14 @@ def spectrogram(time: ArrayLike, values: ArrayLike, window: float = 0.1) -> Spec
             f"run again with output.interval = {window / 100:.1g} or less"
         )
     hop = max(1, (n - length) // WINDOWS)
-    # The middles of the windows are multiples of the hop, from the first to the last that is within the signal.
+    # The middles of the windows are multiples of the hop, from the first window that is within the signal.
     half = length // 2
-    first, last = -(-half // hop), (n - length + half) // hop + 1
-    begins = hop * np.arange(first, last) - half
-    padded = PADDING * length
-    windows, weights = sliding_window_view(signal, length)[begins], np.hamming(length)
+    first = -(-half // hop)
+    how = {"window": np.hamming(length), "noverlap": length - hop, "nfft": PADDING * length}
     with np.errstate(all="ignore"):
-        spectra = np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * weights, padded)
-        density = step / np.sum(weights**2) * np.abs(spectra.T) ** 2
-        # Twice, for both signs of the frequency, except for 0 and the Nyquist frequency.
-        density[1:-1] *= 2.0
-        frequency = np.fft.rfftfreq(padded, step)
-    middles = times[0] + step * hop * np.arange(first, last)
-    return Spectrogram(
-        middles,
-        finite("the frequency", np.asarray(frequency, dtype=np.float64)),
-        finite("the density", np.ascontiguousarray(density)),
-    )
+        frequency, _, density = signal.spectrogram(samples[hop * first - half : n], 1.0 / step, **how)
+    middles = times[0] + step * hop * (first + np.arange(density.shape[1]))
+    return Spectrogram(middles, finite("the frequency", frequency), finite("the density", density))
 
 
 def ridge(spectrum: Spectrogram, above: float = 0.0) -> _Floats:
@@ -173,51 +163,6 @@ def oscillation_frequency(
     root = np.hypot(np.sqrt(stiff) * np.sin(angle), np.sqrt(soft) * np.cos(angle))
     with np.errstate(over="ignore"):
         return np.asarray(finite("the frequency", root / np.sqrt(inertia) / (2.0 * np.pi)))
-
-
-def creep_frequency(
-    t: ArrayLike,
-    *,
-    mass: ArrayLike,
-    velocity: ArrayLike,
-    misalignment_deg: ArrayLike,
-    stiffness_x: ArrayLike,
-    stiffness_y: ArrayLike,
-    mu_0: ArrayLike,
-    normal_load: ArrayLike,
-) -> _Floats:
-    """Frequency of the fast oscillation in slow creep: `oscillation_frequency` at the angle of `creep_exact`.
-
-    For small misalignment ``sqrt(k_y/m) sqrt(1 - tau^2)/(2 pi)`` with ``tau = V t k_x/(mu_0 W)``.
-
-    Parameters
-    ----------
-    t : array_like
-        Time [s] since the spring was relaxed, at least 0.
-    mass, velocity, misalignment_deg, stiffness_x, stiffness_y, mu_0, normal_load : array_like
-        m [kg], V [m/s] > 0, phi [deg], k_x < k_y [N/m], friction coefficient, W [N].
-
-    Returns
-    -------
-    ndarray, float64
-        Frequency [Hz] in the broadcast shape.
-
-    Raises
-    ------
-    UsageError
-        If an argument is out of the range of `creep_velocity`, or the mass is not positive.
-    """
-    scaled = dimensionless(
-        t,
-        velocity=velocity,
-        misalignment_deg=misalignment_deg,
-        stiffness_x=stiffness_x,
-        stiffness_y=reals("stiffness_y", stiffness_y, above=0.0, units="N/m"),
-        mu_0=mu_0,
-        normal_load=normal_load,
-    )
-    theta = creep_exact(*scaled).theta
-    return oscillation_frequency(theta, mass=mass, stiffness_x=stiffness_x, stiffness_y=stiffness_y)
 
 
 def _uniform(times: _Floats) -> tuple[float, int]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ._arguments import instance
 from ._native import Info
+from ._slider import drive_of
 from .errors import Error, UsageError
 from .record import SLIP_BEGINS, STICK_BEGINS, Described, Table
 from .result import Result
@@ -21,10 +22,6 @@ __all__ = ["StickSlip", "drive_profile", "first_release", "stick_slip_statistics
 
 THRESHOLD = 0.01
 """Share of the static limit mu_0 W by which the load must fall or rise to count."""
-KEPT = 100
-"""Largest number of cycles over which means are taken."""
-LONG = 10.0
-"""Time without a turn, in lengths of the longest cycle, after which a new motion begins."""
 
 _Floats = NDArray[np.float64]
 
@@ -41,9 +38,6 @@ COLUMNS = (
     Info("rest_time", "s", "time at rest, from peak to the next peak"),
 )
 
-INSTANTS = ("peak_time", "valley_time")
-"""Columns that have no mean."""
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StickSlip(Table[_Floats]):
@@ -55,29 +49,27 @@ class StickSlip(Table[_Floats]):
         ``peak_time`` [s], ``peak_force`` [N], ``valley_time`` [s], ``valley_force`` [N], ``slip_duration`` [s],
         ``slip_length`` [m], ``stick_duration`` [s], ``period`` [s], ``rests``, ``rest_time`` [s]; NaN where the run ends,
         or the drive stops or reverses, before the next peak.
-    settled : ndarray of bool, shape (n,)
-        The rows that `means` and `scatter` use: the later half of the complete cycles, at least two and at most 100;
-        none if the summary has no period, because the oscillation dies out.
+    summary : Described of float
+        The summary of the run.
     """
 
     columns: Described[_Floats]
-    settled: NDArray[np.bool_]
+    summary: Described[float]
 
     def __len__(self) -> int:
         return int(self.columns["peak_time"].size)
 
     def means(self) -> Described[float]:
-        """Mean of each column except the times, over the settled cycles; empty if there are none."""
-        return Described((info, float(np.mean(values))) for info, values in self._settled_columns(1))
+        """Means of the columns over the settled cycles, from the summary; empty if there are none."""
+        return self._of_summary("")
 
     def scatter(self) -> Described[float]:
-        """Standard deviation (n - 1) of each column except the times, over the settled cycles; empty for fewer than two."""
-        return Described((info, float(np.std(values, ddof=1))) for info, values in self._settled_columns(2))
+        """Their standard deviations (n - 1); empty for fewer than two cycles."""
+        return self._of_summary("_scatter")
 
-    def _settled_columns(self, least: int) -> list[tuple[Info, _Floats]]:
-        if np.count_nonzero(self.settled) < least:
-            return []
-        return [(info, v[self.settled]) for info, v in self.columns.info() if info.name not in INSTANTS]
+    def _of_summary(self, suffix: str) -> Described[float]:
+        infos = [info for info, _ in self.columns.info() if info.name + suffix in self.summary]
+        return Described((info, self.summary[info.name + suffix]) for info in infos)
 
     def __repr__(self) -> str:
         lines = repr(self.means()).splitlines()
@@ -92,8 +84,8 @@ def stick_slip_statistics(result: Result) -> StickSlip:
 
     The load is the longitudinal spring force k_x u_x, positive in the direction in which the drive pulls the spring. A cycle goes
     from a peak of the load over a valley to the next peak; at each of them the load must turn by more than 1 % of the static limit
-    mu_0 W. A drive that stops or reverses ends the current cycle. The summary of the core has the same definitions, and also
-    finds extremes between the samples: the means agree with the summary within the distance of the samples.
+    mu_0 W. A drive that stops or reverses ends the current cycle. The summary, of which the means are, has the same definitions, and
+    also finds extremes between the samples.
 
     Parameters
     ----------
@@ -118,7 +110,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         limit = float(result.parameters["mu_0"]) * float(result.parameters["normal_load"])
     except KeyError as error:
         raise UsageError(f"the result has no parameter {error}: it is none of dynstiction's runs") from None
-    drive, pull, cosine = _directions(result)
+    drive, pull = _directions(result)
     # Of each peak: its sample, that of its valley, whether that and the next peak follow in the same stretch, and where this begins.
     rows: list[tuple[int, int, bool, bool, int]] = []
     for stretch in np.split(np.arange(drive.size), np.flatnonzero(np.diff(drive)) + 1):
@@ -137,13 +129,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
     peak_time, peak_force = _vertex(time, force, peaks)
     valley_time, valley_force = (np.where(whole, v, np.nan) for v in _vertex(time, force, valleys))
     slip_length = np.where(whole, along * (position[valleys] - position[peaks]), np.nan)
-    travel = np.abs(np.diff(position[peaks], append=np.nan))
     next_peak = np.where(linked, np.append(peak_time[1:], np.nan)[:n], np.nan)
-    cycles, slides = _last_motion(
-        linked, travel, next_peak - peak_time, *_natural_scales(result, limit, cosine)
-    )
-    linked[slides] = False
-    next_peak = np.where(linked, next_peak, np.nan)
     rests, rest_time = _rests(result.events, peak_time)
     values = (
         peak_time,
@@ -157,10 +143,7 @@ def stick_slip_statistics(result: Result) -> StickSlip:
         np.where(linked, rests, np.nan),
         np.where(linked, rest_time, np.nan),
     )
-    settled = np.zeros(n, dtype=bool)
-    # Whether they persist is the core's to say.
-    settled[_later_half(cycles)] = "period" in result.summary
-    return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), settled)
+    return StickSlip(Described(zip(COLUMNS, values, strict=True), "table"), result.summary)
 
 
 def first_release(force: _Floats) -> int:
@@ -181,17 +164,14 @@ def drive_profile(result: Result) -> tuple[_Floats, _Floats] | None:
     if "velocity" in result.parameters or not result.resolved_deck:
         return None
     try:
-        drive = Scene(result.resolved_deck).groups()["drive"]
-        time, velocity = (
-            np.atleast_1d(np.asarray(drive[name], dtype=float)) for name in ("time", "velocity")
-        )
-    except (Error, KeyError, ValueError):
+        time, velocity = map(np.array, drive_of(Scene(result.resolved_deck)))
+    except Error:
         return None
     return (time, velocity) if velocity.size > 1 and time.shape == velocity.shape else None
 
 
-def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], float]:
-    """Signs of V and of V cos(phi) from each sample to the next, 0 where the drive does not pull; and cos(phi)."""
+def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Signs of V and of V cos(phi) from each sample to the next, 0 where the drive does not pull."""
     angle = float(result.parameters.get("misalignment_deg", 0.0))
     cosine = 0.0 if angle % 180.0 == 90.0 else float(np.cos(np.radians(angle)))
     if result.parameters.get("model") in ("high_frequency", "creep", "creep_asymptotic"):
@@ -202,37 +182,7 @@ def _directions(result: Result) -> tuple[NDArray[np.int_], NDArray[np.int_], flo
     if profile is not None:
         velocity = np.interp(middle, *profile)
     sign = np.sign(velocity).astype(int)
-    return sign, sign * int(np.sign(cosine)), cosine
-
-
-def _natural_scales(result: Result, limit: float, cosine: float) -> tuple[float, float]:
-    """Distance and time of the drive in which a cycle is expected: that which loads the spring to the limit, the free period."""
-    try:
-        stiffness, mass = float(result.parameters["stiffness_x"]), float(result.parameters["mass"])
-    except KeyError:
-        return np.inf, np.inf
-    length = limit / (stiffness * abs(cosine)) if cosine else np.inf
-    return length, 2.0 * np.pi * float(np.sqrt(mass / stiffness))
-
-
-def _last_motion(
-    linked: NDArray[np.bool_], travel: _Floats, period: _Floats, length: float, time: float
-) -> tuple[list[int], list[int]]:
-    """Rows of the cycles since the last long steady sliding, and of such slidings: each ends one motion and begins another."""
-    cycles, slides = list[int](), list[int]()
-    for i in np.flatnonzero(linked).tolist():
-        is_long = travel[i] > LONG * length and period[i] > LONG * time
-        if is_long and (not cycles or travel[i] > LONG * travel[_later_half(cycles)].max()):
-            slides.append(i)
-            cycles = []
-        else:
-            cycles.append(i)
-    return cycles, slides
-
-
-def _later_half(cycles: list[int]) -> list[int]:
-    """Number of rows for means: at least two if there are two, at most `KEPT`."""
-    return cycles[-min(KEPT, max(2, len(cycles) // 2)) :]
+    return sign, sign * int(np.sign(cosine))
 
 
 def _turns(load: _Floats, least: float) -> list[tuple[int, int]]:

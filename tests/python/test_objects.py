@@ -241,7 +241,6 @@ NUMERICAL: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "creep_exact": (ds.creep_exact, {"tau": 0.5, "phi": 0.1, "kappa": 1e-3}),
     "creep_asymptotic": (ds.creep_asymptotic, {"tau": 0.5, "phi": 0.1, "form": "printed"}),
     "creep_velocity": (ds.creep_velocity, {"t": 0.5, **CREEP}),
-    "creep_frequency": (ds.creep_frequency, {"t": 0.5, "mass": 0.25, **CREEP}),
     "oscillation_frequency": (ds.oscillation_frequency, {"theta": 0.3, "mass": 0.25, "stiffness_x": 1e3, "stiffness_y": 1e7}),
     "spectrogram": (ds.spectrogram, {"time": np.arange(99) * 0.01, "values": np.sin(np.arange(99)), "window": 0.2}),
     "ridge": (ds.ridge, {"spectrum": ds.spectrogram(np.arange(99) * 0.01, np.sin(np.arange(99)), 0.2), "above": 1.0}),
@@ -260,7 +259,7 @@ def test_every_argument_that_cannot_be_meant_is_refused(name: str) -> None:
     function(**good)
     optional = {"mu_inf", "v_f", "v_smooth"} | ({"misalignment_deg"} if name == "critical_misalignment" else set())
     optional |= {"stiffness_y"} if name in ("damping_ratio", "creep_velocity") else set()
-    of_creep = name in ("creep_velocity", "creep_frequency")
+    of_creep = name == "creep_velocity"
     for argument in good:
         beyond = [np.nan, -np.inf] + ([] if (name, argument) == ("creep_velocity", "stiffness_y") else [np.inf])
         for value in [*([] if argument in optional else [None]), *NO_NUMBERS, *beyond]:

@@ -65,7 +65,7 @@ def test_a_run_of_many_cycles_is_shown_up_to_its_first_ones(result: ds.Result) -
 def test_few_cycles_a_settled_motion_and_a_profile_are_shown_as_a_whole(fig3_result: ds.Result, held: ds.Result) -> None:
     settling = own(t_end=2.0, misalignment_deg=25.0)
     slower = own(t_end=4.0, time=[0.0, 2.0, 2.1], velocity=[5e-3, 5e-3, 4e-3])
-    assert np.count_nonzero(ds.stick_slip_statistics(slower).settled) > 10
+    assert np.isfinite(ds.stick_slip_statistics(slower)["period"]).sum() > 12
     for whole in (fig3_result, held, settling, slower):
         figure = plot.draw(whole, "history")
         assert figure.axes[0].get_xlim() == (0.0, whole.time[-1])
@@ -149,9 +149,9 @@ def test_the_start_velocity_draws_no_line(result: ds.Result) -> None:
 
 
 def test_coarse_samples_are_marked(result: ds.Result, coarse: ds.Result, held: ds.Result) -> None:
-    said = "samples 5 ms apart do not show the oscillation of 225 Hz"
+    said = "samples 0.005 s apart do not show the fast oscillation of 225 Hz"
     for kind in ("history", "velocities", "path", "columns", "creep"):
-        assert said in notes_of(plot.draw(coarse, kind)), kind
+        assert said in notes_of(plot.draw(coarse, kind)).replace(";", ""), kind
         assert "do not show" not in notes_of(plot.draw(result, kind)), kind
     assert plot.coarseness(coarse) == said
     assert plot.coarseness(held) is None

@@ -167,31 +167,26 @@ def test_irregular_stick_slip_lasts_and_its_scatter_is_that_of_the_series(seed: 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("t_end", [4.0, 6.0, 9.0])
-def test_python_has_the_same_means(seed: int, t_end: float) -> None:
+def test_python_has_the_same_cycles(seed: int, t_end: float) -> None:
     result = irregular(seed, t_end)
     cycles = ds.stick_slip_statistics(result)
-    assert np.isfinite(cycles["period"]).sum() == result.summary["cycles"]
-    for values, suffix in ((cycles.means(), ""), (cycles.scatter(), "_scatter")):
-        for name in MEANS:
-            assert (name in values) == (name + suffix in result.summary)
-            if name in values:
-                assert values[name] == pytest.approx(result.summary[name + suffix], abs=2e-3 * result.summary[name])
+    whole = np.flatnonzero(np.isfinite(cycles["period"]))
+    assert whole.size == result.summary["cycles"]
+    for name in cycles.scatter():
+        values = cycles[name][whole[-max(2, whole.size // 2) :]]
+        mean, scatter = result.summary[name], result.summary[f"{name}_scatter"]
+        assert (values.mean(), values.std(ddof=1)) == pytest.approx((mean, scatter), abs=2e-3 * mean)
 
 
 def test_which_cycles_count() -> None:
     """All of two, the later half of more, at most a hundred: the drive changes its speed where they begin."""
     drive = {"velocity": (1e-3, 1e-3, 2e-3), "time": (0.0, 130.0, 130.0)}
     long = ds.run(scene_of(1.0, 240.0, drive))
-    cycles = ds.stick_slip_statistics(long)
     assert long.summary["cycles"] > 300
-    assert cycles.settled.sum() == 100
-    assert long.summary["period"] == pytest.approx(cycles["period"][-2], rel=1e-3)
+    assert long.summary["period"] == pytest.approx(ds.stick_slip_statistics(long)["period"][-2], rel=1e-3)
     for t_end, counted in ((2.5, 0), (3.5, 1), (4.5, 2), (5.0, 2), (7.0, 2), (10.0, 4)):
-        result = ds.run(scene_of(1.0, t_end, {"velocity": 1e-3}))
-        cycles = ds.stick_slip_statistics(result)
-        assert cycles.settled.sum() == counted
-        assert ("period" in result.summary) == (counted > 0)
-        assert ("period_scatter" in result.summary) == (counted > 1)
+        found = ds.run(scene_of(1.0, t_end, {"velocity": 1e-3})).summary
+        assert ("period" in found, "period_scatter" in found) == (counted > 0, counted > 1)
 
 
 def test_a_long_slide_parts_two_motions() -> None:
@@ -201,7 +196,6 @@ def test_a_long_slide_parts_two_motions() -> None:
         result = ds.run(scene_of(8.0, t_end, RAMP), integrator={"method": "radau13", "rtol": 1e-8})
         given += "period" in result.summary
         assert result.summary.get("period", 0.2) < 1.2, t_end
-        assert ds.stick_slip_statistics(result).means().get("period", 0.2) < 1.2, t_end
     assert given >= 3
 
 

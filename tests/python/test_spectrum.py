@@ -5,6 +5,7 @@ from __future__ import annotations
 import dynstiction as ds
 import numpy as np
 import pytest
+from dynstiction.creep import dimensionless
 from dynstiction.plot.paper import deck
 from fig3 import SLIDER
 
@@ -13,6 +14,12 @@ TIMES = np.array([0.1, 0.3, 0.6, 1.0, 1.4, 1.6])
 # NUMERICS: the oscillation counted by its zero crossings, without any spectrum.
 SIMULATED = np.array([1000.9, 990.8, 956.2, 869.1, 720.3, 610.5])
 TIME = np.arange(20001) / 1e4
+
+
+def creep_frequency(t: np.ndarray, *, mass: float, **slider: float) -> np.ndarray:
+    """Frequency of the fast oscillation in slow creep, at times since the spring was relaxed."""
+    theta = ds.creep_exact(*dimensionless(t, **slider)).theta
+    return ds.oscillation_frequency(theta, mass=mass, stiffness_x=slider["stiffness_x"], stiffness_y=slider["stiffness_y"])
 
 
 def tone(frequency: float, amplitude: float = 1.0, offset: float = 0.0) -> np.ndarray:
@@ -77,7 +84,7 @@ def test_prediction_is_the_circle_for_small_misalignment() -> None:
     for phi in (1e-2, 1e-3):
         # A rigid stiff axis: both stiffnesses and the mass scaled, so that k_x/k_y does not show.
         slider = FIG4 | {"misalignment_deg": np.degrees(phi), "stiffness_y": 1e11, "mass": 2.5e3}
-        errors.append(np.max(np.abs(ds.creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
+        errors.append(np.max(np.abs(creep_frequency(2.0 * tau, **slider) / circle - 1.0)))
     assert errors[0] < 0.05
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.15)
 
@@ -88,10 +95,10 @@ def test_ridge_of_fig4(fig4_result: ds.Result, column: str) -> None:
     spectrum = ds.spectrogram(fig4_result.time, fig4_result[column])
     found = ds.ridge(spectrum, above=100.0)
     here = np.interp(TIMES, spectrum.time, found)
-    np.testing.assert_allclose(here, ds.creep_frequency(TIMES, **FIG4), rtol=0.01)
+    np.testing.assert_allclose(here, creep_frequency(TIMES, **FIG4), rtol=0.01)
     np.testing.assert_allclose(here, SIMULATED, rtol=0.002)
     between = (spectrum.time >= 0.1) & (spectrum.time <= 1.6)
-    predicted = ds.creep_frequency(spectrum.time[between], **FIG4)
+    predicted = creep_frequency(spectrum.time[between], **FIG4)
     np.testing.assert_allclose(found[between], predicted, rtol=0.01)
 
 
@@ -100,4 +107,4 @@ def test_without_rests_the_ridge_is_the_prediction() -> None:
     result = ds.run(deck("fig3_constant"), scene={"t_end": 0.7}, output={"interval": 1e-4})
     spectrum = ds.spectrogram(result.time, result["w_y"])
     here = np.interp(TIMES[:3], spectrum.time, ds.ridge(spectrum, above=100.0))
-    np.testing.assert_allclose(here, ds.creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)
+    np.testing.assert_allclose(here, creep_frequency(TIMES[:3], **FIG4), rtol=5e-4)

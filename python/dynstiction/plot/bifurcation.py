@@ -11,6 +11,7 @@ from matplotlib.figure import FigureBase
 from numpy.typing import NDArray
 
 from .._native import group_of
+from ..equations import friction_coefficient
 from ..errors import UsageError
 from ..record import headed
 from ..stability import CriticalMisalignment, critical_misalignment
@@ -177,10 +178,7 @@ def _draw_steady_branch(axis: Axes, table: Table, side: Axis, quantity: str) -> 
     slider = slider_at(table, side, side.fine)
     if quantity not in LOADS or slider is None or not np.ptp(side.fine) > 0.0:
         return
-    friction = slider["mu_0"]
-    if "v_f" in slider:
-        falls = np.exp(-np.abs(slider["velocity"]) / slider["v_f"])
-        friction = slider["mu_inf"] + (slider["mu_0"] - slider["mu_inf"]) * falls
+    friction = friction_coefficient(np.abs(slider["velocity"]), slider)
     # F(V) cos(phi), positive where the drive pulls.
     load = friction * slider["normal_load"] * np.abs(np.cos(np.radians(slider["misalignment_deg"])))
     shown, stable = side.at(side.fine), _is_stable(slider)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import FigureBase
 
-from ..creep import Form, creep_asymptotic
+from ..creep import Form, creep_asymptotic, creep_exact
 from ..errors import UsageError
 from ..result import Result
 from ..stick_slip import first_release
 from .notation import SPEED_RATIO, Floats
 from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
-from .theory import creep, scaled_time, stiff_frequency
+from .theory import scaled, stiff_frequency
 from .view import View, coarseness
 
 __all__ = ["draw_creep", "mean_velocity"]
@@ -38,8 +38,8 @@ def draw_creep(view: View, figure: FigureBase) -> None:
     """Mean velocity along the drive in the first creep, and its deviation from the exact creep."""
     result = view.whole
     tau, run, smooth = mean_velocity(result)
-    exact = creep(result, tau / scaled_time(result, np.ones(1))).X_rate
-    phi = np.radians(float(result.parameters["misalignment_deg"]))
+    _, phi, kappa = scaled(result, np.zeros(1))
+    exact = creep_exact(tau, phi, kappa).X_rate
     above, below = panels(figure, 2, 105.0, sharex=True, height_ratios=(3.0, 2.0))
     creeps = exact > 0.0
     slowest = float(exact[creeps].min()) if creeps.any() else 0.0
@@ -68,16 +68,15 @@ def mean_velocity(result: Result) -> tuple[Floats, Floats, Floats]:
     is raised if the closed form of creep does not apply to the run, or the run has no creep.
     """
     end = first_release(result["spring_force_x"]) + 1
-    tau = scaled_time(result, result.time[:end])
-    if end < 2 * AVERAGED or np.sin(np.radians(float(result.parameters["misalignment_deg"]))) == 0.0:
+    tau, phi, kappa = scaled(result, result.time[:end])
+    if end < 2 * AVERAGED or phi == 0.0:
         raise UsageError(
             f"the run has no creep to show: it needs a misalignment that is not 0 and {2 * AVERAGED} samples "
             "before its first slip"
         )
-    exact = creep(result, result.time[:end])
+    exact = creep_exact(tau, phi, kappa)
     # X' = w.(cos phi, sin phi) changes sign with the drive; the closed form is for a drive with V > 0.
-    drive = float(result.parameters["velocity"])
-    length = drive * result.time[1:2] / scaled_time(result, result.time[1:2])
+    length = float(result.parameters["velocity"]) * result.time[1] / tau[1]
     least, frequency = AVERAGED, stiff_frequency(result)
     step = float(np.median(np.diff(result.time[:end])))
     if frequency is not None and step > 0.0:

@@ -102,17 +102,11 @@ PARAMETERS = {
 }
 """Keys of a deck, in the order in which figures name them."""
 
-PREFIXES = {"M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
+PREFIXES = {"k": 1e-3, "": 1.0, "m": 1e3, "µ": 1e6, "n": 1e9}
+"""Factors from a unit to that with the prefix."""
 WITH_PREFIX = ("m", "m/s", "N")
 LEAST = 0.5
 """A unit with a prefix is chosen so that the largest value is at least this."""
-
-
-def prefixed(unit: str, size: float, least: float, prefixes: tuple[str, ...]) -> tuple[float, str]:
-    """Factor to the unit with the first of these prefixes in which a size is at least `least`, or the last one, and this unit."""
-    prefix = next((each for each in prefixes if size >= least * PREFIXES[each]), prefixes[-1])
-    # Not 1/size, which is not exact.
-    return float(f"{1.0 / PREFIXES[prefix]:.0e}"), prefix + unit
 
 
 def scaled(unit: str, *values: Floats) -> tuple[float, str]:
@@ -120,7 +114,8 @@ def scaled(unit: str, *values: Floats) -> tuple[float, str]:
     largest = max((float(np.nanmax(np.abs(each), initial=0.0)) for each in values), default=0.0)
     if unit not in WITH_PREFIX or not largest > 0.0:
         return 1.0, unit
-    return prefixed(unit, largest, LEAST, ("k", "", "m", "µ", "n"))
+    prefix, factor = next(each for each in PREFIXES.items() if each[0] == "n" or largest * each[1] >= LEAST)
+    return factor, prefix + unit
 
 
 def label_of(name: str, units: str, *values: Floats) -> tuple[str, float, str]:

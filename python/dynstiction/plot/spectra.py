@@ -65,7 +65,7 @@ def draw_spectrogram(view: View, figure: FigureBase, *, length: float | None = N
     ridges: list[Line2D] = []
     for i, name in enumerate(names):
         trace, density = axes[2 * i : 2 * i + 2]
-        draw_column(trace, shown, name, 0.05, tuple(shown[each] for each in names))
+        draw_column(trace, name, shown, margin=0.05, scale=[shown[each] for each in names])
         image = _draw_density(density, spectra[name], 10.0 * np.log10(top), highest, length)
         # The prediction needs more data than the spectrogram, which is useful without it.
         with suppress(UsageError):

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from string import ascii_lowercase
+from textwrap import fill
 from typing import Any, TypeAlias
 
 from matplotlib import rc_context
@@ -28,7 +29,7 @@ MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM
 DOTS_PER_INCH = 400
 WIDEST = 52
-"""Characters in a row of a legend."""
+"""Characters in a row of a legend, or of a note."""
 NOTE = "0.35"
 """Grey of the notes in a figure."""
 DEGREE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
@@ -139,7 +140,8 @@ def with_margin(low: float, high: float, share: float, log: bool = False) -> tup
 def note(axes: Axes, lines: Sequence[str]) -> None:
     """Notes on the samples of a figure, as grey lines above the axes."""
     if any(lines):
-        axes.set_title("\n".join(lines), loc="right", fontsize=7.0, color=NOTE, pad=3.0)
+        text = "\n".join(fill(line, WIDEST) for line in lines)
+        axes.set_title(text, loc="right", fontsize=7.0, color=NOTE, pad=3.0)
 
 
 @contextmanager

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..creep import Creep, creep_exact
+from ..creep import Creep, creep_exact, dimensionless
+from ..equations import friction_coefficient
 from ..errors import UsageError
 from ..result import Result
 from ..spectrum import oscillation_frequency
@@ -42,24 +43,21 @@ def stiff_frequency(result: Result) -> float | None:
     return None if system is None else float(max(oscillation_frequency([0.0, 0.5 * np.pi], **system)))
 
 
-def scaled_time(result: Result, time: Floats) -> Floats:
-    """``tau = V t k_x/(mu_0 W)`` at some times [s]; a `UsageError` if the run does not creep from a relaxed spring."""
-    given = _numbers(result, "velocity", "stiffness_x", "mu_0", "normal_load")
-    elongation = [float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")]
-    friction = given["mu_0"] * given["normal_load"]
-    if any(elongation) or given["velocity"] == 0.0 or friction == 0.0:
+def scaled(result: Result, time: Floats) -> tuple[Floats, Floats, Floats]:
+    """``tau = V t k_x/(mu_0 W)`` at some times [s], phi [rad] and kappa; a `UsageError` if the run has no such creep from a relaxed spring."""
+    if any(float(result.parameters.get(name, 0.0)) for name in ("elongation_x", "elongation_y")):
         raise UsageError(
-            "the closed form of creep starts from a relaxed spring, with friction, under a constant drive velocity: "
-            "run a deck without elongation_x and elongation_y, and with mu_0, normal_load and velocity not 0"
+            "the closed form of creep starts from a relaxed spring: run without elongation_x, elongation_y"
         )
-    return np.asarray(abs(given["velocity"]) * time * given["stiffness_x"] / friction)
+    given = _numbers(
+        result, "velocity", "misalignment_deg", "stiffness_x", "stiffness_y", "mu_0", "normal_load"
+    )
+    return dimensionless(time, **given | {"velocity": abs(given["velocity"])})
 
 
 def creep(result: Result, time: Floats) -> Creep:
-    """Exact slow creep with the parameters of a run, at some times [s]; refused as by `scaled_time` and `creep_exact`."""
-    system = _numbers(result, "misalignment_deg", "stiffness_x", "stiffness_y")
-    kappa = system["stiffness_x"] / system["stiffness_y"]
-    return creep_exact(scaled_time(result, time), np.radians(system["misalignment_deg"]), kappa)
+    """Exact slow creep with the parameters of a run, at some times [s]; refused as by `scaled` and `creep_exact`."""
+    return creep_exact(*scaled(result, time))
 
 
 def static_limit(result: Result) -> float | None:
@@ -70,18 +68,11 @@ def static_limit(result: Result) -> float | None:
 
 def steady_friction(result: Result) -> float | None:
     """F(V) [N], the friction in steady sliding; None where the drive is not constant, or the law is a table."""
-    given, limit = _held(result, "velocity", "normal_load"), static_limit(result)
+    given = _held(result, "velocity", "mu_0", "normal_load")
     is_known = result.parameters.get("law", "constant") in ("constant", "weakening", "stribeck")
-    if given is None or limit is None or not is_known or given["velocity"] == 0.0:
+    if given is None or not is_known or given["velocity"] == 0.0:
         return None
-    falling = _held(result, *WEAKENING)
-    if falling is None:
-        return limit
-    speed, load = abs(given["velocity"]), given["normal_load"]
-    exponent, viscous = (float(result.parameters.get(*key)) for key in (("exponent", 1.0), ("viscous", 0.0)))
-    least = falling["mu_inf"] * load
-    fall = np.exp(-((speed / falling["v_f"]) ** exponent))
-    return float(least + (limit - least) * fall + viscous * speed * load)
+    return given["normal_load"] * float(friction_coefficient(abs(given["velocity"]), result.parameters))
 
 
 def driven_length(result: Result, time: Floats) -> Floats | None:
@@ -90,15 +81,11 @@ def driven_length(result: Result, time: Floats) -> Floats | None:
     if profile is None:
         given = _held(result, "velocity")
         return None if given is None else given["velocity"] * time
-    corners, velocity = profile
-    length = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(corners))])
-    here = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, corners.size - 2)
-    since = np.clip(time - corners[here], 0.0, None)
-    span = corners[here + 1] - corners[here]
-    inside = np.minimum(since, span)
-    slope = np.divide(velocity[here + 1] - velocity[here], span, out=np.zeros_like(span), where=span > 0.0)
-    after = np.where(time > corners[-1], (time - corners[-1]) * velocity[-1], 0.0)
-    return np.asarray(length[here] + inside * (velocity[here] + 0.5 * slope * inside) + after)
+    # Between two of these times V is linear, so that its value in the middle gives the integral; the last velocity is held.
+    knots = np.unique(np.concatenate([profile[0], time]))
+    middle = 0.5 * (knots[1:] + knots[:-1])
+    length = np.concatenate([[0.0], np.cumsum(np.interp(middle, *profile) * np.diff(knots))])
+    return np.asarray(length[np.searchsorted(knots, time)])
 
 
 def damping_crossing(parameters: Mapping[str, float], level: float) -> float:

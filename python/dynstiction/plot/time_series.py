@@ -89,20 +89,25 @@ LEAST_CREEP, MOST_CREEP = 20, 0.6
 
 
 def draw_column(
-    axis: Axes, result: Result, name: str, margin: float = 0.12, scale: tuple[Floats, ...] = ()
+    axis: Axes, name: str, *results: Result, margin: float = 0.12, scale: Sequence[Floats] = ()
 ) -> None:
-    """Draw one column against time, with its label, in the unit that suits the column or the values `scale`."""
-    scale = scale or (result[name],)
-    label, factor, colour = label_of(name, result.columns.units[name], *scale)
-    axis.plot(*_line(result, name, factor), color=colour)
+    """Draw one column of a run against time, with its label, in the unit that suits the column or the values `scale`; or that of several
+    runs, each with its own colour and dashes.
+    """
+    scale = scale or [result[name] for result in results]
+    label, factor, colour = label_of(name, results[0].columns.units[name], *scale)
+    colours = COLOURS if len(results) > 1 else [colour]
+    for result, own, dashes in zip(results, colours, DASHES, strict=False):
+        axis.plot(*_line(result, name, factor), color=own, linestyle=dashes)
     axis.set_ylabel(label)
     axis.margins(y=margin)
+    degree_ticks(axis, name)
 
 
-def show_time(axis: Axes, result: Result) -> None:
+def show_time(axis: Axes, *results: Result) -> None:
     """Set the limits and the label of the time axis."""
-    axis.set_xlim(result.time[0], result.time[-1])
-    axis.set_xlabel("$t$ [s]")
+    ends = [result.time[[0, -1]] for result in results]
+    axis.set(xlabel="$t$ [s]", xlim=(np.min(ends), np.max(ends)))
 
 
 def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> None:
@@ -127,10 +132,9 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
         axes[0].margins(y=0.12)
     named: dict[str, Artist] = {}
     for axis, name in zip(axes[count - len(names) :], names, strict=True):
-        draw_column(axis, view.result, name)
+        draw_column(axis, name, view.result)
         for line in _draw_limits(axis, view, name):
             named[str(line.get_label())] = line
-        degree_ticks(axis, name)
     slips = view.slips()
     if 0 < len(slips) <= MOST_SLIPS:
         # From each peak of the load to its valley.
@@ -146,7 +150,7 @@ def draw_history(view: View, canvas: Canvas, *, columns: Sequence[str] = ()) -> 
 
 def _draw_in_axes(view: View, axes: Sequence[Axes], names: Sequence[str]) -> None:
     for axis, name in zip(given_axes(axes, len(names)), names, strict=True):
-        draw_column(axis, view.result, name)
+        draw_column(axis, name, view.result)
         show_time(axis, view.result)
     note(axes[0], view.notes)
 
@@ -232,7 +236,7 @@ def draw_velocities(view: View, figure: FigureBase) -> None:
     both = tuple(shown[name] for name in VELOCITIES)
     time = 1e3 * (shown.time[detail] - shown.time[detail][0])
     for row, name in zip(axes, VELOCITIES, strict=True):
-        draw_column(row[0], shown, name, 0.05, both)
+        draw_column(row[0], name, shown, margin=0.05, scale=both)
         _, factor, colour = label_of(name, "m/s", *both)
         row[1].plot(time, factor * shown[name][detail], color=colour)
     note(axes[0, 1], view.notes)
@@ -284,9 +288,8 @@ def draw_comparison(
     for row, name in zip(axes, shown, strict=True):
         scale = tuple(view.result[name] for view in views)
         for axis, view in zip(row, views, strict=True):
-            draw_column(axis, view.result, name, scale=scale)
+            draw_column(axis, name, view.result, scale=scale)
             axis.label_outer()
-        degree_ticks(row[0], name)
     for column, title, view in zip(axes.T, what_differs(results), views, strict=True):
         show_time(column[-1], view.result)
         # A note has two lines, because columns of panels are narrow.
@@ -309,27 +312,17 @@ def draw_overlay(
     views = [view_of(result, start, end) for result in results.values()]
     if start is None and end is None:
         # One window for all results: the longest of their windows.
-        lasts = [float(result.time[-1]) for result in results.values()]
+        last = max(float(result.time[-1]) for result in results.values())
         window = max(float(view.result.time[-1]) for view in views)
-        notes = [f"first {window:.3g} s of {max(lasts):.4g} s"] if window < max(lasts) else []
-        ends = [min(window, last) for last in lasts]
-        views = [view_of(result, None, until) for result, until in zip(results.values(), ends, strict=True)]
+        notes = [f"first {window:.3g} s of {last:.4g} s"] if window < last else []
+        views = [view_of(each, None, min(window, float(each.time[-1]))) for each in results.values()]
     axes = panels(figure, len(shown), 34.0 * len(shown) + 12.0 + 5.0 * len(results), sharex=True)
+    drawn = [view.result for view in views]
     for axis, name in zip(axes, shown, strict=True):
-        units = views[0].result.columns.units[name]
-        label, factor, _ = label_of(name, units, *(view.result[name] for view in views))
-        for i, view in enumerate(views):
-            axis.plot(*_line(view.result, name, factor), color=COLOURS[i], linestyle=DASHES[i])
-        axis.set_ylabel(label)
-        axis.margins(y=0.12)
-        degree_ticks(axis, name)
-    times = [view.result.time for view in views]
-    axes[-1].set(xlabel="$t$ [s]", xlim=(min(t[0] for t in times), max(t[-1] for t in times)))
+        draw_column(axis, name, *drawn)
+    show_time(axes[-1], *drawn)
     titles = [fill(title.replace("\n", ", "), WIDTH) for title in what_differs(results)]
-    handles = [
-        Line2D([], [], color=COLOURS[i], linestyle=DASHES[i], label=each) for i, each in enumerate(titles)
-    ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=1, handlelength=2.8)
+    figure.legend(axes[0].lines, titles, loc="outside upper center", ncols=1, handlelength=2.8)
     note(axes[0], [*notes, *dict.fromkeys(line for view in views for line in view.notes)])
 
 

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import _native
 from ..errors import Error, UsageError
 from ..record import Described
 from ..result import Result
+from ..scene import Scene
 from ..stick_slip import StickSlip, drive_profile, stick_slip_statistics
-from .notation import Floats, prefixed
-from .theory import stiff_frequency
+from .notation import Floats
 
 __all__ = ["View", "coarseness", "shown_part", "view_of"]
 
@@ -20,8 +21,6 @@ MOST_CYCLES = 12
 """A run with more cycles is shown up to its first cycles."""
 SHOWN_CYCLES = 8
 """Number of cycles that are shown after the first slip."""
-COARSE = 0.25
-"""Distance of samples over the period of an oscillation above which they do not show it: 0.5 is the limit of Nyquist."""
 LARGEST = 1e100
 """Larger values would overflow in the computations for a figure."""
 SLACK = 1e-9
@@ -103,7 +102,7 @@ def shown_part(
         cycles = None
     first, last = float(result.time[0]), float(result.time[-1])
     if start is None and end is None:
-        if cycles is None or len(cycles) <= most or not np.any(cycles.settled) or drive_profile(result):
+        if cycles is None or len(cycles) <= most or not cycles.means() or drive_profile(result):
             return cycles, first, last
         peaks = cycles["peak_time"]
         return cycles, first, float(min(last, 0.5 * (peaks[shown] + peaks[shown + 1])))
@@ -118,25 +117,14 @@ def shown_part(
 
 
 def coarseness(result: Result) -> str | None:
-    """A note that the samples are too far apart for the fast oscillation; None if they are not, or there is no such oscillation."""
-    frequency = stiff_frequency(result)
-    names = ("mass", "stiffness_y", "damping_y", "misalignment_deg", "elongation_y")
-    mass, stiffness, damping, angle, elongation = (float(result.parameters.get(name, 0.0)) for name in names)
-    model = result.attributes.get("model", "full")
-    # Nothing excites it, or a damper removes it.
-    is_aligned = angle % 180.0 == 0.0 and "misalignment_deg" in result.parameters
-    is_still = model == "full" and is_aligned and elongation == 0.0
-    is_damped = damping >= 2.0 * float(np.sqrt(stiffness * mass)) > 0.0
-    has_oscillation = model in ("full", "high_frequency") and not (is_still or is_damped)
-    if frequency is None or result.time.size < 2 or not has_oscillation:
+    """A note that the samples are too far apart for the fast oscillation; None if they are not, or there is no such oscillation, or the
+    run does not contain its deck.
+    """
+    if result.time.size < 2 or not result.resolved_deck:
         return None
-    step = float(np.median(np.diff(result.time)))
-    if not step * frequency > COARSE:
+    step = float(f"{np.median(np.diff(result.time)):.6g}")
+    try:
+        with _native.Run(Scene(result.resolved_deck).replace(interval=step).source) as run:
+            return run.sampling_note.partition(" (")[0] or None
+    except Error:
         return None
-    prefixes = ("M", "k", "", "m", "µ")
-    (apart, second), (fast, hertz) = (
-        prefixed("s", step, 1.0, prefixes),
-        prefixed("Hz", frequency, 1.0, prefixes),
-    )
-    oscillation = f"the oscillation of {fast * frequency:.3g} {hertz}"
-    return f"samples {apart * step:.3g} {second} apart do not show {oscillation}"

@@ -49,14 +49,6 @@ MOST_CYCLES = 50
 MOST_VALUES = 12
 """Largest number of values of a list that are shown."""
 
-SOURCES = (
-    "The model: K. Nakano and V. L. Popov, Dynamic stiction without static friction: The role of friction vector rotation, "
-    "Physical Review E 102, 063001 (2020).",
-    "Its preprint, whose equations and figures are numbered here: Dynamic Stiction Mode by Friction Vector Rotation, "
-    "arXiv:2008.01854.",
-)
-"""Sources to cite."""
-
 CAPTIONS = {
     "history": "Spring forces along the soft and the stiff axis, friction force, its angle to the soft axis, position.",
     "velocities": "Slip velocities along the soft and the stiff axis, and a few periods of the stiff axis enlarged.",
@@ -91,7 +83,6 @@ def report(result: Result, name: str) -> str:
         "Every parameter": _described(result.parameters),
         "Work done by the solver": _described(result.statistics),
         "Provenance": table(("", ""), [(key, str(value)) for key, value in result.attributes.items()]),
-        "How to cite": _cite(result),
         "Deck": f"<pre>{escape(result.deck)}</pre>"
         + _folded("every key as used", f"<pre>{escape(result.resolved_deck)}</pre>"),
     }
@@ -228,17 +219,6 @@ def _figures(result: Result) -> str:
     return f'<div class="figures">{figures}</div>' + (why if missing else "")
 
 
-def _cite(result: Result) -> str:
-    """Sources that a paper with this run should cite, and a sentence on how the run was computed."""
-    version, revision = (str(result.attributes.get(name, "")) for name in ("version", "git_revision"))
-    model, method = (str(result.attributes.get(name, "")) for name in ("model", "method"))
-    tolerance = result.parameters.get("rtol")
-    error = f", relative tolerance {tolerance:g}" if isinstance(tolerance, float) and tolerance > 0.0 else ""
-    source = f" (revision {revision})" if revision else ""
-    computed = f"Computed with dynstiction {version}{source}: model {model}, method {method}{error}."
-    return f"<p>{escape(computed)}</p><ul>{''.join(f'<li>{escape(each)}</li>' for each in SOURCES)}</ul>"
-
-
 def _cycles(result: Result) -> str:
     try:
         cycles = stick_slip_statistics(result)
@@ -249,20 +229,18 @@ def _cycles(result: Result) -> str:
             "<p>No stick-slip cycle: the spring force never falls by more than 1 % of the static limit.</p>"
         )
     means, scatter = cycles.means(), cycles.scatter()
-    # The values of the summary are more accurate: it finds extremes between the samples.
-    found = result.summary
     if means:
         rows = [
             (
                 name,
-                number_shown(found.get(name, value)),
-                number_shown(found.get(f"{name}_scatter", scatter.get(name, "")), 2),
+                number_shown(value),
+                number_shown(scatter.get(name, ""), 2),
                 unit_shown(units),
                 meaning,
             )
             for (name, units, meaning), value in means.info()
         ]
-        settled = f"<p>{np.count_nonzero(cycles.settled)} settled cycles, of {len(cycles)} slips:</p>"
+        settled = f"<p>Settled cycles, of {len(cycles)} slips:</p>"
         settled += table(("", "mean", "standard deviation", "unit", ""), rows)
     else:
         settled = f"<p>{len(cycles)} slips; no cycles persist, so there are no means.</p>"
