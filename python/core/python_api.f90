@@ -23,7 +23,6 @@ module dst_python_api
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles, find_return, return_values
-  use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_sampling, only: sampling_note
@@ -42,7 +41,7 @@ module dst_python_api
     table_quantities
   use dst_sweep_points, only: read_points
   use dst_text, only: text_builder_t, integer_text, printable, short_text
-  use dst_writer, only: quantity_t, outcome_t
+  use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
 
@@ -70,7 +69,7 @@ module dst_python_api
   !> A run with everything that Python may need of it.
   type, extends(session_t) :: run_t
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     character(:), allocatable :: model_choice
   contains
     procedure :: reply => reply_of_run
@@ -406,7 +405,7 @@ contains
   !> What a writer has kept, in rows of this length, for an answer.
   subroutine give_kept(self, writer, length)
     class(session_t), intent(inout) :: self
-    type(memory_writer_t), intent(in) :: writer
+    type(writer_t), intent(in) :: writer
     integer, intent(in) :: length
 
     if (writer%rows > 0) then

@@ -41,7 +41,7 @@ module dst_hdf5_writer
   integer, parameter :: series = 1, log = 2, parts = merge(2, 1, digits(1.0_wp) > digits(1.0_real64))
 
   !> The result file of one run, open for writing.
-  type, extends(writer_t) :: hdf5_writer_t
+  type :: hdf5_writer_t
     private
     character(:), allocatable :: shown_name       !! name in messages
     integer(hid_t) :: file = -1
@@ -49,11 +49,9 @@ module dst_hdf5_writer
     integer(hsize_t) :: rows(2) = 0               !! of samples and events so far
     type(error_t), allocatable :: failure         !! the first one; after it HDF5 is not called any more: it may crash
   contains
-    procedure :: write_samples
-    procedure :: write_events
+    procedure :: take
     procedure :: copy_rows
     procedure :: finish
-    procedure, private :: write_row
     procedure, private :: check
   end type hdf5_writer_t
 
@@ -142,50 +140,41 @@ contains
     if (.not. allocated(error)) call close_file(file, former)
   end subroutine copy_rows
 
-  subroutine write_samples(self, samples, error)
+  !> Take the samples and events that a run has written.
+  subroutine take(self, writer, error)
     class(hdf5_writer_t), intent(inout) :: self
-    real(wp), intent(in) :: samples(:, :)
+    type(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t) :: h5
     integer :: i
 
-    do i = 1, size(samples, 2)
-      call self%write_row(series, samples(:, i), error)
-      if (allocated(error)) return
+    do i = 1, writer%rows
+      call put_row(self, series, writer%samples(:, i), h5)
     end do
-  end subroutine write_samples
-
-  subroutine write_events(self, events, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(event_t), intent(in) :: events(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer :: i
-
-    do i = 1, size(events)
-      associate (event => events(i))
-        call self%write_row(log, [event%time, real(event%kind, wp), real(event%occurs, wp), event%period], error)
+    do i = 1, writer%events
+      associate (event => writer%log(i))
+        call put_row(self, log, [event%time, real(event%kind, wp), real(event%occurs, wp), event%period], h5)
       end associate
-      if (allocated(error)) return
     end do
-  end subroutine write_events
+    writer%rows = 0
+    writer%events = 0
+    call self%check(h5, error)
+  end subroutine take
 
-  !> Add a row to those that wait.
-  subroutine write_row(self, table, row, error)
-    class(hdf5_writer_t), intent(inout) :: self
+  subroutine put_row(self, table, row, h5)
+    type(hdf5_writer_t), intent(inout) :: self
     integer, intent(in) :: table
     real(wp), intent(in) :: row(:)
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t), intent(inout) :: h5
     real(real64) :: values(1, size(row))
-    type(hdf5_t) :: h5
 
+    if (allocated(self%failure)) return
     self%rows(table) = self%rows(table) + 1
     values(1, :) = real(row, real64)
-    if (.not. allocated(self%failure)) then
-      call self%tables(table, 1)%put_row(self%rows(table), values, h5)
-      values(1, :) = real(row - real(values(1, :), wp), real64)
-      if (parts > 1) call self%tables(table, parts)%put_row(self%rows(table), values, h5)
-    end if
-    call self%check(h5, error)
-  end subroutine write_row
+    call self%tables(table, 1)%put_row(self%rows(table), values, h5)
+    values(1, :) = real(row - real(values(1, :), wp), real64)
+    if (parts > 1) call self%tables(table, parts)%put_row(self%rows(table), values, h5)
+  end subroutine put_row
 
   !> Write the waiting rows and how the run ended, and close the file.
   subroutine finish(self, outcome, error)

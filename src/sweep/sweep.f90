@@ -8,7 +8,6 @@ module dst_sweep
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
-  use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
   use dst_columns, only: columns, find_column, is_default
   use dst_cycles, only: cycle_quantities
@@ -21,7 +20,7 @@ module dst_sweep
   use dst_stepper, only: work_count_t
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text
-  use dst_writer, only: quantity_t, absent
+  use dst_writer, only: writer_t, quantity_t, absent
   implicit none
   private
 
@@ -476,13 +475,15 @@ contains
     logical, intent(out) :: done
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     type(work_count_t) :: work
     integer :: i, column
 
+    if (allocated(result%table)) deallocate (result%table)
     if (.not. (kept > 0 .or. scene%is_closed_form())) scene%interval = scene%t_end
     call simulation%start(scene, error)
     done = allocated(error)
+    if (done) return
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
       ! The events that a case keeps are in the summary.
@@ -491,8 +492,6 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    if (allocated(result%table)) deallocate (result%table)
-    if (.not. allocated(simulation%rows)) return
     call simulation%summary%values(simulation%motion, result%values(:summary_count))
     if (.not. simulation%motion%in_closed_form) then
       work = simulation%motion%work()

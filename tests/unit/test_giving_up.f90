@@ -6,6 +6,7 @@ module failing_method
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t
   use dst_stepper, only: stepper_t, attempt_t
+  use dst_writer, only: writer_t
   implicit none
   private
 
@@ -87,7 +88,6 @@ program test_giving_up
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, exit_status, step_underflow, too_many_steps, not_finite, too_many_rejections, chattering
-  use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use failing_method, only: failing_t
@@ -119,7 +119,7 @@ contains
     integer, intent(in) :: code
     type(scene_t) :: scene
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     type(error_t), allocatable :: error
     type(failing_t) :: stepper
 
