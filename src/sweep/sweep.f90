@@ -48,7 +48,6 @@ module dst_sweep
     procedure :: parameters
     procedure :: table_rows
     procedure :: series_times
-    procedure :: table_values
   end type sweep_t
 
   !> The result of a case.
@@ -324,13 +323,6 @@ contains
     if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
   end function series_times
 
-  !> Values of the series, or of the cycles, of a case.
-  integer function table_values(self)
-    class(sweep_t), intent(in) :: self
-
-    table_values = self%table_rows()*size(table_quantities(self))
-  end function table_values
-
   !> What is kept of each sample, except time, which is the same in all cases, or of each cycle; nothing if neither are kept.
   function table_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
@@ -462,7 +454,7 @@ contains
       if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
       values(steps_value) = real(steps, wp)
     end associate
-    if (most_cycles > 0) result%table = lanes%kept_cycles(place, most_cycles)
+    if (most_cycles > 0) result%table = lanes%summary(place)%kept_cycles(most_cycles)
   end subroutine take_lane
 
   !> Run one case.
