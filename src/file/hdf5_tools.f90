@@ -14,7 +14,7 @@ module dst_hdf5_tools
 
   public :: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason
   public :: as_double, as_int8, as_int32, as_int64
-  public :: put_attribute, put_value, get_value, create_group, open_object, exists
+  public :: put_attribute, put_value, get_value, create_group, has_column
   public :: dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, text_of_row, attach_scale
 
   !> Kinds of identifiers, and of numbers of rows.
@@ -42,7 +42,7 @@ module dst_hdf5_tools
     module procedure put_text_attribute, put_integer_attribute
   end interface put_attribute
 
-  !> Read an attribute, or the value of a scalar dataset: a text, an integer, a real number.
+  !> Read an attribute of a file or of a group in it, or the value of a scalar dataset: a text, an integer, a real number.
   interface get_value
     module procedure get_text, get_integer, get_number
   end interface get_value
@@ -78,19 +78,6 @@ module dst_hdf5_tools
       character(c_char), intent(in) :: name(*)
       type(hdf5_t), intent(inout) :: h5
     end function create_group
-
-    integer(c_int) function c_exists(object, name, access) bind(c, name='H5Lexists')
-      import :: c_char, c_int, hid_t
-      integer(hid_t), value :: object, access
-      character(c_char), intent(in) :: name(*)
-    end function c_exists
-
-    !> A group, whose attributes are read; its name ends with NUL, `access` is 0.
-    integer(hid_t) function open_object(file, name, access) bind(c, name='H5Oopen')
-      import :: c_char, hid_t
-      integer(hid_t), value :: file, access
-      character(c_char), intent(in) :: name(*)
-    end function open_object
 
     subroutine c_put(object, words, is_attribute, kind, text, number, h5) bind(c, name='dst_h5_put')
       import :: c_bool, c_char, c_double, c_int, hdf5_t, hid_t
@@ -267,11 +254,9 @@ contains
     character(*), intent(in) :: name
     integer, intent(out) :: number
     type(hdf5_t), intent(inout) :: h5
-    real(c_double) :: value
-    type(c_ptr) :: none
+    real(wp) :: value
 
-    value = 0.0_c_double
-    none = c_get(object, name//nul, as_int32, value, h5)
+    call get_number(object, name, value, h5)
     number = nint(value)
   end subroutine get_integer
 
@@ -288,13 +273,16 @@ contains
     number = real(value, wp)
   end subroutine get_number
 
-  !> Whether a file has this object.
-  logical function exists(file, name)
+  !> Whether a file has this column.
+  logical function has_column(file, name)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
+    type(dataset_t) :: column
+    type(hdf5_t) :: h5
 
-    exists = c_exists(file, name//nul, 0_hid_t) > 0
-  end function exists
+    call open_dataset(file, name, column, h5)
+    has_column = h5%status >= 0
+  end function has_column
 
   !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`, with the rows of `dataset`, which are
   !> `fill`. `inside`: the path of a group, from `group` on. `is_scale`: it is a coordinate of others.
