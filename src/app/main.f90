@@ -23,7 +23,6 @@ module dst_main
   use dst_sweep_runner, only: check_sweep_target, run_sweep
   use dst_show, only: show_result
   use dst_signals, only: listen_to_requests, listen_to_signals, is_told_to_end, stopped_by
-  use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_standard_streams, only: put_output, put_error
   use dst_stopwatch, only: wall_clock
@@ -118,9 +117,8 @@ contains
   function version_text() result(text)
     character(:), allocatable :: text
 
-    text = 'loops:     '//trim(merge('x86-64-v3', 'plain    ', runs_v3()))// &
-      new_line('a')//'rounding:  '//arithmetic_fingerprint()//new_line('a')
-    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts//text
+    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
+      'rounding:  '//arithmetic_fingerprint()//new_line('a')
   end function version_text
 
   !> Print what the command says about each operand, and all faults of the others.

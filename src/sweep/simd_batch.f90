@@ -8,8 +8,7 @@ module dst_simd_batch
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
-  use dst_lane_step, only: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes_plain, step_lanes_v3
-  use dst_machine, only: runs_v3
+  use dst_lane_step, only: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
@@ -36,7 +35,6 @@ module dst_simd_batch
     logical :: refused(lane_count) = .false.
     logical :: is_new = .false.
     type(lanes_t) :: lanes
-    procedure(step_lanes_plain), pointer, nopass :: step => step_lanes_plain   !! for this processor
     real(wp), dimension(lane_count) :: mass = 1.0_wp, first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
     type(summary_t), public :: summary(lane_count)
   contains
@@ -92,7 +90,6 @@ contains
     end associate
     self%done(lane) = self%refused(lane)
     self%is_new = .true.
-    if (runs_v3()) self%step => step_lanes_v3
   end subroutine put_case
 
   !> The numbers of a scene.
@@ -168,9 +165,9 @@ contains
     class(simd_batch_t), intent(inout) :: self
     integer :: i
 
-    if (self%is_new) call self%step(self%lanes, .false.)
+    if (self%is_new) call step_lanes(self%lanes, .false.)
     self%is_new = .false.
-    call self%step(self%lanes, .true.)
+    call step_lanes(self%lanes, .true.)
     associate (account => self%lanes%account, control => self%lanes%control)
       do i = 1, lane_count
         if (account%notes(i) > 0.0_wp) call take_in(self, i)

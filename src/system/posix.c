@@ -313,12 +313,3 @@ int64_t dst_stack_limit(void) {
   if (getrlimit(RLIMIT_STACK, &limit) || limit.rlim_cur == RLIM_INFINITY) return INT64_MAX;
   return (int64_t)limit.rlim_cur;
 }
-
-/* Whether this processor runs what is compiled for x86-64-v3; no, where nothing is (src/meson.build). */
-_Bool dst_has_v3(void) {
-#ifdef DST_V3
-  return __builtin_cpu_supports("x86-64-v3");
-#else
-  return 0;
-#endif
-}
