@@ -109,8 +109,8 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
 
-    call create_hdf5(run%contents, run%file%path(), run%file%name, run%metadata, run%simulation%output_columns(), error, &
-      expected_rows(run%simulation%scene))
+    call create_hdf5(run%contents, run%file%path(), run%file%name, run%metadata, run%simulation%output_columns(), &
+      expected_rows(run%simulation%scene), error)
   end subroutine create_contents
 
   !> Create the file with the rows of the one that has its name.

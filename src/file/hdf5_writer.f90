@@ -60,14 +60,14 @@ module dst_hdf5_writer
 contains
 
   !> Create the file of a run; an empty file may have the name.
-  subroutine create_hdf5(self, file_name, shown_name, metadata, columns, error, expected_rows)
+  subroutine create_hdf5(self, file_name, shown_name, metadata, columns, expected_rows, error)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name             !! path at which it is created
     character(*), intent(in) :: shown_name            !! its name in messages
     type(run_metadata_t), intent(in) :: metadata
-    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
+    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'
+    integer, intent(in) :: expected_rows              !! number of samples of the whole run
     type(error_t), allocatable, intent(out) :: error
-    integer, intent(in), optional :: expected_rows    !! number of samples of the whole run, if it is known
     type(quantity_t), parameter :: event_columns(4) = [quantity_t('time', 's', 'time of the event'), &
       quantity_t('kind', '1', '1 = stick begins, 2 = slip begins'), &
       quantity_t('occurs', '1', 'how many times the event occurs', .true.), &
@@ -77,11 +77,10 @@ contains
     self%shown_name = shown_name
     call open_file(file_name, .true., self%file, h5)
     call write_metadata(self%file, metadata, h5)
-    self%tables(series, :)%chunk_rows = usual_chunk
-    if (present(expected_rows)) self%tables(series, :)%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
+    self%tables(series, :)%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
     self%tables(log, :)%chunk_rows = usual_chunk
     call create_table(self, series, 'time_series', columns, h5)
-    call create_table(self, log, 'events', event_columns(:merge(size(event_columns), 0, size(columns) > 0)), h5)
+    call create_table(self, log, 'events', event_columns, h5)
     call self%check(h5, error)
   end subroutine create_hdf5
 
@@ -124,7 +123,6 @@ contains
 
     call open_file(file_name, .false., file, former)
     do table = 1, size(self%tables, 1)
-      if (size(self%tables(table, 1)%columns) == 0) cycle
       self%rows(table) = self%tables(table, 1)%rows_in(file, former)
       do part = 1, parts
         do first = 1, self%rows(table), most
