@@ -122,7 +122,7 @@ contains
     descriptions = columns(self%selected)
   end function output_columns
 
-  !> Continue for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached, or the writer is
+  !> Continue for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached or the writer is
   !> full. An error of the solver ends the run: it is then finished, and everything up to the error has been written.
   subroutine proceed(self, seconds, writer, error, until)
     class(simulation_t), intent(inout) :: self

@@ -6,7 +6,6 @@ module failing_method
   use dst_slip_system, only: slip_system_t
   use dst_state, only: state_t
   use dst_stepper, only: stepper_t, attempt_t
-  use dst_writer, only: writer_t
   implicit none
   private
 
@@ -90,6 +89,7 @@ program test_giving_up
   use dst_errors, only: error_t, exit_status, step_underflow, too_many_steps, not_finite, too_many_rejections, chattering
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
+  use dst_writer, only: writer_t
   use failing_method, only: failing_t
   use scenes, only: fig3
   implicit none
