@@ -207,17 +207,13 @@ contains
     if (len_trim(value) > len(second)) line = new_line('a')//trim('  '//first//value//' '//meaning)
   end function row
 
-  !> A number and its unit as people write it: 'm/s' for 'm s-1', nothing for '1'.
+  !> A number and its unit, if it has one.
   pure function with_unit(number, units) result(text)
     character(*), intent(in) :: number, units
     character(:), allocatable :: text
 
     text = number
-    if (units == 'm s-1') then
-      text = text//' m/s'
-    else if (units /= '' .and. units /= '1') then
-      text = text//' '//trim(units)
-    end if
+    if (units /= '' .and. units /= '1') text = text//' '//trim(units)
   end function with_unit
 
   !> Read the header of the result of a run that shall be resumed, an HDF5 file that is as it was when it was written.

@@ -10,9 +10,9 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
-  use dst_hdf5_table, only: table_t, column_t
+  use dst_hdf5_table, only: table_t
   use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason, &
-    as_double, as_int8, as_int64, dataset_t, put_attribute, put_value, create_group
+    as_double, as_int8, as_int64, dataset_t, column_t, put_attribute, put_value, create_group
   use dst_parameters, only: parameter_t
   use dst_sha256, only: sha256
   implicit none

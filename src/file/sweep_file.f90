@@ -9,9 +9,9 @@ module dst_sweep_file
   use dst_disk, only: path_t, with_remedy
   use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_table, only: table_t, column_t
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, as_double, as_int32, &
-    put_attribute, get_value, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, &
+  use dst_hdf5_table, only: table_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, as_text, as_double, as_int32, &
+    put_attribute, get_value, create_group, dataset_t, column_t, create_column, open_dataset, write_rows, read_rows, append_text, &
     text_of_row, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
@@ -302,18 +302,19 @@ contains
     class(sweep_file_t), intent(in) :: self
     type(dataset_t), intent(out) :: scale
     type(hdf5_t), intent(inout) :: h5
+    type(column_t) :: column
     real(real64), allocatable :: values(:)
     integer :: i
 
     if (self%sweep%keeps_series) then
       values = real(self%sweep%series_times(), real64)
-      call create_dataset(self%id, quantity_t('time', 's', 'time of the samples'), min(8192, size(values)), scale, h5, as_double, &
-        is_scale=.true., inside=inner_group(self))
+      column = column_t(quantity_t('time', 's', 'time of the samples'), inner_group(self))
     else
       values = [(real(i, real64), i=1, self%tables(2)%row_length)]
-      call create_dataset(self%id, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), size(values), &
-        scale, h5, as_int32, is_scale=.true., inside=inner_group(self))
+      column = column_t(quantity_t('cycle', '1', 'number of the cycle among those that are kept'), inner_group(self), as_int32)
     end if
+    call create_column(self%id, column, min(8192, size(values)), .true., h5)
+    scale = column%dataset
     call write_rows(scale, 0_hsize_t, size(values, kind=hsize_t), values, h5)
   end subroutine create_inner_scale
 
@@ -444,18 +445,19 @@ contains
     class(sweep_file_t), intent(in) :: self
     type(hdf5_t), intent(inout) :: h5
     integer, parameter :: chunk = 1024
-    type(dataset_t) :: cases, texts
+    type(column_t) :: cases, texts
     integer :: i
 
-    call create_dataset(self%id, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, as_int32, &
-      is_scale=.true., inside='sweep/failures')
-    call create_dataset(self%id, quantity_t('result_text', '1', 'why it failed'), chunk, texts, h5, inside='sweep/failures')
-    call attach_scale(texts, cases, 0, h5)
+    cases = column_t(quantity_t('case', '1', 'number of a case that failed'), 'sweep/failures', as_int32)
+    texts = column_t(quantity_t('result_text', '1', 'why it failed'), 'sweep/failures', as_text)
+    call create_column(self%id, cases, chunk, .true., h5)
+    call create_column(self%id, texts, chunk, .false., h5)
+    call attach_scale(texts%dataset, cases%dataset, 0, h5)
     ! One by one: very many have no room on the stack.
     do i = 1, self%rows
       if (self%code(i) <= 0) cycle
-      call write_rows(cases, cases%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
-      call append_text(texts, self%message(i)%text, h5)
+      call write_rows(cases%dataset, cases%dataset%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
+      call append_text(texts%dataset, self%message(i)%text, h5)
     end do
   end subroutine write_failures
 
