@@ -1,4 +1,4 @@
-!> The one flat file for f2py: decks, runs and sweeps by handle, and for arrays the equations of motion and slow creep.
+!> The one flat file for f2py: decks, runs and sweeps by handle, and functions of the theory for arrays.
 !>
 !> Texts are passed in as arrays of single characters, since f2py cuts a longer one at a NUL; texts that are returned are UTF-8.
 !> Objects on the heap are accessed by handles and asked by name; each answer is a text and an array of numbers. There is no module
@@ -23,7 +23,6 @@ module dst_python_api
   use dst_friction, only: new_friction_law
   use dst_full_model, only: full_smoothed_t, new_full_smoothed
   use dst_limit_cycles, only: limit_cycles_t, limit_cycle_quantities, find_limit_cycles, find_return, return_values
-  use dst_memory_writer, only: memory_writer_t
   use dst_model_choice, only: settle_model
   use dst_parameters, only: parameter_t, parameters_of
   use dst_sampling, only: sampling_note
@@ -42,13 +41,13 @@ module dst_python_api
     table_quantities
   use dst_sweep_points, only: read_points
   use dst_text, only: text_builder_t, integer_text, printable, short_text
-  use dst_writer, only: quantity_t, outcome_t
+  use dst_writer, only: writer_t, quantity_t, outcome_t
   implicit none
   private
 
   public :: make, proceed, ask, answer, release
-  public :: run_state, run_instants, run_samples, sweep_run, sweep_stop
-  public :: equations, creep, steady_sliding
+  public :: run_state, run_samples, sweep_run, sweep_stop
+  public :: evaluate
 
   !> What parts the rows of an answer, and the cells of a row: no deck has the second one.
   character, parameter :: nl = new_line('a'), bar = achar(31)
@@ -70,9 +69,7 @@ module dst_python_api
   !> A run with everything that Python may need of it.
   type, extends(session_t) :: run_t
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
-    type(outcome_t) :: outcome
-    logical :: is_summed_up = .false.        !! `outcome` is that of the finished run
+    type(writer_t) :: writer
     character(:), allocatable :: model_choice
   contains
     procedure :: reply => reply_of_run
@@ -120,7 +117,7 @@ contains
   !>
   !> * 'library': answers that do not depend on a deck, 'slider', 'catalogue' and 'origin'.
   !> * 'deck': a deck of which each value is checked against its own key only.
-  !> * 'run': a run from its beginning.
+  !> * 'run': a run from its beginning; with numbers, its samples are at these times [s] between 0 and the end, and at both.
   !> * 'sweep': the cases for the parameters that are varied, their names in the lines of `words`. The numbers are 1 if the values
   !>   of a case have the same place, else 0, then how many values each has, then all values, one after the other. Without names the
   !>   deck's own &sweep is used.
@@ -131,7 +128,7 @@ contains
   !>   its samples.
   !> * 'settling': the motion from rest, not yet begun.
   !> * 'steady': the linear theory of steady sliding; its answer 'found' is the velocity [m/s], the misalignment [rad], and the
-  !>   values of `steady_sliding` for 'eigenvalues' and 'critical'.
+  !>   values of `evaluate` for 'eigenvalues' and 'critical'.
   !>
   !> Cycles, sensitivity, settling and steady sliding are those under the only drive velocity that is kept for some time and is not
   !> 0.
@@ -169,19 +166,20 @@ contains
       what == 'sweep' .and. n_words > 0)
     status = status_of(holder%session)
     if (status /= 0) return
-    if (associated(holder%run)) call begin_run(holder%run)
     ! Very many numbers have no room on the stack.
     allocate (given(size(numbers)))
     do i = 1, size(numbers)
       given(i) = real(numbers(i), wp)
     end do
+    if (associated(holder%run)) call begin_run(holder%run, given)
     if (associated(holder%sweep)) call list_cases(holder%sweep, lines_of(text_of(words)), given)
     if (associated(holder%cycles)) call find(what, holder%cycles, text_of(words), given)
     status = status_of(holder%session)
   end subroutine make
 
-  subroutine begin_run(self)
+  subroutine begin_run(self, times)
     type(run_t), intent(inout) :: self
+    real(wp), intent(in) :: times(:)
     type(scene_t) :: scene
 
     if (self%deck%is_sweep()) then
@@ -191,6 +189,11 @@ contains
     end if
     call scene_from_deck(self%deck, scene)
     call settle_model(scene, self%model_choice)
+    if (size(times) > 0) then
+      ! They take the place of samples at intervals, not of those of each step.
+      if (.not. abs(scene%interval) > 0.0_wp) scene%interval = scene%t_end
+      self%simulation%instants = [0.0_wp, pack(times, times > 0.0_wp .and. times < scene%t_end), scene%t_end]
+    end if
     call self%simulation%start(scene, self%error)
   end subroutine begin_run
 
@@ -266,9 +269,8 @@ contains
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: velocity
     type(slider_t) :: slider
-    type(critical_t) :: branches
     complex(wp) :: roots(4)
-    real(wp) :: limit
+    real(wp) :: critical(9)
 
     if (.not. (scene%mass > 0.0_wp .and. scene%stiffness_y > 0.0_wp)) then
       call raise(self%error, usage_error, 'the linear theory of steady sliding needs a mass and both stiffnesses, which model '// &
@@ -277,11 +279,9 @@ contains
     end if
     call slider_from_scene(scene, slider)
     call steady_sliding_eigenvalues(slider, velocity, roots, self%error)
-    if (.not. allocated(self%error)) call critical_misalignment(slider, velocity, branches, self%error)
-    if (.not. allocated(self%error)) call low_frequency_limit(slider, velocity, limit, self%error)
+    if (.not. allocated(self%error)) call critical_values(slider, velocity, critical, self%error)
     if (allocated(self%error)) return
-    allocate (self%found, source=[velocity, atan2(slider%along(2), slider%along(1)), real(roots, wp), aimag(roots), &
-      merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit])
+    allocate (self%found, source=[velocity, atan2(slider%along(2), slider%along(1)), real(roots, wp), aimag(roots), critical])
   end subroutine find_steady
 
   !> Continue for at most `seconds` of wall time [s]: with derivatives, with the motion from rest, or with a run until it has
@@ -405,7 +405,7 @@ contains
   !> What a writer has kept, in rows of this length, for an answer.
   subroutine give_kept(self, writer, length)
     class(session_t), intent(inout) :: self
-    type(memory_writer_t), intent(in) :: writer
+    type(writer_t), intent(in) :: writer
     integer, intent(in) :: length
 
     if (writer%rows > 0) then
@@ -523,14 +523,16 @@ contains
   end subroutine reply_values
 
   !> Also 'about', whose lines are the model, the method, why model 'auto' was taken as it, what the samples will not show, why the
-  !> method is slow, and then the resolved deck; 'columns', 'parameters', in which a text has the second number 1, 'summary', and
-  !> 'statistics', in which a counter has it, as far as the run has proceeded, and the 'events' so far: time [s], kind (1 = stick
-  !> begins, 2 = slip begins), how often it occurs, and its period [s]; 'rows', the number of samples.
+  !> method is slow, and then the resolved deck; 'columns', 'parameters', in which a text has the second number 1, the 'ending' as
+  !> far as the run has proceeded: the summary, whose second numbers are -1, and counters (1) and other numbers (0) of the work; and
+  !> the 'events' so far: time [s], kind (1 = stick begins, 2 = slip begins), how often it occurs, and its period [s]; 'rows', the
+  !> number of samples.
   subroutine reply_of_run(self, which, text)
     class(run_t), intent(inout) :: self
     character(*), intent(in) :: which
     type(text_builder_t), intent(inout) :: text
     type(parameter_t), allocatable :: parameters(:)
+    type(outcome_t) :: outcome
     integer :: i
 
     select case (which)
@@ -549,16 +551,11 @@ contains
         if (.not. allocated(parameters(i)%text)) parameters(i)%text = ''
         call text%line(row_of(parameters(i)%quantity)//bar//parameters(i)%text)
       end do
-    case ('summary', 'statistics')
-      if (.not. self%is_summed_up) call self%simulation%outcome(self%error, self%outcome)
-      self%is_summed_up = self%simulation%finished
-      associate (outcome => self%outcome)
-        if (which == 'summary') then
-          call describe(self, text, outcome%summary, reshape(outcome%summary_value, [1, size(outcome%summary)]))
-        else
-          call describe(self, text, outcome%statistics, reshape([(outcome%statistics_value(i), &
-            merge(1.0_wp, 0.0_wp, outcome%statistics(i)%counts), i=1, size(outcome%statistics))], [2, size(outcome%statistics)]))
-        end if
+    case ('ending')
+      call self%simulation%outcome(self%error, outcome)
+      associate (values => [outcome%summary_value, outcome%statistics_value])
+        call describe(self, text, [outcome%summary, outcome%statistics], transpose(reshape([values, &
+          [(-1.0_wp, i=1, size(outcome%summary))], merge(1.0_wp, 0.0_wp, outcome%statistics%counts)], [size(values), 2])))
       end associate
     case ('events')
       associate (log => self%writer%log(1:self%writer%events))
@@ -691,25 +688,6 @@ contains
     state = real(row, c_double)
   end subroutine run_state
 
-
-  !> Sample at these instants [s] from now on, not at equal intervals: from 0 to the end, with at least one for each sample so far.
-  subroutine run_instants(handle, n, instants)
-    integer(c_long_long), intent(in) :: handle
-    integer(c_int), intent(in) :: n
-    real(c_double), intent(in) :: instants(n)
-    type(holder_t), pointer :: held
-    real(wp), allocatable :: taken(:)
-    integer :: i
-
-    held => holder_of(handle)
-    ! Very many have no room on the stack.
-    allocate (taken(n))
-    do i = 1, n
-      taken(i) = real(instants(i), wp)
-    end do
-    call move_alloc(taken, held%run%simulation%instants)
-  end subroutine run_instants
-
   !> The samples so far (row, column).
   subroutine run_samples(handle, n_rows, n_columns, samples)
     integer(c_long_long), intent(in) :: handle
@@ -790,141 +768,144 @@ contains
     asked_to_stop = self%session%stop
   end function asked_to_stop
 
-  !> Equations (1)-(5) at n states (u_x, u_y, w_x, w_y) [m, m/s]; `slider` as `slider_parameters`. With one column: the right-hand
-  !> side, their time derivatives. With four: its Jacobian, of equation i by unknown j at (i, j). Without smoothing the friction has
-  !> no value at w = 0, which the caller has to exclude.
-  subroutine equations(slider, n, state, n_columns, values)
-    integer(c_int), intent(in) :: n, n_columns
-    real(c_double), intent(in) :: slider(12), state(4, n)
-    real(c_double), intent(out) :: values(4, n_columns, n)
-    !f2py threadsafe
-    type(full_smoothed_t) :: model
-    type(stage_terms_t) :: terms
-    real(wp) :: w(1, 2), gradient(1, 2, 2)
-    integer :: i
-
-    model = new_full_smoothed(slider_from(real(slider, wp)))
-    terms = new_terms(1, 2, 2)
-    do i = 1, n
-      call model%kinematics(1, real(state(3:4, i), wp), w, gradient)
-      call model%dynamics(1, [real(slider(9), wp)], real(state(1:2, i), wp), real(state(3:4, i), wp), gradient, terms)
-      if (n_columns == 1) then
-        values(1:2, 1, i) = slider(9)*model%drive_coupling - w(1, :)
-        values(3:4, 1, i) = terms%force(1, :)
-      else
-        values(1:2, 1:2, i) = 0.0_c_double
-        values(1:2, 3:4, i) = -gradient(1, :, :)
-        values(3:4, 1:2, i) = terms%force_u(1, :, :)
-        values(3:4, 3:4, i) = terms%force_y(1, :, :)
-      end if
-    end do
-  end subroutine equations
-
-  !> Creep at n points of tau, phi [rad] and kappa within the range of the `form`. For 'exact' values(:, k) are alpha, theta, psi
-  !> [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V. For others they are X'/V from Eq. (8): 'first_power', 'printed', 'third_order'.
-  subroutine creep(form, n, tau, phi, kappa, n_values, values)
-    character(len=*), intent(in) :: form
-    integer(c_int), intent(in) :: n, n_values
-    real(c_double), intent(in) :: tau(n), phi(n), kappa(n)
-    real(c_double), intent(out) :: values(n, n_values)
-    !f2py threadsafe
-    type(creep_path_t) :: path
-    type(creep_t) :: here
-    real(wp) :: angle, ratio, side, time
-    integer :: i
-
-    angle = huge(angle)
-    ratio = 0.0_wp
-    side = 1.0_wp
-    do i = 1, n
-      time = real(tau(i), wp)
-      if (form == 'exact') then
-        ! A path serves all times on it.
-        if (abs(phi(i) - angle) > 0.0_wp .or. abs(kappa(i) - ratio) > 0.0_wp) then
-          angle = phi(i)
-          ratio = kappa(i)
-          path = new_creep_path(abs(angle), ratio)
-          side = merge(-1.0_wp, 1.0_wp, angle < 0.0_wp)
-        end if
-        here = creep_at(path, time)
-        values(i, :) = real([here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
-                             here%position, here%deficit], c_double)
-      else
-        here = creep_asymptotic(form, abs(real(phi(i), wp)), time)
-        values(i, 1) = real(here%x_rate, c_double)
-      end if
-    end do
-  end subroutine creep
-
-  !> Linear theory for n sliders as in `equations`: values (value, slider), for the request `what`.
+  !> A function of the theory at n points, with its arguments there: values (value, point). On failure `failed` is the first point
+  !> (from 1) without a result, and `message` says why.
+  !>
+  !> Of `slider_parameters` and a state (u_x, u_y, w_x, w_y) [m, m/s], by Equations (1)-(5):
+  !> 'rhs': the right-hand side, their time derivatives. 'jacobian': its derivative, of equation i by unknown j at (i, j). Without
+  !> smoothing the friction has no value at w = 0, which the caller has to exclude.
+  !>
+  !> Of tau, phi [rad] and kappa, within the range of the function:
+  !> 'exact' creep: alpha, theta, psi [rad], v/V, X'/V, Y'/V, X/l_x, 1 - X'/V.
+  !> 'first_power', 'printed', 'third_order': X'/V from Eq. (8).
+  !>
+  !> Of `slider_parameters`, and an angle theta [rad] for the last two:
   !> 'eigenvalues' of steady sliding [1/s]: four real parts, four imaginary parts, by falling real part.
-  !> 'critical' misalignment; the slider's own is ignored: whether each branch has one (0/1), two angles [rad], frequencies [rad/s]
-  !> of the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  !> 'critical' misalignment: see `critical_values`.
   !> 'creep_end': whether slow creep ends in slip (0/1), the angle of friction there [rad], slip speed [m/s], load [N], decay D.
-  !> 'damping' ratio of the slow motion at the angles `theta` [rad]: Eq. (10), with friction constant at mu_0 W; 'weakening': with
-  !> the law's own friction.
-  !> On failure `failed` is the first slider (from 1) without a result, and `message` says why.
-  subroutine steady_sliding(what, n, sliders, theta, n_values, values, failed, message)
+  !> 'damping' ratio of the slow motion at theta: Eq. (10), with friction constant at mu_0 W; 'weakening': with the law's own
+  !> friction.
+  subroutine evaluate(what, n_given, n, given, n_values, values, failed, message)
     character(len=*), intent(in) :: what
-    integer(c_int), intent(in) :: n, n_values
-    real(c_double), intent(in) :: sliders(12, n), theta(n)
+    integer(c_int), intent(in) :: n_given, n, n_values
+    real(c_double), intent(in) :: given(n_given, n)
     real(c_double), intent(out) :: values(n_values, n)
     integer(c_int), intent(out) :: failed
     character(len=256), intent(out) :: message
     !f2py threadsafe
     type(error_t), allocatable :: error
+    type(full_smoothed_t) :: model
+    type(stage_terms_t) :: terms
+    type(creep_path_t) :: path
+    type(creep_t) :: here
+    real(wp) :: now(n_given), last(n_given), found(n_values)
     integer :: i
 
     failed = 0
     message = ''
     values = 0.0_c_double
+    last = huge(last)
+    terms = new_terms(1, 2, 2)
     do i = 1, n
-      call check_parameters(real(sliders(:, i), wp), error)
-      if (.not. allocated(error)) &
-        call evaluate(slider_from(real(sliders(:, i), wp)), real(sliders(9, i), wp), real(theta(i), wp), values(:, i))
-      if (.not. allocated(error)) cycle
-      failed = int(i, c_int)
-      message = error%text
-      return
-    end do
-
-  contains
-
-    subroutine evaluate(slider, velocity, angle, found)
-      type(slider_t), intent(in) :: slider
-      real(wp), intent(in) :: velocity, angle
-      real(c_double), intent(out) :: found(:)
-      type(critical_t) :: branches
-      type(creep_end_t) :: end
-      complex(wp) :: roots(4)
-      real(wp) :: value
-
-      value = 0.0_wp
-      if (what == 'eigenvalues') then
-        call steady_sliding_eigenvalues(slider, velocity, roots, error)
-        found = real([real(roots), aimag(roots)], c_double)
-      else if (what == 'critical') then
-        call critical_misalignment(slider, velocity, branches, error)
-        if (.not. allocated(error)) call low_frequency_limit(slider, velocity, value, error)
-        found = real([merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, value], c_double)
-      else if (what == 'creep_end') then
-        ! It has the same requirements as steady sliding.
-        call low_frequency_limit(slider, velocity, value, error)
-        if (.not. allocated(error)) end = creep_end(slider, velocity)
-        found = real([merge(1.0_wp, 0.0_wp, end%exists), end%angle, end%speed, end%load, end%decay], c_double)
-      else
-        if (.not. abs(angle) <= huge(angle)) then
-          call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
-        else if (what == 'weakening') then
-          call weakening_damping_ratio(slider, velocity, angle, value, error)
-        else
-          call damping_scale(slider, velocity, value, error)
-          value = damping_ratio(value, angle)
-        end if
-        found = real(value, c_double)
+      now = real(given(:, i), wp)
+      select case (what)
+      case ('rhs', 'jacobian')
+        ! A model serves all its states, and a path all times on it.
+        if (any(abs(now(:12) - last(:12)) > 0.0_wp)) model = new_full_smoothed(slider_from(now))
+        call equations(model, now(9), now(13:), terms, found)
+      case ('exact')
+        if (any(abs(now(2:3) - last(2:3)) > 0.0_wp)) path = new_creep_path(abs(now(2)), now(3))
+        here = creep_at(path, now(1))
+        associate (side => merge(-1.0_wp, 1.0_wp, now(2) < 0.0_wp))
+          found = [here%alpha, side*(here%psi + path%phi), side*here%psi, here%speed, here%x_rate, side*here%y_rate, &
+            here%position, here%deficit]
+        end associate
+      case ('first_power', 'printed', 'third_order')
+        here = creep_asymptotic(what, abs(now(2)), now(1))
+        found = here%x_rate
+      case default
+        call check_parameters(now, error)
+        if (.not. allocated(error)) call steady_sliding(what, slider_from(now), now(9), now(n_given), found, error)
+      end select
+      last = now
+      if (allocated(error)) then
+        failed = int(i, c_int)
+        message = error%text
+        return
       end if
-    end subroutine evaluate
+      values(:, i) = real(found, c_double)
+    end do
+  end subroutine evaluate
+
+  !> The right-hand side at a state, or with 16 values its Jacobian.
+  subroutine equations(model, drive_velocity, state, terms, values)
+    type(full_smoothed_t), intent(in) :: model
+    real(wp), intent(in) :: drive_velocity, state(4)
+    type(stage_terms_t), intent(inout) :: terms
+    real(wp), intent(out) :: values(:)
+    real(wp) :: w(1, 2), gradient(1, 2, 2), jacobian(4, 4)
+
+    call model%kinematics(1, state(3:4), w, gradient)
+    call model%dynamics(1, [drive_velocity], state(1:2), state(3:4), gradient, terms)
+    if (size(values) == 4) then
+      values = [drive_velocity*model%drive_coupling - w(1, :), terms%force(1, :)]
+    else
+      jacobian(1:2, 1:2) = 0.0_wp
+      jacobian(1:2, 3:4) = -gradient(1, :, :)
+      jacobian(3:4, 1:2) = terms%force_u(1, :, :)
+      jacobian(3:4, 3:4) = terms%force_y(1, :, :)
+      values = reshape(jacobian, [16])
+    end if
+  end subroutine equations
+
+  !> The linear theory of `evaluate`.
+  subroutine steady_sliding(what, slider, velocity, theta, values, error)
+    character(*), intent(in) :: what
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity, theta
+    real(wp), intent(out) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(creep_end_t) :: end
+    complex(wp) :: roots(4)
+    real(wp) :: value
+
+    value = 0.0_wp
+    if (what == 'eigenvalues') then
+      call steady_sliding_eigenvalues(slider, velocity, roots, error)
+      values = [real(roots), aimag(roots)]
+    else if (what == 'critical') then
+      call critical_values(slider, velocity, values, error)
+    else if (what == 'creep_end') then
+      ! It has the same requirements as steady sliding.
+      call low_frequency_limit(slider, velocity, value, error)
+      if (.not. allocated(error)) end = creep_end(slider, velocity)
+      values = [merge(1.0_wp, 0.0_wp, end%exists), end%angle, end%speed, end%load, end%decay]
+    else if (.not. abs(theta) <= huge(theta)) then
+      call raise(error, usage_error, 'theta is not a number or infinite: it must be finite')
+    else if (what == 'weakening') then
+      call weakening_damping_ratio(slider, velocity, theta, value, error)
+      values = value
+    else
+      call damping_scale(slider, velocity, value, error)
+      values = damping_ratio(value, theta)
+    end if
   end subroutine steady_sliding
+
+  !> Critical misalignment; the slider's own is ignored: whether each branch has one (0/1), two angles [rad], frequencies [rad/s] of
+  !> the low and the fast branch, stable window [rad], rigid limit of the low branch [rad].
+  subroutine critical_values(slider, velocity, values, error)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity
+    real(wp), intent(out) :: values(9)
+    type(error_t), allocatable, intent(out) :: error
+    type(critical_t) :: branches
+    real(wp) :: limit
+
+    limit = 0.0_wp
+    call critical_misalignment(slider, velocity, branches, error)
+    if (.not. allocated(error)) call low_frequency_limit(slider, velocity, limit, error)
+    values = [merge(1.0_wp, 0.0_wp, branches%has), branches%angle, branches%frequency, branches%window, limit]
+  end subroutine critical_values
 
   !> Sliders that a deck's reader would refuse, or whose numbers are out of range for products and squares.
   subroutine check_parameters(values, error)

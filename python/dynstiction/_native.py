@@ -179,10 +179,10 @@ class Session(Closing):
 
 
 class Run(Session):
-    """A run in the core, from deck to outcome."""
+    """A run in the core, from deck to outcome; with `times` [s], its samples are at these, at 0 and at the end."""
 
-    def __init__(self, deck: DeckSource) -> None:
-        super().__init__(deck, "run")
+    def __init__(self, deck: DeckSource, times: ArrayLike = ()) -> None:
+        super().__init__(deck, "run", "", times)
         self.columns = self.infos("columns")
         self.model, self.method, self.model_choice, *notes, self.resolved_deck = self.text("about").split(
             "\n", 5
@@ -212,19 +212,12 @@ class Run(Session):
         values = _core.run_state(self.handle, time, len(self.columns))
         return list(zip(self.columns, values.tolist(), strict=True))
 
-    def sample_at(self, instants: NDArray[np.float64]) -> None:
-        """Set the times of the samples [s], from 0 to the end, of a run that is at its first sample."""
-        _core.run_instants(self.handle, instants)
-
     def ending(self) -> tuple[list[tuple[Info, float]], list[tuple[Info, float]]]:
         """Summary values and counters of the work of a finished run."""
-        cells, (values,) = self.table("summary")
-        summary = [(info, value) for (info,), value in zip(cells, values.tolist(), strict=True)]
-        cells, (values, counts) = self.table("statistics")
-        work = zip(cells, values.tolist(), counts.tolist(), strict=True)
-        return with_integers(summary), [
-            (info, int(value) if is_count else value) for (info,), value, is_count in work
-        ]
+        infos, (values, kinds) = self.infos("ending"), self.numbers("ending").tolist()
+        entries = list(zip(infos, values, kinds, strict=True))
+        summary = with_integers((info, value) for info, value, kind in entries if kind < 0)
+        return summary, [(info, int(value) if kind else value) for info, value, kind in entries if kind >= 0]
 
     def parameters(self) -> list[tuple[Info, float | str]]:
         """Every key that the deck uses and its value."""
@@ -254,7 +247,7 @@ class Steady(Session):
         self.velocity, self.misalignment = values[:2].tolist()
         self.eigenvalues = values[2:6] + 1j * values[6:10]
         self.critical = values[10:]
-        """The numbers that `steady_sliding` gives for ``'critical'``."""
+        """The numbers that `theory` gives for ``'critical'``."""
 
 
 class Cases(NamedTuple):
@@ -399,7 +392,7 @@ def unknown_key(name: object) -> str:
 
 @cache
 def slider_parameters() -> tuple[str, ...]:
-    """Names of the parameters of a slider, in the order of the vectors of `equations` and similar functions."""
+    """Names of the parameters of a slider, in the order in which `theory` takes them."""
     return tuple(_library().text("slider").split())
 
 
@@ -418,17 +411,10 @@ def with_integers(entries: Iterable[tuple[Info, T]]) -> list[tuple[Info, T]]:
     ]
 
 
-def equations(
-    slider: NDArray[np.float64], states: NDArray[np.float64], n_columns: int
-) -> NDArray[np.float64]:
-    """For states (n, 4), C-contiguous (n, 4, n_columns): the right-hand sides as one column, or the Jacobians as four."""
-    return np.ascontiguousarray(_core.equations(slider, states.T, n_columns).transpose(2, 0, 1))
-
-
 def creep(
     form: str, n_values: int, tau: NDArray[np.float64], phi: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Creep (n_values, n) at the points (n), from the routine of the core."""
+    """Creep (n_values, n) at the points (n)."""
     reals("kappa", kappa, least=0.0, below=1.0)
     reals("phi", phi, above=-0.5 * np.pi, below=0.5 * np.pi, units="rad")
     below, where = (None, "") if form == "exact" else (1.0, "where Eq. (8) holds")
@@ -438,21 +424,17 @@ def creep(
         raise UsageError(
             f"tau = {tau[slips][0]:.17g} with phi = 0: without misalignment the object creeps in tau = [0, 1) only, then it slips"
         )
-    values: NDArray[np.float64] = _core.creep(form, tau, phi, kappa, n_values)
-    return values.T
+    return np.ascontiguousarray(theory(form, n_values, np.stack([tau, phi, kappa], axis=1)).T)
 
 
-def steady_sliding(
-    what: str, n_values: int, sliders: NDArray[np.float64], theta: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """Linear theory (n, n_values) for the parameter rows (n, 10) at the angles (n), from the routine of the core."""
-    if len(sliders) == 0:
+def theory(what: str, n_values: int, given: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (n, n_values) of a function of the core's `evaluate` for rows of its arguments (n, ...)."""
+    if len(given) == 0:
         return np.empty((0, n_values))
-    angles = np.zeros(len(sliders)) if theta is None else theta
     values: NDArray[np.float64]
-    values, failed, message = _core.steady_sliding(what, sliders.T, angles, n_values)
+    values, failed, message = _core.evaluate(what, given.T, n_values)
     if failed > 0:
-        where = f"element {failed - 1} of {len(sliders)}: " if len(sliders) > 1 else ""
+        where = f"element {failed - 1} of {len(given)}: " if len(given) > 1 else ""
         raise UsageError(where + text_from(message))
     return values.T
 

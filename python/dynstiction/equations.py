@@ -221,7 +221,11 @@ def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) ->
         raise UsageError(f"state of shape {np.shape(state)}: the last dimension is 4, for u_x, u_y, w_x, w_y")
     if states.size == 0:
         return np.empty((*states.shape, n_columns))
-    rates = _native.equations(slider, states.reshape(-1, 4), n_columns).reshape(*states.shape, n_columns)
+    given = np.concatenate([np.broadcast_to(slider, (*states.shape[:-1], slider.size)), states], axis=-1)
+    what = "rhs" if n_columns == 1 else "jacobian"
+    columns = _native.theory(what, 4 * n_columns, given.reshape(-1, slider.size + 4))
+    # The core has a Jacobian by columns.
+    rates = np.ascontiguousarray(columns.reshape(*states.shape[:-1], n_columns, 4).swapaxes(-1, -2))
     if not np.all(np.isfinite(rates)) and np.any(np.all(states[..., 2:] == 0.0, axis=-1)):
         raise UsageError(
             "w = 0, where friction has no direction with the exact law: give v_smooth > 0, or take such states out"

@@ -63,12 +63,8 @@ class Simulation(_native.Closing):
         self._scene = Scene(deck, **changes)
         self._times = None if times is None else _ascending(times)
         self._lock = threading.Lock()
-        self._core = _native.Run(self._scene.source)
+        self._core = _native.Run(self._scene.source, () if self._times is None else self._times)
         self._parameters = Described(self._core.parameters(), "parameters")
-        if self._times is not None and self._parameters["interval"] == 0.0:
-            # The core takes samples at given times only if it takes them at intervals.
-            self._core = _native.Run(self._scene.replace(interval=float(self._parameters["t_end"])).source)
-            self._parameters = Described(self._core.parameters(), "parameters")
         self._t_end = float(self._parameters["t_end"])
         self._outcome: tuple[int, str] | None = None
         self._last: Result | None = None
@@ -76,14 +72,10 @@ class Simulation(_native.Closing):
         self._closing = False
         self._time = self._reached = 0.0
         self._advance(0.0)
-        if self._times is not None:
-            if not self._times[-1] <= self._t_end:
-                raise UsageError(
-                    f"times end at {self._times[-1]:g} s, and the run at {self._t_end:g} s: give t_end={self._times[-1]:g}"
-                )
-            # The sample at the beginning has been taken; the list ends with a sample at the end.
-            between = self._times[(self._times > 0.0) & (self._times < self._t_end)]
-            self._core.sample_at(np.concatenate([[0.0], between, [self._t_end]]))
+        if self._times is not None and not self._times[-1] <= self._t_end:
+            raise UsageError(
+                f"times end at {self._times[-1]:g} s, and the run at {self._t_end:g} s: give t_end={self._times[-1]:g}"
+            )
 
     def close(self) -> None:
         """Free the memory of the core; a run that is not finished then cannot be continued."""

@@ -261,7 +261,7 @@ def _theory(
     shape = shape_of(**arrays, **({} if theta is None else {"theta": theta}))
     rows = np.stack([np.broadcast_to(array, shape).reshape(-1) for array in arrays.values()], axis=1)
     if theta is not None:
-        theta = np.broadcast_to(theta, shape).reshape(-1)
+        rows = np.column_stack([rows, np.broadcast_to(theta, shape).reshape(-1)])
         if given.get("mu_inf") is not None or np.any(arrays["mu_0"] != arrays["mu_inf"]):
             what = "weakening"
-    return _native.steady_sliding(what, n_values, np.ascontiguousarray(rows), theta).reshape(*shape, n_values)
+    return _native.theory(what, n_values, np.ascontiguousarray(rows)).reshape(*shape, n_values)

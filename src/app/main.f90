@@ -24,7 +24,6 @@ module dst_main
   use dst_sweep_runner, only: check_sweep_target, run_sweep
   use dst_show, only: show_result
   use dst_posix, only: listen_to_requests, listen_to_signals, is_told_to_end, put_error, put_output, stopped_by
-  use dst_machine, only: runs_v3
   use dst_stability_report, only: stability_report
   use dst_stopwatch, only: wall_clock
   use dst_arithmetic, only: arithmetic_fingerprint
@@ -96,9 +95,8 @@ contains
   function version_text() result(text)
     character(:), allocatable :: text
 
-    text = 'loops:     '//trim(merge('x86-64-v3', 'plain    ', runs_v3()))// &
-      new_line('a')//'rounding:  '//arithmetic_fingerprint()//new_line('a')
-    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts//text
+    text = program_name//' '//version//' ('//git_revision//', '//compiler//')'//new_line('a')//build_facts// &
+      'rounding:  '//arithmetic_fingerprint()//new_line('a')
   end function version_text
 
   !> Print what the command says about each operand, and all faults of the others.

@@ -25,7 +25,7 @@ module dst_run
   use dst_stopwatch, only: wall_clock
   use dst_plain_numbers, only: number_text, duration_text
   use dst_text, only: integer_text, printable
-  use dst_writer, only: outcome_t
+  use dst_writer, only: writer_t, outcome_t
   implicit none
   private
 
@@ -34,14 +34,16 @@ module dst_run
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
   !> The first number of a state: the version of what follows.
-  integer, parameter :: state_format = 26
+  integer, parameter :: state_format = 27
+  !> Number of samples in memory from which on they are put into the file. Convention; no number depends on it.
+  integer, parameter :: most_rows = 512
 
   !> A run in progress.
   type :: run_t
     type(result_file_t) :: file
     type(run_metadata_t) :: metadata
     type(simulation_t) :: simulation
-    type(hdf5_writer_t) :: writer
+    type(hdf5_writer_t) :: contents
     type(progress_t) :: progress
   end type run_t
 
@@ -107,8 +109,8 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
 
-    call create_hdf5(run%writer, run%file%path(), run%file%name, run%metadata, run%simulation%output_columns(), error, &
-      expected_rows(run%simulation%scene))
+    call create_hdf5(run%contents, run%file%path(), run%file%name, run%metadata, run%simulation%output_columns(), &
+      expected_rows(run%simulation%scene), error)
   end subroutine create_contents
 
   !> Create the file with the rows of the one that has its name.
@@ -117,7 +119,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call create_contents(run, error)
-    if (.not. allocated(error)) call run%writer%copy_rows(run%file%place, error)
+    if (.not. allocated(error)) call run%contents%copy_rows(run%file%place, error)
     if (.not. allocated(error)) call run%file%check_former(error)
   end subroutine go_on
 
@@ -207,7 +209,7 @@ contains
     integer(int64), allocatable :: state(:)
     integer, target :: format
 
-    call run%writer%finish(outcome, error)
+    call run%contents%finish(outcome, error)
     if (allocated(error)) return
     allocate (state(0))
     if (with_state) then
@@ -285,14 +287,19 @@ contains
   subroutine integrate(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: disk_error
+    type(writer_t) :: writer
     type(interim_t) :: interim
     real(wp) :: now
 
     now = wall_clock()
+    writer%most_rows = most_rows
     associate (simulation => run%simulation, scene => run%simulation%scene)
       interim = interim_t(scene%checkpoint_interval, begun=now - simulation%elapsed, made=now)
       do
-        call simulation%proceed(slice, run%writer, error)
+        call simulation%proceed(slice, writer, error)
+        call run%contents%take(writer, disk_error)
+        if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
         if (simulation%finished .or. allocated(error)) exit
         if (stop_signal() /= no_signal) call raise(error, stopped_early, '')
         if (allocated(error)) exit

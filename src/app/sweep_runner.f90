@@ -215,7 +215,7 @@ contains
 
     do first = 1, file%rows, file%window
       do i = 1, size(files)
-        call file%take_rows(files(i)%text, shares(i), first, error, .false.)
+        call file%take_rows(files(i)%text, shares(i), first, error)
         if (allocated(error)) return
         if (.not. is_told_to_end()) cycle
         call raise(error, stopped_early, stopped_by()//' while shares were joined: start it again')

@@ -1,11 +1,11 @@
-!> Where the results of a run go: the interface that the run loop uses.
+!> What a run tells: samples, events, and how it ended.
 !>
-!> Kinds of writer: HDF5 file (`dst_hdf5_writer`), arrays in memory (`dst_memory_writer`).
+!> A run writes samples and events into memory. Python reads them there, dst_hdf5_writer takes them into a file.
 module dst_writer
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dst_kinds, only: wp, int64
-  use dst_errors, only: error_t
-  use dst_text, only: name_width, unit_width, meaning_width
+  use dst_errors, only: error_t, raise, out_of_memory
+  use dst_text, only: integer_text, name_width, unit_width, meaning_width
   implicit none
   private
 
@@ -40,42 +40,81 @@ module dst_writer
     procedure :: summary_of
   end type outcome_t
 
-  !> Receives samples, events and the outcome from the run routine.
-  type, abstract :: writer_t
+  !> The samples and events of a run that nobody has taken yet.
+  type :: writer_t
+    real(wp), allocatable :: samples(:, :)      !! (column, row), valid up to rows; the rows are in order of time
+    type(event_t), allocatable :: log(:)        !! valid up to events, in order of time
+    integer :: rows = 0
+    integer :: events = 0
+    integer :: most_rows = huge(1)              !! a run that has written so many pauses
   contains
-    !> Append samples(column, row); the rows come in order of time.
-    procedure(write_samples), deferred :: write_samples
-    !> Append events, in order of time. Several that occur again and again are a block: all of them occur, then all of them again
-    !> a period later.
-    procedure(write_events), deferred :: write_events
-    !> Write how the run ended, and close; nothing may be written afterwards.
-    procedure(finish), deferred :: finish
+    procedure :: add_sample
+    !> Several events that occur again and again are a block: all of them occur, then all of them again a period later.
+    procedure :: add_events
   end type writer_t
 
-  abstract interface
-    subroutine write_samples(self, samples, error)
-      import :: writer_t, wp, error_t
-      class(writer_t), intent(inout) :: self
-      real(wp), intent(in) :: samples(:, :)
-      type(error_t), allocatable, intent(out) :: error
-    end subroutine write_samples
-
-    subroutine write_events(self, events, error)
-      import :: writer_t, event_t, error_t
-      class(writer_t), intent(inout) :: self
-      type(event_t), intent(in) :: events(:)
-      type(error_t), allocatable, intent(out) :: error
-    end subroutine write_events
-
-    subroutine finish(self, outcome, error)
-      import :: writer_t, outcome_t, error_t
-      class(writer_t), intent(inout) :: self
-      type(outcome_t), intent(in) :: outcome
-      type(error_t), allocatable, intent(out) :: error
-    end subroutine finish
-  end interface
-
 contains
+
+  subroutine add_sample(self, sample, error)
+    class(writer_t), intent(inout) :: self
+    real(wp), intent(in) :: sample(:)
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: larger(:, :)
+    integer :: room, status
+
+    if (.not. allocated(self%samples)) allocate (self%samples(size(sample), 0))
+    if (self%rows == size(self%samples, 2)) then
+      room = room_for(self%rows + 1_int64)
+      allocate (larger(size(sample), room), stat=status)
+      if (status /= 0 .or. room == self%rows) then
+        call raise_no_memory(self%rows, 'samples', error)
+        return
+      end if
+      larger(:, :self%rows) = self%samples
+      call move_alloc(larger, self%samples)
+    end if
+    self%rows = self%rows + 1
+    self%samples(:, self%rows) = sample
+  end subroutine add_sample
+
+  subroutine add_events(self, events, error)
+    class(writer_t), intent(inout) :: self
+    type(event_t), intent(in) :: events(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(event_t), allocatable :: larger(:)
+    integer :: room, status
+
+    if (.not. allocated(self%log)) allocate (self%log(0))
+    if (self%events > size(self%log) - size(events)) then
+      room = room_for(int(self%events, int64) + size(events))
+      allocate (larger(room), stat=status)
+      if (status /= 0 .or. room - size(events) < self%events) then
+        call raise_no_memory(self%events, 'events', error)
+        return
+      end if
+      larger(:self%events) = self%log(:self%events)
+      call move_alloc(larger, self%log)
+    end if
+    self%log(self%events + 1:self%events + size(events)) = events
+    self%events = self%events + size(events)
+  end subroutine add_events
+
+  !> Room for these entries and as many more, as far as its integer goes.
+  pure integer function room_for(needed)
+    integer(int64), intent(in) :: needed
+    integer(int64), parameter :: least = 512
+
+    room_for = int(min(max(least, 2*needed), int(huge(room_for), int64)))
+  end function room_for
+
+  subroutine raise_no_memory(count, what, error)
+    integer, intent(in) :: count
+    character(*), intent(in) :: what
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, out_of_memory, 'no memory for more than '//integer_text(count)//' '//what// &
+      ': raise output.interval, name fewer output.fields, or fetch them more often')
+  end subroutine raise_no_memory
 
   !> Number of the quantity `name` in a list, 0 if it is not there.
   pure integer function find_quantity(quantities, name)

@@ -145,17 +145,19 @@ void dst_h5_put(hid_t object, const char *words, _Bool is_attribute, int kind, c
   release(type, h5);
 }
 
-/* Read the text or the number of the kind that an attribute or else a dataset has. Values of another class of types, and several,
-   for which there is no room, count as a failure; texts must be given by their address. HDF5 allocates them, a few for each file:
+/* Read the text or the number that an attribute of a group or else a dataset has. Another kind of value, and several, for which
+   there is no room, count as a failure; texts must be given by their address. HDF5 allocates them, a few for each file:
    they are freed at the end of the process. */
 const char *dst_h5_get(hid_t object, const char *name, int kind, double *number, sequence *h5) {
-  const char *text = NULL;
-  _Bool is_attribute = TRY(H5Aexists(object, name)) > 0;
-  H5T_class_t class = kind == as_text ? H5T_STRING : kind == as_double ? H5T_FLOAT : H5T_INTEGER;
-  hid_t holder = is_attribute ? TRY(H5Aopen(object, name, H5P_DEFAULT)) : TRY(H5Dopen2(object, name, H5P_DEFAULT));
+  const char *text = NULL, *slash = strrchr(name, '/');
+  char group[32] = ".";
+  if (slash) snprintf(group, sizeof group, "%.*s", (int)(slash - name), name);
+  _Bool is_attribute = TRY(H5Aexists_by_name(object, group, slash ? slash + 1 : name, H5P_DEFAULT)) > 0;
+  hid_t holder = is_attribute ? TRY(H5Aopen_by_name(object, group, slash ? slash + 1 : name, H5P_DEFAULT, H5P_DEFAULT))
+                              : TRY(H5Dopen2(object, name, H5P_DEFAULT));
   hid_t type = is_attribute ? TRY(H5Aget_type(holder)) : TRY(H5Dget_type(holder));
   hid_t space = is_attribute ? TRY(H5Aget_space(holder)) : TRY(H5Dget_space(holder));
-  if (TRY(H5Tget_class(type)) != class || TRY(H5Sget_simple_extent_npoints(space)) != 1) h5->status = -1;
+  if ((TRY(H5Tget_class(type)) == H5T_STRING) != (kind == as_text) || TRY(H5Sget_simple_extent_npoints(space)) != 1) h5->status = -1;
   if (kind == as_text && TRY(H5Tis_variable_str(type)) <= 0) h5->status = -1;
   if (h5->status >= 0) {
     hid_t memory_type = kind == as_text ? type : H5T_NATIVE_DOUBLE;

@@ -1,10 +1,9 @@
 !> Reads from a result file which run wrote it, and whether that run can be resumed.
 module dst_hdf5_origin
-  use, intrinsic :: iso_c_binding, only: nul => c_null_char
   use dst_ending, only: check_ending, has_ending
   use dst_errors, only: error_t, raise, file_error
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, damage_reason, get_value, exists, &
-    open_object, open_dataset, read_rows, dataset_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, damage_reason, get_value, has_column, &
+    open_dataset, read_rows, dataset_t
   use dst_kinds, only: wp, real64
   use dst_plain_numbers, only: number_text
   use dst_summary, only: summary_quantities
@@ -90,6 +89,7 @@ contains
     integer(hid_t) :: file
     type(hdf5_t) :: h5
     integer :: complete
+    logical :: is_sweep
 
     call open_file(file_name, .false., file, h5)
     call get_value(file, 'program', program, h5)
@@ -106,14 +106,15 @@ contains
       return
     end if
     text = 'run'
-    if (exists(file, 'sweep')) then
+    is_sweep = has_column(file, 'sweep/result_code')
+    if (is_sweep) then
       text = 'sweep'
-      if (exists(file, 'sweep/series')) text = 'sweep with series'
-      if (exists(file, 'sweep/cycles')) text = 'sweep with cycles'
+      if (has_column(file, 'sweep/series/time')) text = 'sweep with series'
+      if (has_column(file, 'sweep/cycles/cycle')) text = 'sweep with cycles'
     end if
     text = printable(text//' of model '//model//', method '//method//', '//created//', dynstiction '//version//' ('// &
       revision//'): '//trim(merge('complete    ', 'not complete', complete == 1))//', '//ending)
-    if (exists(file, 'sweep')) then
+    if (is_sweep) then
       text = text//rows_of_sweep(file)
     else
       text = text//rows_of_run(file)
@@ -132,7 +133,6 @@ contains
     integer :: i
 
     text = ''
-    if (.not. exists(file, 'time_series')) return
     call open_dataset(file, 'time_series/time', time, h5)
     if (h5%status < 0) return
     text = row('samples', integer_text(int(time%rows)), '')
@@ -140,16 +140,14 @@ contains
       call read_rows(time, time%rows - 1, 1_hsize_t, last, h5)
       text = text//row('last sample', number_text(real(last(1), wp), 4)//' s', '')
     end if
-    if (.not. exists(file, 'summary')) return
     do i = 1, size(summary_quantities)
       associate (quantity => summary_quantities(i))
-        if (h5%status < 0) exit
-        if (.not. exists(file, 'summary/'//trim(quantity%name))) cycle
+        ! What has no value is not in the file.
+        h5 = hdf5_t()
         call get_value(file, 'summary/'//trim(quantity%name), value, h5)
-        text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
+        if (h5%status >= 0) text = text//row(quantity%name, with_unit(number_text(value, 4), quantity%units), quantity%long_name)
       end associate
     end do
-    if (h5%status < 0) text = ''
   end function rows_of_run
 
   !> The parameters of a sweep, and the ranges of its results.
@@ -166,7 +164,7 @@ contains
     ! Reading the values of more cases would take too long.
     if (h5%status < 0 .or. codes%rows > 1000000) return
     text = row('cases', integer_text(int(codes%rows)), '')
-    call get_value(open_object(file, 'sweep'//nul, 0_hid_t), 'parameters', parameters, h5)
+    call get_value(file, 'sweep/parameters', parameters, h5)
     do i = 1, word_count(parameters)
       text = text//range_of('sweep/'//word(parameters, i), word(parameters, i), '', 'varied')
     end do
@@ -186,8 +184,8 @@ contains
       real(real64), allocatable :: values(:)
 
       line = ''
-      if (.not. exists(file, path)) return
       allocate (values(codes%rows))
+      h5 = hdf5_t()
       call open_dataset(file, path, column, h5)
       call read_rows(column, 0_hsize_t, codes%rows, values, h5)
       if (h5%status < 0 .or. .not. any(abs(values) <= huge(values))) return
@@ -209,17 +207,13 @@ contains
     if (len_trim(value) > len(second)) line = new_line('a')//trim('  '//first//value//' '//meaning)
   end function row
 
-  !> A number and its unit as people write it: 'm/s' for 'm s-1', nothing for '1'.
+  !> A number and its unit, if it has one.
   pure function with_unit(number, units) result(text)
     character(*), intent(in) :: number, units
     character(:), allocatable :: text
 
     text = number
-    if (units == 'm s-1') then
-      text = text//' m/s'
-    else if (units /= '' .and. units /= '1') then
-      text = text//' '//trim(units)
-    end if
+    if (units /= '' .and. units /= '1') text = text//' '//trim(units)
   end function with_unit
 
   !> Read the header of the result of a run that shall be resumed, an HDF5 file that is as it was when it was written.

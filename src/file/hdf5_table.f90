@@ -1,23 +1,13 @@
 !> A table in a result file: columns with rows of one length. Rows wait in memory until there are many, and are then written in
 !> their order, so that the memory hardly grows with the table, and chunks of the file are written whole.
 module dst_hdf5_table
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, as_double, dataset_t, create_dataset, open_dataset, write_rows, read_rows, &
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, dataset_t, column_t, create_column, open_dataset, write_rows, read_rows, &
     attach_scale
   use dst_kinds, only: real64
-  use dst_writer, only: quantity_t
   implicit none
   private
 
-  public :: table_t, column_t
-
-  !> A column.
-  type :: column_t
-    type(quantity_t) :: quantity
-    character(24) :: group = ''                        !! in which it is, like sweep/summary
-    integer :: stored_as = as_double
-    real(real64) :: fill = 0.0_real64                  !! value of rows that are not written
-    type(dataset_t) :: dataset = dataset_t()
-  end type column_t
+  public :: table_t
 
   !> The columns, and their rows that wait to be written.
   type :: table_t
@@ -55,8 +45,7 @@ contains
     do i = 1, size(self%columns)
       associate (column => self%columns(i))
         column%dataset = dataset_t(rows=self%rows, row_length=self%row_length)
-        call create_dataset(file, column%quantity, self%chunk_rows, column%dataset, h5, column%stored_as, &
-          i == 1 .and. .not. present(scales), column%fill, column%group)
+        call create_column(file, column, self%chunk_rows, i == 1 .and. .not. present(scales), h5)
         if (.not. present(scales)) then
           if (i > 1) call attach_scale(column%dataset, self%columns(1)%dataset, 0, h5)
         else

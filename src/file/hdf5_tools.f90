@@ -13,9 +13,9 @@ module dst_hdf5_tools
   private
 
   public :: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason
-  public :: as_double, as_int8, as_int32, as_int64
-  public :: put_attribute, put_value, get_value, create_group, open_object, exists
-  public :: dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, text_of_row, attach_scale
+  public :: as_text, as_double, as_int8, as_int32, as_int64
+  public :: put_attribute, put_value, get_value, create_group, has_column
+  public :: dataset_t, column_t, create_column, open_dataset, write_rows, read_rows, append_text, text_of_row, attach_scale
 
   !> Kinds of identifiers, and of numbers of rows.
   integer, parameter :: hid_t = c_int64_t, hsize_t = c_int64_t
@@ -37,12 +37,21 @@ module dst_hdf5_tools
     integer(hsize_t) :: row_length = 0           !! 0: it has one dimension
   end type dataset_t
 
+  !> A column of a file.
+  type :: column_t
+    type(quantity_t) :: quantity
+    character(24) :: group = ''                  !! in which it is, like sweep/summary
+    integer(c_int) :: stored_as = as_double
+    real(c_double) :: fill = 0.0_c_double        !! value of rows that are not written
+    type(dataset_t) :: dataset = dataset_t()
+  end type column_t
+
   !> Create or overwrite an attribute of a file, group or dataset.
   interface put_attribute
     module procedure put_text_attribute, put_integer_attribute
   end interface put_attribute
 
-  !> Read an attribute, or the value of a scalar dataset: a text, an integer, a real number.
+  !> Read an attribute of a file or of a group in it, or the value of a scalar dataset: a text, an integer, a real number.
   interface get_value
     module procedure get_text, get_integer, get_number
   end interface get_value
@@ -78,19 +87,6 @@ module dst_hdf5_tools
       character(c_char), intent(in) :: name(*)
       type(hdf5_t), intent(inout) :: h5
     end function create_group
-
-    integer(c_int) function c_exists(object, name, access) bind(c, name='H5Lexists')
-      import :: c_char, c_int, hid_t
-      integer(hid_t), value :: object, access
-      character(c_char), intent(in) :: name(*)
-    end function c_exists
-
-    !> A group, whose attributes are read; its name ends with NUL, `access` is 0.
-    integer(hid_t) function open_object(file, name, access) bind(c, name='H5Oopen')
-      import :: c_char, hid_t
-      integer(hid_t), value :: file, access
-      character(c_char), intent(in) :: name(*)
-    end function open_object
 
     subroutine c_put(object, words, is_attribute, kind, text, number, h5) bind(c, name='dst_h5_put')
       import :: c_bool, c_char, c_double, c_int, hdf5_t, hid_t
@@ -267,11 +263,9 @@ contains
     character(*), intent(in) :: name
     integer, intent(out) :: number
     type(hdf5_t), intent(inout) :: h5
-    real(c_double) :: value
-    type(c_ptr) :: none
+    real(wp) :: value
 
-    value = 0.0_c_double
-    none = c_get(object, name//nul, as_int32, value, h5)
+    call get_number(object, name, value, h5)
     number = nint(value)
   end subroutine get_integer
 
@@ -288,41 +282,29 @@ contains
     number = real(value, wp)
   end subroutine get_number
 
-  !> Whether a file has this object.
-  logical function exists(file, name)
+  !> Whether a file has this column.
+  logical function has_column(file, name)
     integer(hid_t), intent(in) :: file
     character(*), intent(in) :: name
+    type(dataset_t) :: column
+    type(hdf5_t) :: h5
 
-    exists = c_exists(file, name//nul, 0_hid_t) > 0
-  end function exists
+    call open_dataset(file, name, column, h5)
+    has_column = h5%status >= 0
+  end function has_column
 
-  !> Create a dataset of texts, or of numbers stored as `stored_as`, in chunks of `chunk_rows`, with the rows of `dataset`, which are
-  !> `fill`. `inside`: the path of a group, from `group` on. `is_scale`: it is a coordinate of others.
-  subroutine create_dataset(group, quantity, chunk_rows, dataset, h5, stored_as, is_scale, fill, inside)
-    integer(hid_t), intent(in) :: group
-    type(quantity_t), intent(in) :: quantity
+  !> Create a column with the rows of its dataset, which are its `fill`, in chunks of `chunk_rows`, and the groups on its path.
+  !> `is_scale`: it is a coordinate of others.
+  subroutine create_column(file, column, chunk_rows, is_scale, h5)
+    integer(hid_t), intent(in) :: file
+    type(column_t), intent(inout) :: column
     integer, intent(in) :: chunk_rows
-    type(dataset_t), intent(inout) :: dataset
+    logical, intent(in) :: is_scale
     type(hdf5_t), intent(inout) :: h5
-    integer, intent(in), optional :: stored_as
-    logical, intent(in), optional :: is_scale
-    real(real64), intent(in), optional :: fill
-    character(*), intent(in), optional :: inside
-    character(:), allocatable :: path
-    integer(c_int) :: kind
-    real(c_double) :: value
-    logical(c_bool) :: scales
 
-    kind = as_text
-    if (present(stored_as)) kind = stored_as
-    scales = .false.
-    if (present(is_scale)) scales = is_scale
-    value = 0.0_c_double
-    if (present(fill)) value = fill
-    path = ''
-    if (present(inside)) path = trim(inside)//'/'
-    call c_create_dataset(group, path//words_of(quantity), kind, int(chunk_rows, hsize_t), scales, value, dataset, h5)
-  end subroutine create_dataset
+    call c_create_dataset(file, trim(column%group)//'/'//words_of(column%quantity), column%stored_as, int(chunk_rows, hsize_t), &
+      logical(is_scale, c_bool), column%fill, column%dataset, h5)
+  end subroutine create_column
 
   !> Open an existing column, with all its rows; each has `row_length` numbers if that is present and not 0.
   subroutine open_dataset(group, name, dataset, h5, row_length)

@@ -10,9 +10,9 @@ module dst_hdf5_writer
   use dst_errors, only: error_t, raise, file_error, result_done
   use dst_writer, only: writer_t, quantity_t, event_t, outcome_t
   use dst_disk, only: with_remedy
-  use dst_hdf5_table, only: table_t, column_t
+  use dst_hdf5_table, only: table_t
   use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, damage_reason, &
-    as_double, as_int8, as_int64, dataset_t, put_attribute, put_value, create_group
+    as_double, as_int8, as_int64, dataset_t, column_t, put_attribute, put_value, create_group
   use dst_parameters, only: parameter_t
   use dst_sha256, only: sha256
   implicit none
@@ -41,7 +41,7 @@ module dst_hdf5_writer
   integer, parameter :: series = 1, log = 2, parts = merge(2, 1, digits(1.0_wp) > digits(1.0_real64))
 
   !> The result file of one run, open for writing.
-  type, extends(writer_t) :: hdf5_writer_t
+  type :: hdf5_writer_t
     private
     character(:), allocatable :: shown_name       !! name in messages
     integer(hid_t) :: file = -1
@@ -49,11 +49,9 @@ module dst_hdf5_writer
     integer(hsize_t) :: rows(2) = 0               !! of samples and events so far
     type(error_t), allocatable :: failure         !! the first one; after it HDF5 is not called any more: it may crash
   contains
-    procedure :: write_samples
-    procedure :: write_events
+    procedure :: take
     procedure :: copy_rows
     procedure :: finish
-    procedure, private :: write_row
     procedure, private :: check
   end type hdf5_writer_t
 
@@ -62,14 +60,14 @@ module dst_hdf5_writer
 contains
 
   !> Create the file of a run; an empty file may have the name.
-  subroutine create_hdf5(self, file_name, shown_name, metadata, columns, error, expected_rows)
+  subroutine create_hdf5(self, file_name, shown_name, metadata, columns, expected_rows, error)
     class(hdf5_writer_t), intent(out) :: self
     character(*), intent(in) :: file_name             !! path at which it is created
     character(*), intent(in) :: shown_name            !! its name in messages
     type(run_metadata_t), intent(in) :: metadata
-    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'. None: no series, no events
+    type(quantity_t), intent(in) :: columns(:)        !! of the time series; the first is 'time'
+    integer, intent(in) :: expected_rows              !! number of samples of the whole run
     type(error_t), allocatable, intent(out) :: error
-    integer, intent(in), optional :: expected_rows    !! number of samples of the whole run, if it is known
     type(quantity_t), parameter :: event_columns(4) = [quantity_t('time', 's', 'time of the event'), &
       quantity_t('kind', '1', '1 = stick begins, 2 = slip begins'), &
       quantity_t('occurs', '1', 'how many times the event occurs', .true.), &
@@ -79,11 +77,10 @@ contains
     self%shown_name = shown_name
     call open_file(file_name, .true., self%file, h5)
     call write_metadata(self%file, metadata, h5)
-    self%tables(series, :)%chunk_rows = usual_chunk
-    if (present(expected_rows)) self%tables(series, :)%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
+    self%tables(series, :)%chunk_rows = max(smallest_chunk, min(expected_rows, largest_chunk))
     self%tables(log, :)%chunk_rows = usual_chunk
     call create_table(self, series, 'time_series', columns, h5)
-    call create_table(self, log, 'events', event_columns(:merge(size(event_columns), 0, size(columns) > 0)), h5)
+    call create_table(self, log, 'events', event_columns, h5)
     call self%check(h5, error)
   end subroutine create_hdf5
 
@@ -126,7 +123,6 @@ contains
 
     call open_file(file_name, .false., file, former)
     do table = 1, size(self%tables, 1)
-      if (size(self%tables(table, 1)%columns) == 0) cycle
       self%rows(table) = self%tables(table, 1)%rows_in(file, former)
       do part = 1, parts
         do first = 1, self%rows(table), most
@@ -142,50 +138,41 @@ contains
     if (.not. allocated(error)) call close_file(file, former)
   end subroutine copy_rows
 
-  subroutine write_samples(self, samples, error)
+  !> Take the samples and events that a run has written.
+  subroutine take(self, writer, error)
     class(hdf5_writer_t), intent(inout) :: self
-    real(wp), intent(in) :: samples(:, :)
+    type(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t) :: h5
     integer :: i
 
-    do i = 1, size(samples, 2)
-      call self%write_row(series, samples(:, i), error)
-      if (allocated(error)) return
+    do i = 1, writer%rows
+      call put_row(self, series, writer%samples(:, i), h5)
     end do
-  end subroutine write_samples
-
-  subroutine write_events(self, events, error)
-    class(hdf5_writer_t), intent(inout) :: self
-    type(event_t), intent(in) :: events(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer :: i
-
-    do i = 1, size(events)
-      associate (event => events(i))
-        call self%write_row(log, [event%time, real(event%kind, wp), real(event%occurs, wp), event%period], error)
+    do i = 1, writer%events
+      associate (event => writer%log(i))
+        call put_row(self, log, [event%time, real(event%kind, wp), real(event%occurs, wp), event%period], h5)
       end associate
-      if (allocated(error)) return
     end do
-  end subroutine write_events
+    writer%rows = 0
+    writer%events = 0
+    call self%check(h5, error)
+  end subroutine take
 
-  !> Add a row to those that wait.
-  subroutine write_row(self, table, row, error)
-    class(hdf5_writer_t), intent(inout) :: self
+  subroutine put_row(self, table, row, h5)
+    type(hdf5_writer_t), intent(inout) :: self
     integer, intent(in) :: table
     real(wp), intent(in) :: row(:)
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_t), intent(inout) :: h5
     real(real64) :: values(1, size(row))
-    type(hdf5_t) :: h5
 
+    if (allocated(self%failure)) return
     self%rows(table) = self%rows(table) + 1
     values(1, :) = real(row, real64)
-    if (.not. allocated(self%failure)) then
-      call self%tables(table, 1)%put_row(self%rows(table), values, h5)
-      values(1, :) = real(row - real(values(1, :), wp), real64)
-      if (parts > 1) call self%tables(table, parts)%put_row(self%rows(table), values, h5)
-    end if
-    call self%check(h5, error)
-  end subroutine write_row
+    call self%tables(table, 1)%put_row(self%rows(table), values, h5)
+    values(1, :) = real(row - real(values(1, :), wp), real64)
+    if (parts > 1) call self%tables(table, parts)%put_row(self%rows(table), values, h5)
+  end subroutine put_row
 
   !> Write the waiting rows and how the run ended, and close the file.
   subroutine finish(self, outcome, error)

@@ -9,9 +9,9 @@ module dst_sweep_file
   use dst_disk, only: path_t, with_remedy
   use dst_ending, only: check_ending
   use dst_errors, only: error_t, raise, file_error, out_of_memory, result_done, some_failed, stopped_early
-  use dst_hdf5_table, only: table_t, column_t
-  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, as_double, as_int32, &
-    put_attribute, get_value, create_group, dataset_t, create_dataset, open_dataset, write_rows, read_rows, append_text, &
+  use dst_hdf5_table, only: table_t
+  use dst_hdf5_tools, only: hid_t, hsize_t, hdf5_t, open_file, close_file, failure_reason, as_text, as_double, as_int32, &
+    put_attribute, get_value, create_group, dataset_t, column_t, create_column, open_dataset, write_rows, read_rows, append_text, &
     text_of_row, attach_scale
   use dst_hdf5_writer, only: run_metadata_t, write_metadata, put_ending
   use dst_kinds, only: int64, real64
@@ -134,7 +134,7 @@ contains
     end if
     if (goes_on .and. .not. allocated(error)) call check_former(self, error)
     if (.not. allocated(error)) call create(self, error)
-    if (goes_on .and. .not. allocated(error)) call take_former(self, .false., error)
+    if (goes_on .and. .not. allocated(error)) call take_former(self, error)
   end subroutine open_sweep_file
 
   !> The tables, with no rows yet.
@@ -181,21 +181,6 @@ contains
     call self%file%discard()
   end subroutine check_former
 
-  !> The result codes of rows of a file.
-  subroutine read_codes(file, first, codes, h5)
-    integer(hid_t), intent(in) :: file
-    integer, intent(in) :: first
-    integer(int8), intent(out) :: codes(:)
-    type(hdf5_t), intent(inout) :: h5
-    type(dataset_t) :: dataset
-    real(real64), allocatable :: values(:)
-
-    allocate (values(size(codes)), source=real(not_run, real64))
-    call open_dataset(file, 'sweep/result_code', dataset, h5)
-    call read_rows(dataset, first - 1_hsize_t, size(values, kind=hsize_t), values, h5)
-    if (h5%status >= 0) codes = nint(values, int8)
-  end subroutine read_codes
-
   !> Why cases of a share failed, unless they are done here.
   subroutine take_messages(self, file, share, h5)
     class(sweep_file_t), intent(inout) :: self
@@ -230,15 +215,14 @@ contains
     if (h5%status < 0) call give_up(self, failure_reason(), error)
   end subroutine create
 
-  !> Take the rows that the file under the name has; `is_known`: and that are known here.
-  subroutine take_former(self, is_known, error)
+  !> Take the rows that the file under the name has.
+  subroutine take_former(self, error)
     class(sweep_file_t), intent(inout) :: self
-    logical, intent(in) :: is_known
     type(error_t), allocatable, intent(out) :: error
     integer :: first
 
     do first = 1, self%rows, self%window
-      if (.not. allocated(error)) call self%take_rows(self%file%place, self%share, first, error, is_known)
+      if (.not. allocated(error)) call self%take_rows(self%file%place, self%share, first, error)
     end do
     self%is_changed = .false.
   end subroutine take_former
@@ -318,18 +302,19 @@ contains
     class(sweep_file_t), intent(in) :: self
     type(dataset_t), intent(out) :: scale
     type(hdf5_t), intent(inout) :: h5
+    type(column_t) :: column
     real(real64), allocatable :: values(:)
     integer :: i
 
     if (self%sweep%keeps_series) then
       values = real(self%sweep%series_times(), real64)
-      call create_dataset(self%id, quantity_t('time', 's', 'time of the samples'), min(8192, size(values)), scale, h5, as_double, &
-        is_scale=.true., inside=inner_group(self))
+      column = column_t(quantity_t('time', 's', 'time of the samples'), inner_group(self))
     else
       values = [(real(i, real64), i=1, self%tables(2)%row_length)]
-      call create_dataset(self%id, quantity_t('cycle', '1', 'number of the cycle among those that are kept'), size(values), &
-        scale, h5, as_int32, is_scale=.true., inside=inner_group(self))
+      column = column_t(quantity_t('cycle', '1', 'number of the cycle among those that are kept'), inner_group(self), as_int32)
     end if
+    call create_column(self%id, column, min(8192, size(values)), .true., h5)
+    scale = column%dataset
     call write_rows(scale, 0_hsize_t, size(values, kind=hsize_t), values, h5)
   end subroutine create_inner_scale
 
@@ -384,20 +369,21 @@ contains
     if (self%code(row) == not_run) self%done = self%done + 1
     if (self%code(row) > 0) self%failed = self%failed - 1
     if (result_code > 0) self%failed = self%failed + 1
+    if (self%code(row) /= result_code) self%is_changed = .true.
     self%code(row) = int(result_code, int8)
-    self%is_changed = .true.
     if (result_code == result_done .and. allocated(self%message(row)%text)) deallocate (self%message(row)%text)
   end subroutine note
 
-  !> Take those cases of a share's file that are missing here, or failed here and not there, if their rows are among the `window` ones
-  !> from `first` on; `is_known`: all that are not missing here, whose rows are those of this file as it was made whole last.
-  subroutine take_rows(self, file_name, share, first, error, is_known)
+  !> Take the cases of a share's file, except those that failed there and not here, if their rows are among the `window` ones from
+  !> `first` on.
+  subroutine take_rows(self, file_name, share, first, error)
     class(sweep_file_t), intent(inout) :: self
     character(*), intent(in) :: file_name
     type(share_t), intent(in) :: share
     integer, intent(in) :: first
     type(error_t), allocatable, intent(out) :: error
-    logical, intent(in) :: is_known
+    type(dataset_t) :: column
+    real(real64), allocatable :: values(:)
     integer(int8), allocatable :: codes(:)
     logical, allocatable :: is_wanted(:)
     integer, allocatable :: rows(:)
@@ -410,20 +396,18 @@ contains
       allocate (rows, source=self%share%row_of(share%case_of([(i, i=begin, last)])))
     end associate
     if (size(rows) == 0) return
-    codes = self%code(rows)
     call open_file(file_name, .false., file, from)
-    if (is_known) then
-      is_wanted = codes /= not_run
-    else
-      call read_codes(file, begin, codes, from)
-      is_wanted = codes /= not_run .and. (self%code(rows) == not_run .or. (self%code(rows) > 0 .and. codes == 0))
-      if (any(is_wanted .and. codes > 0)) call take_messages(self, file, share, from)
-    end if
+    allocate (values(size(rows)), source=real(not_run, real64))
+    call open_dataset(file, 'sweep/result_code', column, from)
+    call read_rows(column, begin - 1_hsize_t, size(rows, kind=hsize_t), values, from)
+    codes = nint(values, int8)
+    is_wanted = codes == result_done .or. (codes > 0 .and. self%code(rows) /= result_done)
+    if (any(is_wanted .and. codes > 0)) call take_messages(self, file, share, from)
     do i = 1, size(self%tables)
       if (any(is_wanted)) call self%tables(i)%take_rows(file, int(begin, hsize_t), int(rows, hsize_t), is_wanted, from, to)
     end do
     do i = 1, size(rows)
-      if (is_wanted(i) .and. .not. is_known .and. from%status >= 0) call note(self, rows(i), int(codes(i)))
+      if (is_wanted(i) .and. from%status >= 0) call note(self, rows(i), int(codes(i)))
     end do
     if (from%status >= 0) call close_file(file, from)
     if (to%status < 0) then
@@ -461,18 +445,19 @@ contains
     class(sweep_file_t), intent(in) :: self
     type(hdf5_t), intent(inout) :: h5
     integer, parameter :: chunk = 1024
-    type(dataset_t) :: cases, texts
+    type(column_t) :: cases, texts
     integer :: i
 
-    call create_dataset(self%id, quantity_t('case', '1', 'number of a case that failed'), chunk, cases, h5, as_int32, &
-      is_scale=.true., inside='sweep/failures')
-    call create_dataset(self%id, quantity_t('result_text', '1', 'why it failed'), chunk, texts, h5, inside='sweep/failures')
-    call attach_scale(texts, cases, 0, h5)
+    cases = column_t(quantity_t('case', '1', 'number of a case that failed'), 'sweep/failures', as_int32)
+    texts = column_t(quantity_t('result_text', '1', 'why it failed'), 'sweep/failures', as_text)
+    call create_column(self%id, cases, chunk, .true., h5)
+    call create_column(self%id, texts, chunk, .false., h5)
+    call attach_scale(texts%dataset, cases%dataset, 0, h5)
     ! One by one: very many have no room on the stack.
     do i = 1, self%rows
       if (self%code(i) <= 0) cycle
-      call write_rows(cases, cases%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
-      call append_text(texts, self%message(i)%text, h5)
+      call write_rows(cases%dataset, cases%dataset%rows, 1_hsize_t, [real(self%share%case_of(i), real64)], h5)
+      call append_text(texts%dataset, self%message(i)%text, h5)
     end do
   end subroutine write_failures
 
@@ -509,7 +494,7 @@ contains
 
     call self%file%begin_next(error)
     if (.not. allocated(error)) call create(self, error)
-    if (.not. allocated(error)) call take_former(self, .true., error)
+    if (.not. allocated(error)) call take_former(self, error)
   end subroutine go_on
 
   !> The file under the name, if there is one, stays as it is.

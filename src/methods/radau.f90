@@ -239,8 +239,6 @@ contains
         self%speed_scale, iterations, outcome%solved)
       ! Every Newton iteration evaluates all stages and solves one linear system.
       self%count%newton = self%count%newton + iterations
-      self%count%jacobians = self%count%jacobians + iterations
-      self%count%factorisations = self%count%factorisations + iterations
       self%count%rhs = self%count%rhs + s*iterations
       outcome%solved = outcome%solved .and. self%step > 0.0_wp
       if (.not. outcome%solved) self%step = step

@@ -35,8 +35,7 @@ module dst_stepper
     integer(int64) :: steps = 0
     integer(int64) :: rejected = 0
     integer(int64) :: rhs = 0
-    integer(int64) :: jacobians = 0
-    integer(int64) :: factorisations = 0
+    !> Iterations of Newton's method, each with a Jacobian and a factorisation.
     integer(int64) :: newton = 0
     !> Number of steps whose length was solved for, so that they end in a stop.
     integer(int64) :: landings = 0
@@ -353,8 +352,6 @@ contains
     sum%steps = self%steps + other%steps
     sum%rejected = self%rejected + other%rejected
     sum%rhs = self%rhs + other%rhs
-    sum%jacobians = self%jacobians + other%jacobians
-    sum%factorisations = self%factorisations + other%factorisations
     sum%newton = self%newton + other%newton
     sum%landings = self%landings + other%landings
     sum%events = self%events + other%events

@@ -1,4 +1,4 @@
-!> The exponential function in plain arithmetic, for loops that are compiled for several instruction sets: these include
+!> The exponential function in plain arithmetic, for loops that become vector instructions: these include
 !> `exponentials.inc` directly.
 module dst_exponentials
   use dst_kinds, only: wp, real64, int64

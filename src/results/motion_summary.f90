@@ -321,7 +321,7 @@ contains
     outcome%summary_value = pack(value, .not. ieee_is_nan(value))
     work = motion%work()
     outcome%statistics = statistics
-    outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%jacobians, work%factorisations, work%newton, &
+    outcome%statistics_value = [real([work%steps, work%rejected, work%rhs, work%newton, work%newton, work%newton, &
       work%landings, work%events, work%cycles_leapt, work%cycles_sampled, work%excursions_reused], wp), work%map_error, wall_time]
   end subroutine describe
 

@@ -9,7 +9,6 @@ module dst_derivatives
   use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp, int64, pi
-  use dst_memory_writer, only: memory_writer_t
   use dst_output_size, only: sample_count
   use dst_piece, only: no_event, slip_begins, slips
   use dst_sampling, only: settle_interval
@@ -22,6 +21,7 @@ module dst_derivatives
   use dst_stopwatch, only: wall_clock
   use dst_tangent, only: tangent_t, trail_t, directions_t, rate_in, n_changes
   use dst_variation, only: steps_of, vary
+  use dst_writer, only: writer_t
   implicit none
   private
 
@@ -43,7 +43,7 @@ module dst_derivatives
     real(wp), allocatable, private :: whole(:)               !! a whole turn, of a column that is an angle; 0 of another
     !> The columns and then their changes per change of each parameter, one sample after another; and of each event the time, the
     !> kind, and the changes of the time.
-    type(memory_writer_t) :: samples, events
+    type(writer_t) :: samples, events
     logical :: is_finished = .false.
     real(wp), allocatable, private :: time(:)                !! of the samples, s
     integer, private :: segment = 1
@@ -166,7 +166,7 @@ contains
         call raise(error, usage_error, 'the motion hangs on a release that just happens, and has no derivative after it')
       do while (self%samples%rows < size(self%time) .and. .not. allocated(error))
         if (self%time(self%samples%rows + 1) > steps%piece%to%time) exit
-        call self%samples%write_samples(row_at(self, self%time(self%samples%rows + 1)), error)
+        call self%samples%add_sample(row_at(self, self%time(self%samples%rows + 1)), error)
       end do
     end associate
   end subroutine go_on
@@ -216,7 +216,7 @@ contains
     type(error_t), allocatable, intent(inout) :: error
 
     associate (piece => self%steps%piece)
-      call self%events%write_samples(reshape([piece%to%time, real(piece%event, wp), shift], [2 + size(shift), 1]), error)
+      call self%events%add_sample([piece%to%time, real(piece%event, wp), shift], error)
     end associate
   end subroutine add_event
 
@@ -224,7 +224,7 @@ contains
   function row_at(self, time) result(row)
     class(derivatives_t), intent(in) :: self
     real(wp), intent(in) :: time
-    real(wp) :: row(size(self%selected)*(1 + size(self%key)), 1)
+    real(wp) :: row(size(self%selected)*(1 + size(self%key)))
     real(wp) :: change(size(self%selected), 0:size(self%key))
     type(state_t) :: state
     real(wp) :: rate(n_changes), direction(n_changes), basis(0:max_degree), tau, elapsed, by_state(size(self%selected), n_changes)

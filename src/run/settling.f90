@@ -8,11 +8,10 @@ module dst_settling
   use dst_divergence, only: regular, undecided, steady_sliding, ringing_down
   use dst_errors, only: error_t, too_many_steps
   use dst_kinds, only: wp, int64, pi
-  use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t
-  use dst_writer, only: outcome_t
+  use dst_writer, only: writer_t, outcome_t
   implicit none
   private
 
@@ -41,7 +40,7 @@ module dst_settling
     real(wp), private :: length = 0.0_wp       !! one of `lengths`, s
     integer, private :: turn = 1               !! of the lengths
     type(simulation_t), allocatable, private :: simulation
-    type(memory_writer_t), private :: writer
+    type(writer_t), private :: writer
   contains
     procedure :: start
     procedure :: proceed
@@ -85,7 +84,7 @@ contains
 
     self%scene%t_end = lengths(self%turn)*self%length
     self%scene%interval = self%scene%t_end
-    self%writer = memory_writer_t()
+    self%writer = writer_t()
     if (allocated(self%simulation)) deallocate (self%simulation)
     allocate (self%simulation)
     call self%simulation%start(self%scene, error)

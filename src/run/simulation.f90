@@ -1,6 +1,6 @@
 !> A run: scene in, samples and events out to a writer, in slices of wall time.
 !>
-!> This is the only run routine; the executable and Python call it with different writers.
+!> This is the only run routine, of the executable and of Python.
 module dst_simulation
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -26,8 +26,8 @@ module dst_simulation
 
   public :: simulation_t, select_columns, check_piece, pieces_between_looks
 
-  !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
-  integer, parameter :: buffer_rows = 512
+  !> Largest number of samples in a piece that are recorded at once. Convention; no number depends on it.
+  integer, parameter :: most_at_once = 512
   !> The clock is read once after this many pieces. Convention: a piece takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
   !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
@@ -37,6 +37,7 @@ module dst_simulation
   type :: progress_t
     real(wp) :: elapsed = 0.0_wp           !! wall time so far, s
     integer(int64) :: pieces = 0, samples = 0
+    real(wp) :: sampled = 0.0_wp           !! time of the last sample, s
     !> Whether all samples and the event of the last piece have been recorded.
     logical :: recorded = .false.
   end type progress_t
@@ -54,9 +55,6 @@ module dst_simulation
     real(wp) :: elapsed_before = 0.0_wp
     !> Instants to sample [s], from 0 to t_end, if the samples are not at equal intervals.
     real(wp), allocatable :: instants(:)
-    !> Number of rows waiting for the writer.
-    integer :: waiting = 0
-    real(wp), allocatable :: rows(:, :)
   contains
     procedure :: start
     procedure :: proceed
@@ -82,7 +80,6 @@ contains
     if (.not. allocated(error)) call select_columns(self%scene, self%motion%slider, self%motion%drive, self%selected, error)
     if (allocated(error)) return
     call self%summary%start(self%motion, scene%settle)
-    allocate (self%rows(size(self%selected), buffer_rows))
   end subroutine start
 
   !> The numbers of the columns that a scene asks for, the time first.
@@ -125,15 +122,14 @@ contains
     descriptions = columns(self%selected)
   end function output_columns
 
-  !> Continue for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached. An error of the
-  !> solver ends the run: it is then finished, and everything up to the error has been written.
+  !> Continue for at most `seconds` of wall time [s], or to the end, or until the time `until` [s] has been reached or the writer is
+  !> full. An error of the solver ends the run: it is then finished, and everything up to the error has been written.
   subroutine proceed(self, seconds, writer, error, until)
     class(simulation_t), intent(inout) :: self
     real(wp), intent(in) :: seconds
-    class(writer_t), intent(inout) :: writer
+    type(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
     real(wp), intent(in), optional :: until
-    type(error_t), allocatable :: disk_error
     real(wp) :: begun, passed, last, limit
     integer :: looks_left
 
@@ -147,6 +143,7 @@ contains
     do while (.not. (allocated(error) .or. self%has_reached(min(last, end_time(self)))))
       if (self%recorded) call advance(self, last, error)
       if (.not. allocated(error)) call record(self, writer, error)
+      if (writer%rows >= writer%most_rows) exit
       looks_left = looks_left - 1
       if (looks_left == 0 .or. .not. self%recorded) then
         passed = wall_clock() - begun
@@ -154,8 +151,6 @@ contains
         looks_left = pieces_between_looks
       end if
     end do
-    call flush_rows(self, writer, disk_error)
-    if (allocated(disk_error) .and. .not. allocated(error)) call move_alloc(disk_error, error)
     passed = wall_clock() - begun
     self%elapsed = self%elapsed + passed
     self%finished = allocated(error) .or. self%has_reached(end_time(self))
@@ -242,45 +237,55 @@ contains
   !> Record the samples in the last piece, and its event. If there are many samples, some are left for the next call.
   subroutine record(self, writer, error)
     class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
+    type(writer_t), intent(inout) :: writer
     type(error_t), allocatable, intent(out) :: error
     type(event_t), allocatable :: log(:)
-    logical :: all_taken
-    real(wp) :: time
 
-    all_taken = .true.
-    associate (piece => self%motion%piece)
-      if (self%pieces == 0) then
-        call take_sample(self, writer, 0.0_wp, error)
-      else if (self%scene%interval > 0.0_wp) then
-        call take_samples(self, writer, all_taken, error)
-      else
-        time = piece%from%time
-        do while (piece%to%time > time .and. .not. allocated(error))
-          call self%motion%show(time)
-          time = self%motion%next_instant(time)
-          call take_sample(self, writer, time, error)
-        end do
-      end if
-      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) then
-        call self%motion%events(log)
-        call writer%write_events(log, error)
-      end if
-    end associate
-    self%recorded = all_taken
+    self%recorded = .true.
+    if (self%pieces == 0) then
+      call take_sample(self, writer, 0.0_wp, error)
+    else if (self%scene%interval > 0.0_wp) then
+      call take_samples(self, writer, self%recorded, error)
+    else
+      call take_steps(self, writer, self%recorded, error)
+    end if
+    if (self%motion%piece%event /= no_event .and. self%recorded .and. .not. allocated(error)) then
+      call self%motion%events(log)
+      call writer%add_events(log, error)
+    end if
   end subroutine record
 
-  !> The samples due by now, up to a full buffer; `all_taken` says whether these were all.
+  !> A sample at the end of each step in the last piece, up to some; `all_taken` says whether these were all.
+  subroutine take_steps(self, writer, all_taken, error)
+    class(simulation_t), intent(inout) :: self
+    type(writer_t), intent(inout) :: writer
+    logical, intent(out) :: all_taken
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: time
+    integer :: i
+
+    associate (piece => self%motion%piece)
+      do i = 1, most_at_once
+        time = max(piece%from%time, self%sampled)
+        all_taken = .not. piece%to%time > time
+        if (all_taken .or. allocated(error)) return
+        call self%motion%show(time)
+        call take_sample(self, writer, self%motion%next_instant(time), error)
+      end do
+    end associate
+  end subroutine take_steps
+
+  !> The samples due by now, up to some; `all_taken` says whether these were all.
   subroutine take_samples(self, writer, all_taken, error)
     class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
+    type(writer_t), intent(inout) :: writer
     logical, intent(out) :: all_taken
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: time
     integer :: i
 
     all_taken = .true.
-    do i = 1, buffer_rows
+    do i = 1, most_at_once
       time = sample_time(self)
       if (time > self%motion%piece%to%time) then
         if (is_over(self)) call take_sample(self, writer, self%motion%piece%to%time, error)
@@ -308,38 +313,27 @@ contains
   !> One row of output at a time inside the last piece.
   subroutine take_sample(self, writer, time, error)
     class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
+    type(writer_t), intent(inout) :: writer
     real(wp), intent(in) :: time
     type(error_t), allocatable, intent(out) :: error
     type(instant_t) :: instant
+    real(wp) :: row(size(self%selected))
     integer :: column
 
-    if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
-    if (allocated(error)) return
     call self%motion%show(time)
     instant = self%motion%instant(time)
     call self%summary%see(self%motion, instant)
-    self%waiting = self%waiting + 1
     self%samples = self%samples + 1
-    associate (row => self%rows(:, self%waiting))
-      call row_of(self%motion%slider, instant, self%selected, row)
-      if (all(abs(row) <= huge(row))) return
-      self%waiting = self%waiting - 1
+    self%sampled = time
+    call row_of(self%motion%slider, instant, self%selected, row)
+    if (all(abs(row) <= huge(row))) then
+      call writer%add_sample(row, error)
+    else
       column = self%selected(findloc(abs(row) <= huge(row), .false., dim=1))
       call raise(error, not_finite, trim(columns(column)%name)//' is not finite at '//trim(at_time(instant%state))// &
         ': leave it out of output.fields, or scale the parameters')
-    end associate
+    end if
   end subroutine take_sample
-
-  !> Pass the waiting rows to the writer.
-  subroutine flush_rows(self, writer, error)
-    class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
-    type(error_t), allocatable, intent(out) :: error
-
-    if (self%waiting > 0) call writer%write_samples(self%rows(:, :self%waiting), error)
-    self%waiting = 0
-  end subroutine flush_rows
 
   !> How the run ended; `error` is the one that `proceed` returned.
   subroutine outcome(self, error, result)

@@ -11,8 +11,6 @@
 !> It needs no iteration, so that every lane does the same at the same time, each with its own step. The elongation is eliminated by
 !> hand, so that a division solves the linear system. Counts are reals, as vectors have numbers of one length.
 !>
-!> The body, `lane_step.inc`, is compiled for several instruction sets (dst_machine).
-!>
 !> Source: Steinebach (1995), Preprint 1741, TH Darmstadt; Hairer & Wanner II, Sec. IV.7.
 module dst_lane_step
   use dst_kinds, only: wp, real64, int64
@@ -22,7 +20,7 @@ module dst_lane_step
   implicit none
   private
 
-  public :: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes_plain, step_lanes_v3
+  public :: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes
 
   !> Number of cases side by side: each operation is one of several vectors, which do not wait for each other.
   integer, parameter :: lane_count = 16
@@ -103,15 +101,9 @@ module dst_lane_step
 
   interface
     !> One attempted step in every lane; or, if a case has been put in, evaluate the present points of the lanes.
-    pure module subroutine step_lanes_plain(lanes, attempts)
+    pure module subroutine step_lanes(lanes, attempts)
       type(lanes_t), intent(inout) :: lanes
       logical, intent(in) :: attempts
-    end subroutine step_lanes_plain
-
-    !> The same, for vectors of 256 bits.
-    pure module subroutine step_lanes_v3(lanes, attempts)
-      type(lanes_t), intent(inout) :: lanes
-      logical, intent(in) :: attempts
-    end subroutine step_lanes_v3
+    end subroutine step_lanes
   end interface
 end module dst_lane_step

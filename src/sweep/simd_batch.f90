@@ -8,8 +8,7 @@ module dst_simd_batch
   use dst_kinds, only: wp, int64
   use dst_errors, only: error_t, raise, deck_error, step_underflow, too_many_steps, too_many_rejections
   use dst_friction, only: exponential_form
-  use dst_lane_step, only: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes_plain, step_lanes_v3
-  use dst_machine, only: runs_v3
+  use dst_lane_step, only: lanes_t, lane_control_t, lane_account_t, lane_count, max_rejections, step_lanes
   use dst_scene, only: scene_t
   use dst_assembly, only: slider_from_scene
   use dst_slider, only: slider_t
@@ -35,15 +34,13 @@ module dst_simd_batch
     logical, public :: done(lane_count) = .false.
     logical :: refused(lane_count) = .false.
     logical :: is_new = .false.
-    logical :: by_v3 = .false.
     type(lanes_t) :: lanes
     real(wp), dimension(lane_count) :: mass = 1.0_wp, first_u = 0.0_wp, second_u = 0.0_wp, first_position = 0.0_wp
-    type(summary_t) :: summary(lane_count)
+    type(summary_t), public :: summary(lane_count)
   contains
     procedure :: put_case
     procedure :: advance
     procedure :: values
-    procedure :: kept_cycles
   end type simd_batch_t
 
   !> The last step of a lane, for the summary: u [m] and w [m/s] as polynomials in the share of the step.
@@ -93,7 +90,6 @@ contains
     end associate
     self%done(lane) = self%refused(lane)
     self%is_new = .true.
-    self%by_v3 = runs_v3()
   end subroutine put_case
 
   !> The numbers of a scene.
@@ -154,17 +150,6 @@ contains
     end associate
   end function rate_along
 
-  !> X, from the displacement of the drive minus the elongation.
-  pure real(wp) function position_of(self, lane, time, u)
-    class(simd_batch_t), intent(in) :: self
-    integer, intent(in) :: lane
-    real(wp), intent(in) :: time, u
-
-    associate (scene => self%lanes%scene)
-      position_of = self%first_position(lane) + scene%velocity(lane)*time - scene%cos_phi(lane)*(u - self%first_u(lane))
-    end associate
-  end function position_of
-
   !> Kinetic and elastic energy of the motion along the soft axis [J].
   pure real(wp) function energy(self, lane)
     class(simd_batch_t), intent(in) :: self
@@ -180,9 +165,9 @@ contains
     class(simd_batch_t), intent(inout) :: self
     integer :: i
 
-    if (self%is_new) call step_lanes(self, .false.)
+    if (self%is_new) call step_lanes(self%lanes, .false.)
     self%is_new = .false.
-    call step_lanes(self, .true.)
+    call step_lanes(self%lanes, .true.)
     associate (account => self%lanes%account, control => self%lanes%control)
       do i = 1, lane_count
         if (account%notes(i) > 0.0_wp) call take_in(self, i)
@@ -190,17 +175,6 @@ contains
       end do
     end associate
   end subroutine advance
-
-  subroutine step_lanes(self, attempts)
-    class(simd_batch_t), intent(inout) :: self
-    logical, intent(in) :: attempts
-
-    if (self%by_v3) then
-      call step_lanes_v3(self%lanes, attempts)
-    else
-      call step_lanes_plain(self%lanes, attempts)
-    end if
-  end subroutine step_lanes
 
   !> Add the last step of a lane to the summary, after the steps that were left out.
   subroutine take_in(self, lane)
@@ -238,12 +212,22 @@ contains
     class(simd_batch_t), intent(in) :: self
     integer, intent(in) :: i, point
 
-    associate (scene => self%lanes%scene, now => self%lanes%point(point))
-      moment = moment_t(now%time(i), position_of(self, i, now%time(i), now%u(i)), rate_along(self, i, now%w(i)), &
-        [now%w(i), scene%across(i)], scene%stiffness(i)*now%u(i), &
-        scene%drive_rate(i) - now%w(i), scene%velocity(i))
+    associate (now => self%lanes%point(point))
+      moment = moment_at(self, i, now%time(i), now%u(i), now%w(i))
     end associate
   end function moment_of
+
+  !> The state of a lane at a time [s], from u [m] and w [m/s]. X is the displacement of the drive minus the elongation.
+  pure type(moment_t) function moment_at(self, i, time, u, w) result(moment)
+    class(simd_batch_t), intent(in) :: self
+    integer, intent(in) :: i
+    real(wp), intent(in) :: time, u, w
+
+    associate (scene => self%lanes%scene)
+      moment = moment_t(time, self%first_position(i) + scene%velocity(i)*time - scene%cos_phi(i)*(u - self%first_u(i)), &
+        rate_along(self, i, w), [w, scene%across(i)], scene%stiffness(i)*u, scene%drive_rate(i) - w, scene%velocity(i))
+    end associate
+  end function moment_at
 
   !> The last step of a lane. If it steps over the relaxation of the slip velocity, the rates at the ends say nothing about the
   !> motion between them.
@@ -274,15 +258,9 @@ contains
     class(lane_step_t), intent(in) :: self
     real(wp), intent(in) :: place
     type(moment_t) :: moment
-    real(wp) :: time, u, w
 
-    associate (scene => self%batch%lanes%scene, i => self%lane)
-      time = self%first%time + place*self%duration()
-      u = value_of(self%u, place)
-      w = value_of(self%w, place)
-      moment = moment_t(time, position_of(self%batch, i, time, u), rate_along(self%batch, i, w), [w, scene%across(i)], &
-        scene%stiffness(i)*u, scene%drive_rate(i) - w, scene%velocity(i))
-    end associate
+    moment = moment_at(self%batch, self%lane, self%first%time + place*self%duration(), value_of(self%u, place), &
+      value_of(self%w, place))
   end function at
 
   subroutine load(self, degree, coefficient)
@@ -391,16 +369,6 @@ contains
     end associate
     self%done(lane) = .false.
   end subroutine values
-
-  !> The last of the cycles that count for the means of the lane that was taken out last, at most this many, as
-  !> `summary_t%kept_cycles`.
-  pure function kept_cycles(self, lane, most) result(cycles)
-    class(simd_batch_t), intent(in) :: self
-    integer, intent(in) :: lane, most
-    real(wp), allocatable :: cycles(:, :)
-
-    cycles = self%summary(lane)%kept_cycles(most)
-  end function kept_cycles
 
   !> Why a lane has stopped before its end.
   subroutine explain(self, lane, error)

@@ -8,7 +8,6 @@ module dst_sweep
   use dst_deck, only: deck_t
   use dst_deck_sweep, only: varied_key, variation_problem, range_problem, many_cases
   use dst_errors, only: error_t, raise, result_done, deck_error, out_of_memory
-  use dst_memory_writer, only: memory_writer_t
   use dst_model_columns, only: gives_column
   use dst_columns, only: columns, find_column, is_default
   use dst_cycles, only: cycle_quantities
@@ -21,7 +20,7 @@ module dst_sweep
   use dst_stepper, only: work_count_t
   use dst_summary, only: summary_quantities
   use dst_text, only: integer_text
-  use dst_writer, only: quantity_t, absent
+  use dst_writer, only: writer_t, quantity_t, absent
   implicit none
   private
 
@@ -49,7 +48,6 @@ module dst_sweep
     procedure :: parameters
     procedure :: table_rows
     procedure :: series_times
-    procedure :: table_values
   end type sweep_t
 
   !> The result of a case.
@@ -325,13 +323,6 @@ contains
     if (size(times) > 0) times(size(times)) = self%deck%real_of('scene', 't_end')
   end function series_times
 
-  !> Values of the series, or of the cycles, of a case.
-  integer function table_values(self)
-    class(sweep_t), intent(in) :: self
-
-    table_values = self%table_rows()*size(table_quantities(self))
-  end function table_values
-
   !> What is kept of each sample, except time, which is the same in all cases, or of each cycle; nothing if neither are kept.
   function table_quantities(sweep) result(quantities)
     type(sweep_t), intent(in) :: sweep
@@ -463,7 +454,7 @@ contains
       if (.not. allocated(error)) values(summary_count + 1:summary_count + final_count) = final
       values(steps_value) = real(steps, wp)
     end associate
-    if (most_cycles > 0) result%table = lanes%kept_cycles(place, most_cycles)
+    if (most_cycles > 0) result%table = lanes%summary(place)%kept_cycles(most_cycles)
   end subroutine take_lane
 
   !> Run one case.
@@ -476,13 +467,15 @@ contains
     logical, intent(out) :: done
     type(error_t), allocatable, intent(out) :: error
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     type(work_count_t) :: work
     integer :: i, column
 
+    if (allocated(result%table)) deallocate (result%table)
     if (.not. (kept > 0 .or. scene%is_closed_form())) scene%interval = scene%t_end
     call simulation%start(scene, error)
     done = allocated(error)
+    if (done) return
     do while (.not. done)
       call simulation%proceed(slice, writer, error)
       ! The events that a case keeps are in the summary.
@@ -491,8 +484,6 @@ contains
       if (done) exit
       if (watch%asked_to_stop()) return
     end do
-    if (allocated(result%table)) deallocate (result%table)
-    if (.not. allocated(simulation%rows)) return
     call simulation%summary%values(simulation%motion, result%values(:summary_count))
     if (.not. simulation%motion%in_closed_form) then
       work = simulation%motion%work()

@@ -1,12 +1,12 @@
-!> The machine on which this process runs: its name, processor and clock; the scheduler's job to which the process belongs, and its
+!> The machine on which this process runs: its name and clock; the scheduler's job to which the process belongs, and its
 !> environment.
 module dst_machine
   use, intrinsic :: iso_c_binding, only: c_size_t, nul => c_null_char
-  use dst_posix, only: c_gethostname, c_utc, has_v3
+  use dst_posix, only: c_gethostname, c_utc
   implicit none
   private
 
-  public :: host_name, job_name, environment, runs_v3, utc_now
+  public :: host_name, job_name, environment, utc_now
 
 contains
 
@@ -41,13 +41,6 @@ contains
     allocate (character(length) :: value)
     if (length > 0) call get_environment_variable(name, value)
   end function environment
-
-  !> Which build of the hot loops is used. They are compiled for every processor, and once more for x86-64-v3, with vectors of 256
-  !> bits (meson.build), which is used if the processor has it, unless DYNSTICTION_INSTRUCTIONS is 'plain'. Both give the same bits.
-  logical function runs_v3()
-    runs_v3 = has_v3()
-    if (runs_v3) runs_v3 = environment('DYNSTICTION_INSTRUCTIONS') /= 'plain'
-  end function runs_v3
 
   !> Now, as ISO 8601 in UTC: '2026-01-31T23:59:59Z'.
   character(20) function utc_now()

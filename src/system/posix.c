@@ -351,12 +351,3 @@ _Bool dst_run_with_room(void (*work)(void *, int)) {
   work(NULL, 1);
   return 1;
 }
-
-/* Whether this processor runs what is compiled for x86-64-v3; no, where nothing is (src/meson.build). */
-_Bool dst_has_v3(void) {
-#ifdef DST_V3
-  return __builtin_cpu_supports("x86-64-v3");
-#else
-  return 0;
-#endif
-}

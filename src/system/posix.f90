@@ -53,7 +53,6 @@ module dst_posix
   procedure(number_call), bind(c, name='dst_stop_signal') :: stop_signal
   procedure(number_call), bind(c, name='dst_is_terminal') :: c_is_terminal
   procedure(question), bind(c, name='dst_is_told_to_end') :: is_told_to_end
-  procedure(question), bind(c, name='dst_has_v3') :: has_v3
   procedure(address_call), bind(c, name='free') :: c_free
   procedure(address_call), bind(c, name='dst_forget_matches') :: c_forget_matches
   procedure(descriptor_call), bind(c, name='dst_fsync') :: c_fsync

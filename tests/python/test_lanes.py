@@ -6,7 +6,7 @@ import dynstiction as ds
 import numpy as np
 import pytest
 from fig3 import CONSTANT, slider
-from programs import INPUTS, Program
+from programs import INPUTS
 
 pytest.importorskip("xarray")
 
@@ -76,24 +76,6 @@ def random_scenes(n):
     length = values["friction.mu_0"] * values["friction.normal_load"] / values["system.stiffness_x"]
     values["scene.t_end"] = length / np.abs(values["drive.velocity"]) * chance.uniform(0.1, 5, n)
     return values, length
-
-
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
-def test_the_vectors_of_the_processor_do_not_change_a_bit(rtol, monkeypatch, executable):
-    def loops():
-        return Program((executable,))("--version", status=0).stdout.rpartition("loops:")[2].split()[0]
-
-    here = loops()
-    values, _ = random_scenes(150)
-    wide = [sweep({"system.misalignment_deg": ANGLES}, rtol=rtol), sweep(values, rtol=rtol)]
-    monkeypatch.setenv("DYNSTICTION_INSTRUCTIONS", "plain")
-    assert loops() == "plain"
-    if here == "plain":
-        pytest.skip("this processor, or this build, has one kind of vectors only")
-    plain = [sweep({"system.misalignment_deg": ANGLES}, rtol=rtol), sweep(values, rtol=rtol)]
-    for one, other in zip(wide, plain, strict=True):
-        for name in set(one.data_vars) - {"wall_time"}:
-            assert one[name].values.tobytes() == other[name].values.tobytes() or one[name].dtype == object, name
 
 
 def test_random_scenes_agree_with_radau():

@@ -3,11 +3,11 @@ module scenes
   use dst_kinds, only: wp
   use dst_errors, only: error_t
   use dst_friction, only: new_friction_law
-  use dst_memory_writer, only: memory_writer_t
   use dst_motion, only: next_piece
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_slider, only: slider_t, cos_sin_degrees
+  use dst_writer, only: writer_t
   use random_numbers, only: uniform, log_uniform
   implicit none
   private
@@ -154,7 +154,7 @@ contains
   subroutine complete(scene, simulation, writer, sound)
     type(scene_t), intent(in) :: scene
     type(simulation_t), intent(out) :: simulation
-    type(memory_writer_t), intent(out) :: writer
+    type(writer_t), intent(out) :: writer
     logical, intent(out) :: sound
     type(error_t), allocatable :: error
 

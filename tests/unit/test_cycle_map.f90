@@ -5,12 +5,12 @@ program test_cycle_map
   use checks, only: check, check_close, finish
   use scenes, only: fig3, fast, constant_friction, along_a_line, without_map, begin, complete, energy, velocity, relative, identical
   use dst_kinds, only: wp, int64
-  use dst_memory_writer, only: memory_writer_t
   use dst_piece, only: stick_begins
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_state, only: state_t
   use dst_stepper, only: work_count_t
+  use dst_writer, only: writer_t
   implicit none
 
   real(wp), parameter :: rtol = 1.0e-9_wp
@@ -85,7 +85,7 @@ contains
     type(scene_t), intent(in) :: scene
     type(result_t), intent(out) :: found
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     real(wp) :: before
 
     call begin(scene, simulation)

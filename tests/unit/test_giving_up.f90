@@ -87,9 +87,9 @@ program test_giving_up
   use dst_cycle_map, only: cycle_map_t
   use dst_kinds, only: wp
   use dst_errors, only: error_t, exit_status, step_underflow, too_many_steps, not_finite, too_many_rejections, chattering
-  use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
+  use dst_writer, only: writer_t
   use failing_method, only: failing_t
   use scenes, only: fig3
   implicit none
@@ -119,7 +119,7 @@ contains
     integer, intent(in) :: code
     type(scene_t) :: scene
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
     type(error_t), allocatable :: error
     type(failing_t) :: stepper
 

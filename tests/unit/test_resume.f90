@@ -7,10 +7,9 @@ program test_resume
   use dst_archive, only: archive_t, archive_of
   use dst_errors, only: error_t
   use dst_kinds, only: wp, int64
-  use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
-  use dst_writer, only: outcome_t
+  use dst_writer, only: writer_t, outcome_t
   implicit none
 
   character(7), parameter :: methods(5) = ['radau5 ', 'radau9 ', 'radau13', 'dopri5 ', 'dop853 ']
@@ -175,7 +174,7 @@ contains
     type(scene_t), intent(in) :: scene
     integer, intent(in), optional :: every
     type(simulation_t) :: whole, cut
-    type(memory_writer_t) :: all_samples, writer
+    type(writer_t) :: all_samples, writer
     type(outcome_t) :: expected, found
     type(error_t), allocatable :: error
     integer :: cuts, inside, pause

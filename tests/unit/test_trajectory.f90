@@ -7,12 +7,12 @@ program test_trajectory
   use dst_kinds, only: wp, degree
   use dst_rest, only: spring_force_size
   use dst_errors, only: error_t
-  use dst_memory_writer, only: memory_writer_t
   use dst_scene, only: scene_t
   use dst_simulation, only: simulation_t
   use dst_state, only: state_t
   use dst_motion, only: next_piece
   use dst_piece, only: stick_begins, slips
+  use dst_writer, only: writer_t
   implicit none
 
   real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -49,7 +49,7 @@ contains
     type(scene_t), intent(in) :: scene
     type(result_t) :: found
     type(simulation_t) :: simulation
-    type(memory_writer_t) :: writer
+    type(writer_t) :: writer
 
     call complete(scene, simulation, writer, found%sound)
     found%motion = simulation%motion%piece%to

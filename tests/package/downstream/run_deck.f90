@@ -6,7 +6,7 @@ program run_deck
   use dst_deck, only: deck_t, read_deck
   use dst_errors, only: error_t
   use dst_kinds, only: wp
-  use dst_memory_writer, only: memory_writer_t
+  use dst_writer, only: writer_t
   use dst_columns, only: columns, find_column
   use dst_scene, only: scene_t, scene_from_deck
   use dst_simulation, only: simulation_t
@@ -15,7 +15,7 @@ program run_deck
   type(deck_t) :: deck
   type(scene_t) :: scene
   type(simulation_t) :: simulation
-  type(memory_writer_t) :: writer
+  type(writer_t) :: writer
   type(error_t), allocatable :: error
   character(256) :: name
   integer :: row

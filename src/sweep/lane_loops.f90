@@ -1,10 +1,10 @@
-  ! Procedures of a step of all lanes, included by dst_lane_step. Every loop over the lanes becomes vector instructions, without
-  ! calls and branches.
+!> The step of all lanes of dst_lane_step. Every loop over the lanes becomes vector instructions, without calls and branches.
+submodule(dst_lane_step) dst_lane_loops
+  implicit none
 
-  !> One attempted step in every lane; or, if a case has been put in, evaluate the present points of the lanes.
-  pure subroutine step_lanes(lanes, attempts)
-    type(lanes_t), intent(inout) :: lanes
-    logical, intent(in) :: attempts
+contains
+
+  module procedure step_lanes
     integer :: from, to
 
     if (.not. attempts) then
@@ -17,7 +17,7 @@
     call evaluate(lanes%scene, lanes%point(to))
     call take_in(lanes%scene, lanes%point(from), lanes%point(to), lanes%control, lanes%account)
     lanes%here = to
-  end subroutine step_lanes
+  end procedure step_lanes
 
   !> Friction minus its limit.
   pure subroutine weaken(scene, speed, part)
@@ -251,3 +251,4 @@
       account%quiet_creep(l) = account%quiet_creep(l) + merge(length, 0.0_wp, excess(2) <= 0.0_wp)
     end do
   end subroutine take_in
+end submodule dst_lane_loops
