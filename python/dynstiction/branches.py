@@ -21,8 +21,6 @@ from .limit_cycles import LimitCycle, cycles
 from .record import headed
 from .scene import DeckLike, Scene
 
-__all__ = ["Branch", "BranchPoint", "Branches", "branch", "cycles_in_words"]
-
 _Floats = NDArray[np.float64]
 
 Kind = Literal["fold", "doubling", "grazing", "without rest", "sliding", "border", "closed", "unfinished"]

@@ -15,8 +15,6 @@ from . import _native
 from ._arguments import LARGEST, SMALLEST, finite, reals, shape_of, shown
 from .errors import UsageError
 
-__all__ = ["Creep", "creep_asymptotic", "creep_exact", "creep_velocity", "dimensionless"]
-
 _Floats = NDArray[np.float64]
 Form = Literal["first_power", "printed", "third_order"]
 FORMS: tuple[Form, ...] = get_args(Form)

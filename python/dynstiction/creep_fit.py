@@ -15,8 +15,6 @@ from scipy.optimize import least_squares  # type: ignore[import-untyped]
 from ._arguments import number, reals, shown
 from .errors import FitWarning, UsageError
 
-__all__ = ["CreepFit", "creep_path", "fit_creep"]
-
 _Floats = NDArray[np.float64]
 Law = Callable[[_Floats], ArrayLike]
 Form = Literal["exact", "first_power", "printed"]

@@ -20,8 +20,6 @@ from ._run import run
 from .creep import creep_asymptotic, creep_exact
 from .plot.style import BLACK, BLUE, GREEN, VERMILION, new_figure, panels
 
-__all__ = ["Mean", "checks", "draw", "mean_creep", "observed_order", "report"]
-
 ORDERS = {"first_power": 2.0, "printed": 1.0, "third_order": 3.0}
 """Forms of Eq. (8), and the order in phi of their errors, from docs/theory.md, section 3."""
 TAUS, DEGREES = (0.25, 0.5, 0.8), 4.0 / 2.0 ** np.arange(9)

@@ -16,8 +16,6 @@ from .errors import UsageError
 from .record import unit_shown
 from .scene import DeckLike, Scene
 
-__all__ = ["SlipProblem", "friction_coefficient", "jacobian", "rhs", "slip_problem"]
-
 COEFFICIENTS = {"mu_0": 0.0, "mu_inf": 0.0, "v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
 """Coefficients of the friction laws, and their values where a law has none; mu_inf is then mu_0."""
 

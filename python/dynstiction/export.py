@@ -16,7 +16,6 @@ from .result import Result
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["export_csv"]
 
 FORMULA_BEGINNINGS = ("=", "+", "-", "@", "\t", "\r", "\n", "|")
 

@@ -19,8 +19,6 @@ from .errors import FitWarning, UsageError
 from .record import unit_shown
 from .trace_file import Units, read_friction
 
-__all__ = ["FrictionFit", "fit_friction_law"]
-
 _Floats = NDArray[np.float64]
 
 KEYS = tuple(COEFFICIENTS)

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from . import _native
 from .scene import DeckLike, Scene
 
-__all__ = ["Cycles", "LimitCycle", "Regularity", "cycles"]
-
 Verdict = Literal["regular", "irregular", "steady sliding", "undecided"]
 VERDICTS: dict[float, Verdict] = {1.0: "regular", -1.0: "irregular", 2.0: "steady sliding"}
 

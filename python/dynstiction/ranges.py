@@ -22,8 +22,6 @@ from .record import headed
 from .scene import DeckLike, Scene
 from .stability import steady_sliding_eigenvalues
 
-__all__ = ["KEYS", "KeyRange", "StickSlipRange", "stick_slip_range"]
-
 KEYS = (
     "system.misalignment_deg",
     "drive.velocity",

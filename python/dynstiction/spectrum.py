@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from ._arguments import finite, instance, number, reals, shape_of
 from .errors import UsageError
 
-__all__ = ["Spectrogram", "oscillation_frequency", "ridge", "spectrogram"]
-
 _Floats = NDArray[np.float64]
 
 WINDOWS = 400

@@ -15,18 +15,6 @@ from ._arguments import reals, shape_of
 from ._slider import SliderParameters, slider_parameters
 from .scene import DeckLike, Scene
 
-__all__ = [
-    "CreepEnd",
-    "CriticalMisalignment",
-    "Stability",
-    "creep_end",
-    "critical_misalignment",
-    "damping_ratio",
-    "stability",
-    "steady_sliding_eigenvalues",
-]
-
-
 UNDAMPED = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 

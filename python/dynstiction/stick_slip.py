@@ -18,8 +18,6 @@ from .record import SLIP_BEGINS, STICK_BEGINS, Described, Table
 from .result import Result
 from .scene import Scene
 
-__all__ = ["StickSlip", "drive_profile", "first_release", "stick_slip_statistics"]
-
 THRESHOLD = 0.01
 """Share of the static limit mu_0 W by which the load must fall or rise to count."""
 

@@ -14,8 +14,6 @@ from .errors import UsageError
 from .record import EVENT_DTYPE
 from .scene import DeckLike, Scene
 
-__all__ = ["Derivatives", "Sensitivity", "derivatives", "sensitivity"]
-
 GROUPS = ("system", "friction", "drive")
 """Groups of the parameters on which a cycle hangs."""
 OF_RUNS = (*GROUPS, "initial")

@@ -15,8 +15,6 @@ from .errors import ColumnError, FileError, UsageError
 from .result import Result
 from .scene import Scene
 
-__all__ = ["QUANTITIES", "Chain", "Trace", "pull_force"]
-
 _Floats = NDArray[np.float64]
 
 QUANTITIES = ("time", "force", "displacement", "lateral_force")

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
     from matplotlib.figure import Figure
 
-__all__ = ["TraceComparison", "compare", "simulate_like"]
 
 FEWEST, MOST = 12, 60
 """Number of cycles of a run that are compared: the least, and the largest unless the trace has more."""

@@ -21,14 +21,6 @@ from .record import Described, Table, unit_shown
 from .stick_slip import _turns
 from .trace import Trace
 
-__all__ = [
-    "CYCLE_COLUMNS",
-    "TraceCycles",
-    "find_cycles",
-    "fine_enough",
-    "noise_level",
-]
-
 _Floats = NDArray[np.float64]
 
 FEWEST_CYCLES = 3

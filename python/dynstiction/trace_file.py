@@ -21,8 +21,6 @@ from ._arguments import number, path_name, shown
 from .errors import Error, FileError, PackageError, UsageError
 from .trace import Trace
 
-__all__ = ["UNITS", "Column", "Units", "read_friction", "read_trace"]
-
 _Floats = NDArray[np.float64]
 
 Column: TypeAlias = int | str

@@ -30,7 +30,6 @@ from .trace_cycles import fine_enough
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Fit", "FittedParameter", "FittedTrace", "fit", "problem_of", "verdict"]
 
 _Floats = NDArray[np.float64]
 

@@ -20,7 +20,6 @@ from .trace_fit import problem_of
 if TYPE_CHECKING:
     import pandas  # type: ignore[import-untyped]
 
-__all__ = ["plan_traces"]
 
 _Floats = NDArray[np.float64]
 

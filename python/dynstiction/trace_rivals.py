@@ -27,8 +27,6 @@ from .scene import DeckLike, Scene
 from .trace import Chain, Trace
 from .trace_fit import BAR, Fit, problem_of
 
-__all__ = ["CreepTest", "Explanation", "creep_test", "explanations"]
-
 _Floats = NDArray[np.float64]
 
 ALL = (ANGLE, "friction.mu_0", "friction.mu_inf", "friction.v_f", "system.mass", "system.stiffness_x")

@@ -16,19 +16,6 @@ from ..scene import Scene, used_settings
 from ..trace import Chain, pull_force
 from .waveform import Waveform, bin_means, centred
 
-__all__ = [
-    "Cycles",
-    "NoCycleError",
-    "fastest_slip",
-    "finer_of",
-    "full_cycles",
-    "has_memory",
-    "sampled_means",
-    "slow_cycles",
-    "slow_scene",
-    "steady_velocity",
-]
-
 _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6

@@ -20,16 +20,6 @@ from .models import Cycles, NoCycleError, full_cycles, slow_cycles, slow_scene
 from .solve import FAILED, Solution, derivatives, has_failed, least_squares_of, spread
 from .waveform import Waveform, smoothed
 
-__all__ = [
-    "CHAIN",
-    "LeadsNowhereError",
-    "Problem",
-    "Recording",
-    "apart_in_time",
-    "explained_by_each",
-    "unit_of",
-]
-
 _Floats = NDArray[np.float64]
 
 STATIC, KINETIC, VELOCITY = "friction.mu_static", "friction.mu_0", "friction.v_f"

@@ -17,16 +17,6 @@ from .problem import VELOCITY, LeadsNowhereError, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
-__all__ = [
-    "ALSO",
-    "ANGLE",
-    "COARSE_OF_OWN",
-    "MISFIT",
-    "USUAL",
-    "Search",
-    "glances",
-]
-
 _Floats = NDArray[np.float64]
 
 ANGLE = "system.misalignment_deg"

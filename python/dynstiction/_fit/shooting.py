@@ -22,8 +22,6 @@ from .problem import CHAIN, Problem, Recording, apart_in_time
 from .solve import Solution, spread
 from .waveform import EXACT, centred
 
-__all__ = ["COARSELY", "FINELY", "GAINED", "PATIENTLY", "Level", "can_shoot", "cost_at", "delayed", "shot"]
-
 _Floats = NDArray[np.float64]
 
 

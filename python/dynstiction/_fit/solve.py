@@ -16,7 +16,6 @@ from .models import NoCycleError
 if TYPE_CHECKING:
     from .problem import Problem
 
-__all__ = ["FAILED", "Solution", "derivatives", "has_failed", "least_squares_of", "spread"]
 
 _Floats = NDArray[np.float64]
 

@@ -13,8 +13,6 @@ from ..errors import UsageError
 from ..trace import Trace
 from ..trace_cycles import TraceCycles
 
-__all__ = ["Waveform", "bin_means", "centred", "smoothed", "waveform_of", "whole_cycles"]
-
 _Floats = NDArray[np.float64]
 
 FEWEST = 3

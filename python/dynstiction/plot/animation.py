@@ -28,8 +28,6 @@ from .style import BLACK, BLUE, GREEN, PURPLE, STYLE, VERMILION
 from .theory import stiff_frequency
 from .view import shown_part
 
-__all__ = ["animate", "view_from_above"]
-
 # 800 by 520 dots: films want even numbers.
 SIZE = (6.4, 4.16)
 DOTS_PER_INCH = 125

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from ..branches import Branches
 
-__all__ = ["critical_of", "draw_bifurcation", "draw_limits", "mark_below", "slider_at"]
 
 COLOURS = "viridis"
 ROW = 0.05

@@ -32,8 +32,6 @@ from .style import (
 )
 from .sweep_table import Axis
 
-__all__ = ["draw_branches", "draw_sensitivity", "put_branches"]
-
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 """Of branches of 1, 2, 3 ... slow cycles; the last one of all others."""
 MARKS = {"fold": "s", "doubling": "o", "grazing": "x", "without rest": "^", "sliding": "D"}

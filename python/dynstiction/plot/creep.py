@@ -16,8 +16,6 @@ from .style import BLACK, BLUE, GREEN, SKY, VERMILION, note, panels
 from .theory import scaled, stiff_frequency
 from .view import View, coarseness
 
-__all__ = ["draw_creep", "mean_velocity"]
-
 # The forms of Eq. (8) are drawn up to here, where they are no longer valid.
 LAST_TAU = 0.999
 FORMS: dict[Form, tuple[str, str, str]] = {

@@ -18,8 +18,6 @@ from .style import BLACK, Canvas, one_axes, plain_ticks, ticks_outside
 from .theory import damping_crossing, slider
 from .view import View
 
-__all__ = ["draw_damping", "draw_damping_of"]
-
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)))
 COLOURS = "PuOr_r"
 """Its middle is the damping ratio 1."""

@@ -12,8 +12,6 @@ from .._arguments import nearest
 from ..record import headed
 from .style import BLACK, BLUE, COLUMN_WIDTH, DOTS_PER_INCH, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
-__all__ = ["COLUMNS", "PARAMETERS", "QUANTITIES", "Floats", "Symbol", "label_of", "thin"]
-
 Floats: TypeAlias = NDArray[np.float64]
 
 # Twice the number of dots in a column's width, so that no bin is wider than a dot.

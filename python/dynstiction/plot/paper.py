@@ -21,8 +21,6 @@ from .schematics import draw_angles, draw_apparatus
 from .style import new_figure, write
 from .view import view_of
 
-__all__ = ["FIGURES", "PaperFigure", "deck", "draw_paper"]
-
 
 class PaperFigure(NamedTuple):
     """A figure: what it shows, the decks whose results it needs, and how it is drawn."""

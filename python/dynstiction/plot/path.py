@@ -9,8 +9,6 @@ from .notation import BINS, Floats
 from .style import Canvas, note, one_axes
 from .view import View
 
-__all__ = ["draw_path"]
-
 NARROWEST = 0.1
 """Least ratio of the sides of the view."""
 

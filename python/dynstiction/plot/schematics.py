@@ -15,8 +15,6 @@ from matplotlib.patches import Arc, Circle, Polygon
 from .notation import Floats
 from .style import BLACK, BLUE, COLUMN_WIDTH, GREEN, PURPLE, VERMILION
 
-__all__ = ["coil", "draw_angles", "draw_apparatus", "principal_axes"]
-
 PHI = np.radians(16.0)
 """Misalignment in the drawings; it is larger than in the scenes so that it is visible."""
 GREY = "0.45"

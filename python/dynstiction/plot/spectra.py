@@ -21,8 +21,6 @@ from .theory import creep, slider, stiff_frequency
 from .time_series import VELOCITIES, draw_column, show_time
 from .view import View
 
-__all__ = ["draw_spectrogram", "predicted_ridge"]
-
 RATES = ("u_x_rate", "u_y_rate")
 
 PERIODS = 20.0

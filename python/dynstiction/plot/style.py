@@ -23,7 +23,6 @@ from .._output import put
 from ..errors import Error, FileError, UsageError
 
 # Besides the names of the colours; the others are for the figures of this folder.
-__all__ = ["COLUMN_WIDTH", "DOTS_PER_INCH", "MM", "STYLE", "format_of", "new_figure", "panels", "write"]
 
 MM = 1.0 / 25.4
 COLUMN_WIDTH = 86.0 * MM

@@ -22,7 +22,6 @@ from .sweep_table import Axis, Table, table_of
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["draw_map"]
 
 COLOURS = "cividis"
 NOTHING = "0.8"

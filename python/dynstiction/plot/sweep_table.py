@@ -17,7 +17,6 @@ from .theory import is_exponential
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Axis", "Table", "table_of"]
 
 FINE = 2000
 """Number of values of a parameter at which a theory is drawn."""

@@ -15,8 +15,6 @@ from ..stability import damping_ratio
 from ..stick_slip import drive_profile
 from .notation import Floats
 
-__all__ = ["creep", "damping_crossing", "driven_length", "is_exponential", "slider", "stiff_frequency"]
-
 ALWAYS = ("mass", "stiffness_x", "stiffness_y", "mu_0", "normal_load", "velocity")
 WEAKENING = ("mu_inf", "v_f")
 

@@ -35,8 +35,6 @@ from .style import (
 from .theory import driven_length, static_limit, steady_friction, stiff_frequency
 from .view import View, view_of
 
-__all__ = ["draw_comparison", "draw_history", "draw_overlay", "draw_series", "draw_velocities"]
-
 HISTORY = ("spring_force_x", "spring_force_y", "pull_force", "friction", "psi", "X")
 VELOCITIES = ("w_x", "w_y")
 OVERLAID = ("spring_force_x", "psi", "X")

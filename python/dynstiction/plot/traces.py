@@ -25,16 +25,6 @@ if TYPE_CHECKING:
     from ..trace_comparison import TraceComparison
     from ..trace_fit import Fit, FittedTrace
 
-__all__ = [
-    "FIT_KINDS",
-    "check_fit_kind",
-    "draw_corner",
-    "draw_cycles",
-    "draw_time",
-    "draw_trace_comparison",
-    "draw_waveform",
-    "fit_figure",
-]
 
 ERRORS = 2.0
 """Half width of the band of a mean waveform in standard errors."""

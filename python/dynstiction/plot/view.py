@@ -15,8 +15,6 @@ from ..scene import Scene
 from ..stick_slip import StickSlip, drive_profile, stick_slip_statistics
 from .notation import Floats
 
-__all__ = ["View", "coarseness", "shown_part", "view_of"]
-
 MOST_CYCLES = 12
 """A run with more cycles is shown up to its first cycles."""
 SHOWN_CYCLES = 8

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from ..trace_fit import Fit
 
-__all__ = ["fit_report", "report", "write_report"]
 
 DOTS_PER_INCH = 220
 """Resolution for screens with two dots for each pixel."""
