@@ -16,7 +16,7 @@ module dst_cycles
   private
 
   public :: cycles_t, recent_cycles_t, extremum_t, threshold, repeated
-  public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, most_cycles
+  public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, rise, creep, most_cycles
 
   ! The effects of "twice" were measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven
   ! unsteadily.
@@ -83,7 +83,8 @@ module dst_cycles
     type(extremum_t), private :: candidate = extremum_t(), other_candidate = extremum_t()
     !> Extrema of the present cycle.
     logical, private :: has_peak = .false., has_valley = .false.
-    type(extremum_t), private :: last_peak = extremum_t(), last_valley = extremum_t()
+    type(extremum_t) :: last_peak = extremum_t()
+    type(extremum_t), private :: last_valley = extremum_t()
     !> Position of the object [m] and time [s] at the last extremum, and now.
     real(wp), private :: extremum_position = 0.0_wp, extremum_time = 0.0_wp, position = 0.0_wp
     real(wp) :: time = 0.0_wp
@@ -107,14 +108,10 @@ module dst_cycles
     procedure :: may_turn
     procedure :: means
     procedure :: lasting
+    procedure :: last_cycle
     procedure :: last_cycles
-    procedure :: mean_swing
     procedure :: agree
     procedure :: repeats
-    procedure :: last_swing
-    procedure :: last_creep_share
-    procedure :: last_peak_time
-    procedure :: next_valley
     procedure :: slides
     procedure :: is_long_ago
   end type cycles_t
@@ -192,7 +189,8 @@ contains
       if (self%heading > 0) then
         call take_peak(self, self%candidate)
       else
-        call take_valley(self, self%candidate)
+        self%has_valley = .true.
+        self%last_valley = self%candidate
       end if
       self%extremum_position = self%candidate%position
       self%extremum_time = self%candidate%time
@@ -297,14 +295,6 @@ contains
     self%has_valley = .false.
     self%last_peak = here
   end subroutine take_peak
-
-  pure subroutine take_valley(self, here)
-    class(cycles_t), intent(inout) :: self
-    type(extremum_t), intent(in) :: here
-
-    self%has_valley = .true.
-    self%last_valley = here
-  end subroutine take_valley
 
   !> Whether so much time has passed since the last peak that the cycles before belong to another motion.
   pure logical function has_slid_steadily(self, here)
@@ -469,41 +459,14 @@ contains
     end do
   end function agrees_with
 
-  !> Peak-to-peak amplitude of the load in the last cycle [N], which must exist.
-  pure real(wp) function last_swing(self)
+  !> The last cycle, which must exist: its measures, `rise`, the advance in X from peak to peak [m], and the time in `creep`, if that
+  !> is followed.
+  pure function last_cycle(self) result(cycle)
     class(cycles_t), intent(in) :: self
+    real(wp) :: cycle(remembered)
 
-    associate (cycle => self%cycle(:, place(self%recent)))
-      last_swing = max(cycle(peak) - cycle(valley), cycle(rise))
-    end associate
-  end function last_swing
-
-  !> Share of the last cycle, which must exist, in which the object seems to rest, if the time in creep is followed.
-  pure real(wp) function last_creep_share(self)
-    class(cycles_t), intent(in) :: self
-
-    associate (cycle => self%cycle(:, place(self%recent)))
-      last_creep_share = cycle(creep)/cycle(period)
-    end associate
-  end function last_creep_share
-
-  !> Time of the last peak [s], with which the last cycle ended.
-  pure real(wp) function last_peak_time(self)
-    class(cycles_t), intent(in) :: self
-
-    last_peak_time = self%last_peak%time
-  end function last_peak_time
-
-  !> The first time [s] after `now` at which the load has a valley if it repeats the last cycle, which must exist.
-  pure real(wp) function next_valley(self, now)
-    class(cycles_t), intent(in) :: self
-    real(wp), intent(in) :: now
-
-    associate (cycle => self%cycle(:, place(self%recent)))
-      next_valley = self%last_peak%time + cycle(slip_time)
-      if (next_valley <= now) next_valley = next_valley + cycle(period)*ceiling((now - next_valley)/cycle(period) + epsilon(now))
-    end associate
-  end function next_valley
+    cycle = self%cycle(:, place(self%recent))
+  end function last_cycle
 
   !> Whether the object slides without an extremum of the load that counts: the last one is long past.
   pure logical function slides(self)
@@ -524,15 +487,4 @@ contains
 
     is_long_ago = self%time - time > patience*self%natural_time
   end function is_long_ago
-
-  !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
-  pure real(wp) function mean_swing(self)
-    class(cycles_t), intent(in) :: self
-    integer :: n
-
-    n = settled(self)
-    associate (cycle => self%cycle(:, last_places(self, n)))
-      mean_swing = sum(cycle(peak, :) - cycle(valley, :))/real(max(1, n), wp)
-    end associate
-  end function mean_swing
 end module dst_cycles

@@ -13,7 +13,7 @@ module dst_load_cell
   implicit none
   private
 
-  public :: load_cell_t, load_record_t
+  public :: load_cell_t
 
   !> A movement counts if it is larger than this share of the swing so far; what was counted before the swing grew by this factor is
   !> forgotten. Conventions.
@@ -40,7 +40,7 @@ module dst_load_cell
   end type movement_t
 
   !> The movement since `from` [s], or, if the run may settle, since the last peak of the load but one, and since the last peak.
-  type :: load_cell_t
+  type :: cell_state_t
     real(wp) :: from = 0.0_wp
     logical, private :: may_settle = .false.
     !> Whether the drive has moved, and the direction in which it first did.
@@ -48,6 +48,14 @@ module dst_load_cell
     real(wp), private :: side = 1.0_wp
     type(movement_t) :: movement = movement_t()
     type(movement_t), private :: recent = movement_t()
+  end type cell_state_t
+
+  !> The load cell.
+  type, extends(cell_state_t) :: load_cell_t
+    !> On request: all forces that it saw [N], and when [s].
+    logical :: keeps_forces = .false.
+    real(wp), allocatable, private :: force(:), time(:)    !! valid up to count
+    integer, private :: count = 0
   contains
     procedure :: begin
     procedure :: take_in
@@ -57,14 +65,6 @@ module dst_load_cell
     procedure :: may_hang_on
     procedure :: see_again
   end type load_cell_t
-
-  !> A load cell that keeps what it sees: forces [N] and times [s].
-  type, extends(load_cell_t) :: load_record_t
-    real(wp), allocatable, private :: force(:), time(:)    !! valid up to count
-    integer, private :: count = 0
-  contains
-    procedure :: see => see_and_keep
-  end type load_record_t
 
 contains
 
@@ -154,7 +154,22 @@ contains
 
     call self%movement%go_to(self%side*force, time)
     if (self%may_settle) call self%recent%go_to(self%side*force, time)
+    if (self%keeps_forces) call keep(self, force, time)
   end subroutine see
+
+  subroutine keep(self, force, time)
+    class(load_cell_t), intent(inout) :: self
+    real(wp), intent(in) :: force, time
+
+    if (.not. allocated(self%force)) allocate (self%force(64), self%time(64))
+    if (self%count == size(self%force)) then
+      self%force = [self%force, self%force]
+      self%time = [self%time, self%time]
+    end if
+    self%count = self%count + 1
+    self%force(self%count) = force
+    self%time(self%count) = time
+  end subroutine keep
 
   !> Whether the extremes of the run or its peaks may hang on a passage of which is only known that its pull force is between these two
   !> along X [N], and turns back by no more than `ripple` [N] but for its largest fall.
@@ -168,25 +183,10 @@ contains
     end associate
   end function may_hang_on
 
-  subroutine see_and_keep(self, force, time)
-    class(load_record_t), intent(inout) :: self
-    real(wp), intent(in) :: force, time
-
-    call self%load_cell_t%see(force, time)
-    if (.not. allocated(self%force)) allocate (self%force(64), self%time(64))
-    if (self%count == size(self%force)) then
-      self%force = [self%force, self%force]
-      self%time = [self%time, self%time]
-    end if
-    self%count = self%count + 1
-    self%force(self%count) = force
-    self%time(self%count) = time
-  end subroutine see_and_keep
-
-  !> See what a record has kept so many times again, each of this duration [s], the first one from a time [s] on.
-  subroutine see_again(self, record, time, times, duration)
+  !> See what another one has kept so many times again, each of this duration [s], the first one from a time [s] on.
+  subroutine see_again(self, other, time, times, duration)
     class(load_cell_t), intent(inout) :: self
-    type(load_record_t), intent(in) :: record
+    type(load_cell_t), intent(in) :: other
     real(wp), intent(in) :: time, duration
     integer(int64), intent(in) :: times
     type(movement_t) :: before
@@ -195,8 +195,8 @@ contains
     ! From the second on all are alike.
     do i = 1, int(min(times, 2_int64))
       before = self%movement
-      do k = 1, record%count
-        call self%see(record%force(k), time + real(i - 1, wp)*duration + record%time(k))
+      do k = 1, other%count
+        call self%see(other%force(k), time + real(i - 1, wp)*duration + other%time(k))
       end do
     end do
     if (times > 2) call self%movement%repeat(before, times - 2, duration)
