@@ -34,7 +34,7 @@ module dst_run
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
   !> The first number of a state: the version of what follows.
-  integer, parameter :: state_format = 26
+  integer, parameter :: state_format = 27
 
   !> A run in progress.
   type :: run_t

@@ -28,7 +28,7 @@ module dst_simulation
 
   !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
   integer, parameter :: buffer_rows = 512
-  !> The clock is read once after this many pieces. Convention: a piece takes some microseconds; no number depends on it.
+  !> The clock is read once after this many pieces and samples. Convention: one takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
   !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
   real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
@@ -36,9 +36,8 @@ module dst_simulation
   !> How far the run is.
   type :: progress_t
     real(wp) :: elapsed = 0.0_wp           !! wall time so far, s
-    integer(int64) :: pieces = 0, samples = 0
-    !> Whether all samples and the event of the last piece have been recorded.
-    logical :: recorded = .false.
+    integer(int64) :: samples = 0
+    real(wp) :: sampled = 0.0_wp           !! time of the last sample, s
   end type progress_t
 
   !> One run: its motion, its method, and what is recorded.
@@ -145,10 +144,13 @@ contains
     passed = 0.0_wp
     looks_left = pieces_between_looks
     do while (.not. (allocated(error) .or. self%has_reached(min(last, end_time(self)))))
-      if (self%recorded) call advance(self, last, error)
-      if (.not. allocated(error)) call record(self, writer, error)
+      if (is_due(self)) then
+        call take_sample(self, writer, error)
+      else
+        call advance(self, writer, last, error)
+      end if
       looks_left = looks_left - 1
-      if (looks_left == 0 .or. .not. self%recorded) then
+      if (looks_left == 0) then
         passed = wall_clock() - begun
         if (passed >= seconds .or. passed > limit) exit
         looks_left = pieces_between_looks
@@ -183,7 +185,7 @@ contains
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: time
 
-    has_reached = self%recorded .and. self%motion%piece%to%time >= time
+    has_reached = self%motion%piece%to%time >= time .and. .not. is_due(self)
   end function has_reached
 
   !> The row of output at `time` [s], within the last piece or, for a closed form, anywhere.
@@ -196,13 +198,14 @@ contains
     call row_of(self%motion%slider, self%motion%instant(time), self%selected, row)
   end subroutine state_at
 
-  !> One piece, checked and added to the summary. For a closed form it ends at the next sample, or at the time `last` [s].
-  subroutine advance(self, last, error)
+  !> One piece, checked and added to the summary, and its events. For a closed form it ends at the next sample, or at the time
+  !> `last` [s].
+  subroutine advance(self, writer, last, error)
     class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
     real(wp), intent(in) :: last
     type(error_t), allocatable, intent(out) :: error
 
-    self%pieces = self%pieces + 1
     if (self%motion%in_closed_form) self%motion%next_look = min(sample_time(self), last)
     self%motion%t_end = end_time(self)
     if (allocated(self%other)) self%other%t_end = end_time(self)
@@ -211,8 +214,20 @@ contains
     call check_piece(self%motion, merge(0_int64, self%scene%max_steps, is_over(self)), error)
     if (allocated(error)) return
     call self%summary%follow(self%motion)
-    self%recorded = .false.
+    call write_events(self, writer, error)
   end subroutine advance
+
+  !> The events of the last piece, or that with which the motion begins.
+  subroutine write_events(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    class(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    type(event_t), allocatable :: log(:)
+
+    if (self%motion%piece%event == no_event) return
+    call self%motion%events(log)
+    call writer%write_events(log, error)
+  end subroutine write_events
 
   !> Sanity of the last piece of a motion, and its limit of steps, 0 if there is none.
   subroutine check_piece(motion, max_steps, error)
@@ -239,85 +254,49 @@ contains
     end associate
   end subroutine check_piece
 
-  !> Record the samples in the last piece, and its event. If there are many samples, some are left for the next call.
-  subroutine record(self, writer, error)
-    class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
-    type(error_t), allocatable, intent(out) :: error
-    type(event_t), allocatable :: log(:)
-    logical :: all_taken
-    real(wp) :: time
+  !> Whether a sample in the last piece has still to be taken: all steps are samples if there is no interval.
+  pure logical function is_due(self)
+    class(simulation_t), intent(in) :: self
 
-    all_taken = .true.
-    associate (piece => self%motion%piece)
-      if (self%pieces == 0) then
-        call take_sample(self, writer, 0.0_wp, error)
-      else if (self%scene%interval > 0.0_wp) then
-        call take_samples(self, writer, all_taken, error)
-      else
-        time = piece%from%time
-        do while (piece%to%time > time .and. .not. allocated(error))
-          call self%motion%show(time)
-          time = self%motion%next_instant(time)
-          call take_sample(self, writer, time, error)
-        end do
-      end if
-      if (piece%event /= no_event .and. all_taken .and. .not. allocated(error)) then
-        call self%motion%events(log)
-        call writer%write_events(log, error)
-      end if
+    associate (now => self%motion%piece%to%time)
+      is_due = self%samples == 0 .or. self%sampled < now
+      if (is_due .and. self%scene%interval > 0.0_wp) is_due = sample_time(self) <= now
     end associate
-    self%recorded = all_taken
-  end subroutine record
+  end function is_due
 
-  !> The samples due by now, up to a full buffer; `all_taken` says whether these were all.
-  subroutine take_samples(self, writer, all_taken, error)
-    class(simulation_t), intent(inout) :: self
-    class(writer_t), intent(inout) :: writer
-    logical, intent(out) :: all_taken
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: time
-    integer :: i
-
-    all_taken = .true.
-    do i = 1, buffer_rows
-      time = sample_time(self)
-      if (time > self%motion%piece%to%time) then
-        if (is_over(self)) call take_sample(self, writer, self%motion%piece%to%time, error)
-        return
-      end if
-      call take_sample(self, writer, time, error)
-      if (allocated(error) .or. time >= end_time(self)) return
-    end do
-    all_taken = .false.
-  end subroutine take_samples
-
-  !> Time of the next sample [s].
+  !> Time of the next sample [s], if there is an interval.
   pure real(wp) function sample_time(self)
     class(simulation_t), intent(in) :: self
 
     if (allocated(self%instants)) then
       sample_time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
-      return
+    else
+      sample_time = real(self%samples, wp)*self%scene%interval
+      ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
+      if (sample_time >= self%scene%t_end*(1.0_wp - time_roundoff)) sample_time = self%scene%t_end
     end if
-    sample_time = real(self%samples, wp)*self%scene%interval
-    ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
-    if (sample_time >= self%scene%t_end*(1.0_wp - time_roundoff)) sample_time = self%scene%t_end
+    if (is_over(self)) sample_time = min(sample_time, self%motion%piece%to%time)
   end function sample_time
 
-  !> One row of output at a time inside the last piece.
-  subroutine take_sample(self, writer, time, error)
+  !> The next row of output, which is due.
+  subroutine take_sample(self, writer, error)
     class(simulation_t), intent(inout) :: self
     class(writer_t), intent(inout) :: writer
-    real(wp), intent(in) :: time
     type(error_t), allocatable, intent(out) :: error
     type(instant_t) :: instant
     integer :: column
 
     if (self%waiting == buffer_rows) call flush_rows(self, writer, error)
+    if (self%samples == 0 .and. .not. allocated(error)) call write_events(self, writer, error)
     if (allocated(error)) return
-    call self%motion%show(time)
-    instant = self%motion%instant(time)
+    if (self%scene%interval > 0.0_wp) then
+      self%sampled = sample_time(self)
+    else
+      call self%motion%show(self%sampled)
+      self%sampled = self%motion%next_instant(self%sampled)
+    end if
+    call self%motion%show(self%sampled)
+    instant = self%motion%instant(self%sampled)
     call self%summary%see(self%motion, instant)
     self%waiting = self%waiting + 1
     self%samples = self%samples + 1
