@@ -57,19 +57,10 @@ contains
     others = max(1.0_wp, duration*in_period/(2.0_wp*pi) &
       *sqrt(merge(slider%stiffness(1), slider%stiffness(2), is_slow)/slider%mass))
     if (steps*max(1.0_wp, cases) < many .or. steps < others*far) return
-    text = "'"//trim(scene%method)//"' is stable only in short steps while the object creeps: at least "//rounded(steps)//' steps'
+    text = "'"//trim(scene%method)//"' is stable only in short steps while the object creeps: at least "// &
+      number_text(anint(steps), 2)//' steps'
     if (cases > 1.0_wp) text = text//' in each of '//number_text(cases)//' cases'
-    text = text//', where an implicit method takes some '//rounded(others)//": give integrator.method = 'radau13'"
+    text = text//', where an implicit method takes some '//number_text(anint(others), 2)//": give integrator.method = 'radau13'"
     if (is_slow .and. cases > 1.0_wp) text = text//" or 'rodas4p'"
   end function stiffness_note
-
-  !> A number with two digits.
-  function rounded(value) result(number)
-    real(wp), intent(in) :: value
-    character(:), allocatable :: number
-    real(wp) :: unit
-
-    unit = 10.0_wp**max(0, floor(log10(min(value, sqrt(huge(1.0_wp))))) - 1)
-    number = number_text(unit*anint(value/unit))
-  end function rounded
 end module dst_stiffness
