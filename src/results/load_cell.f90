@@ -100,32 +100,13 @@ contains
     if (view%first%time < self%from) from = (self%from - view%first%time)/view%duration()
     call see_at(from)
     call view%pull_polynomial(degree, coefficient)
-    if (may_matter(self%movement) .or. (self%may_settle .and. may_matter(self%recent))) then
-      call view%pull_turns(degree, coefficient, places, count)
-      do i = 1, count
-        if (places(i) > from) call see_at(places(i))
-      end do
-    end if
+    call view%pull_turns(degree, coefficient, places, count)
+    do i = 1, count
+      if (places(i) > from) call see_at(places(i))
+    end do
     call see_at(1.0_wp)
 
   contains
-
-    !> Whether an extreme inside may be one of the run, or be counted.
-    pure logical function may_matter(movement)
-      type(movement_t), intent(in) :: movement
-      real(wp) :: high, low
-
-      associate (inside => self%side*coefficient(:degree))
-        high = maxval(inside)
-        low = minval(inside)
-      end associate
-      may_matter = high > movement%highest .or. low < movement%lowest
-      if (may_matter) return
-      associate (beyond => merge(high - movement%extreme, movement%extreme - low, movement%heading > 0), &
-        back => merge(movement%extreme - low, high - movement%extreme, movement%heading > 0))
-        may_matter = beyond > 0.0_wp .or. back > counted*(movement%highest - movement%lowest)
-      end associate
-    end function may_matter
 
     subroutine see_at(place)
       real(wp), intent(in) :: place
