@@ -12,15 +12,16 @@
 !>
 !> Source: docs/cycles.md.
 module dst_slow_map
+  use dst_bernstein, only: first_zero
   use dst_cycles, only: measures
   use dst_dense_output, only: column_y, n_columns
   use dst_drive, only: new_drive
   use dst_errors, only: error_t, raise, too_many_steps
+  use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_low_frequency, only: new_low_frequency
   use dst_piece, only: piece_t
   use dst_radau, only: new_radau
-  use dst_roots, only: bracket_t
   use dst_collocation, only: collocation_t, radau_iia
   use dst_slider, only: slider_t
   use dst_state, only: state_t
@@ -39,8 +40,6 @@ module dst_slow_map
   integer, parameter :: stages = 7
   !> Time for which the largest slip speed is kept, over the time of a radian of the slow oscillation. Convention; twice: no change.
   real(wp), parameter :: memory = 10.0_wp
-  !> Iterations for a place in a step: to roundoff.
-  integer, parameter :: max_iterations = 60
 
   !> The motion from a valley over a peak to the next valley.
   type :: slow_turn_t
@@ -185,20 +184,12 @@ contains
   pure real(wp) function crossing(piece, value)
     type(piece_t), intent(in) :: piece
     real(wp), intent(in) :: value
-    type(bracket_t) :: bracket
-    real(wp) :: columns(n_columns), f
-    integer :: iteration
+    real(wp) :: missing(0:max_degree)
 
-    bracket = bracket_t([0.0_wp, 1.0_wp], [piece%from%y(1) - value, piece%to%y(1) - value])
-    crossing = 1.0_wp
-    do iteration = 1, max_iterations
-      crossing = min(1.0_wp, max(0.0_wp, bracket%false_position()))
-      columns = piece%path%values_at(crossing)
-      f = columns(column_y) - value
-      if (.not. abs(f) > 0.0_wp) exit
-      call bracket%narrow(crossing, f)
-      if (bracket%width() <= epsilon(1.0_wp)) exit
-    end do
+    associate (grid => piece%path%grid)
+      call grid%bernstein_coefficients(value - piece%path%nodal(:, column_y), missing)
+      crossing = min(1.0_wp, first_zero(sign(1.0_wp, value - piece%from%y(1))*missing(:grid%degree)))
+    end associate
   end function crossing
 
   !> Add -integral of Phi'/m over a share of a piece, by the quadrature of the method.
