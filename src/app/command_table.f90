@@ -113,7 +113,7 @@ module dst_command_table
       'its number: write --share I/N or --share auto'), &
     option_t('--share', 'auto', 'run sweep', '?', 'I and N from the job array, or from the launcher of several processes', ''), &
     option_t('--retry', '', 'run sweep', '?', 'also run the cases again that failed before', ''), &
-    option_t('--sensitivity', 'KEYS', 'run cycles', '?', &
+    option_t('--sensitivity', 'KEYS', 'cycles', '?', &
       'also print how the cycle of the motion changes with parameters GROUP.KEY, with commas between them', &
       'parameters: write --sensitivity system.mass,friction.v_f'), &
     option_t('--along', 'KEY=FROM:TO', 'cycles', '?', &

@@ -5,7 +5,7 @@ module dst_main
   use dst_text, only: integer_text, one_per_line, printable
   use dst_disk, only: path_t, place_of, stem_of
   use dst_error_page, only: error_page
-  use dst_cycles_report, only: cycles_report, sensitivity_report
+  use dst_cycles_report, only: cycles_report
   use dst_deck, only: deck_t, read_deck, resolved, template
   use dst_deck_check, only: check_deck
   use dst_command_line, only: command_t, program_arguments, is_own_command, parse_arguments, &
@@ -276,8 +276,6 @@ contains
       else if (command%has('--share') .or. command%has('--retry')) then
         call raise(error, usage_error, printable(deck%name)//': has no &sweep: run it without --share and --retry')
       end if
-    else if (command%sensitivity /= '') then
-      call raise(error, usage_error, printable(deck%name)//': --sensitivity is that of one motion: run a deck without &sweep')
     else if (command%name == 'run' .and. .not. command%has('--share')) then
       call launched_together(processes, rank, variable)
       if (processes > 1) call raise(error, usage_error, 'this is one of '//integer_text(processes)//' processes ('//variable// &
@@ -291,8 +289,7 @@ contains
     type(deck_t), intent(in) :: deck             !! of a new run
     type(path_t), intent(in) :: output       !! its file
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: report, hangs_on
-    type(scene_t) :: scene
+    character(:), allocatable :: report
 
     if (command%name == 'resume') then
       call resume_run(operand, command%has('--quiet'), report, error)
@@ -302,10 +299,6 @@ contains
       call run_deck(deck, output%text, command%has('--overwrite'), command%has('--quiet'), report, error)
     end if
     if (.not. command%has('--quiet')) call put_report(report)
-    if (allocated(error) .or. command%sensitivity == '') return
-    call scene_from_deck(deck, scene)
-    call sensitivity_report(deck, scene, command%sensitivity, hangs_on, error)
-    if (.not. allocated(error)) call put_report(hangs_on)
   end subroutine carry_out
 
   !> The output file: of -o, of the deck, or the deck's name with .h5 in the current directory.

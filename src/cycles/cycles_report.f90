@@ -19,7 +19,7 @@ module dst_cycles_report
   implicit none
   private
 
-  public :: cycles_report, sensitivity_report
+  public :: cycles_report
 
 contains
 
@@ -97,26 +97,6 @@ contains
       end do
     end subroutine list_cycles
   end subroutine cycles_report
-
-  !> The sensitivity of the motion to the listed keys at each velocity that the drive keeps for some time.
-  subroutine sensitivity_report(deck, scene, keys, text, error)
-    type(deck_t), intent(in) :: deck
-    type(scene_t), intent(in) :: scene
-    character(*), intent(in) :: keys
-    character(:), allocatable, intent(out) :: text
-    type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: none
-    type(text_builder_t) :: page
-    real(wp), allocatable :: velocities(:)
-    integer :: i
-
-    call held_velocities(scene, velocities, none)
-    do i = 1, size(velocities)
-      call list_sensitivity(page, deck, scene, velocities(i), keys, error)
-      if (allocated(error)) return
-    end do
-    text = page%content()
-  end subroutine sensitivity_report
 
   !> How far was searched, and what the motion from the scene's initial state is like: a cycle that it settles to, or a distribution
   !> of cycles.
