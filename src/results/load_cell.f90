@@ -43,8 +43,7 @@ module dst_load_cell
   type :: cell_state_t
     real(wp) :: from = 0.0_wp
     logical, private :: may_settle = .false.
-    !> Whether the drive has moved, and the direction in which it first did.
-    logical, private :: has_moved = .false.
+    !> The direction in which the drive first moves.
     real(wp), private :: side = 1.0_wp
     type(movement_t) :: movement = movement_t()
     type(movement_t), private :: recent = movement_t()
@@ -60,7 +59,6 @@ module dst_load_cell
     procedure :: begin
     procedure :: take_in
     procedure :: begin_cycle
-    procedure :: pull
     procedure :: see
     procedure :: may_hang_on
     procedure :: see_again
@@ -68,12 +66,13 @@ module dst_load_cell
 
 contains
 
-  !> Begin a run of this length [s].
-  pure subroutine begin(self, t_end, may_settle)
+  !> Begin a run of this length [s] under a drive that first moves with a velocity of this sign, if it does.
+  pure subroutine begin(self, velocity, t_end, may_settle)
     class(load_cell_t), intent(inout) :: self
-    real(wp), intent(in) :: t_end
+    real(wp), intent(in) :: velocity, t_end
     logical, intent(in) :: may_settle
 
+    self%side = sign(1.0_wp, velocity)
     self%may_settle = may_settle
     self%from = merge(0.0_wp, 0.5_wp*t_end, may_settle)
   end subroutine begin
@@ -94,7 +93,6 @@ contains
     real(wp) :: places(most_pull_turns), coefficient(0:max_degree), from
     integer :: count, degree, i
 
-    call self%pull(view%first%drive_velocity + view%last%drive_velocity)
     if (view%last%time < self%from) return
     from = 0.0_wp
     if (view%first%time < self%from) from = (self%from - view%first%time)/view%duration()
@@ -114,19 +112,6 @@ contains
       call self%see(view%pull_at(place), view%first%time + place*view%duration())
     end subroutine see_at
   end subroutine take_in
-
-  !> The force counts in the direction in which the drive, with this velocity [m/s], first moves; what was seen before is turned.
-  pure subroutine pull(self, velocity)
-    class(load_cell_t), intent(inout) :: self
-    real(wp), intent(in) :: velocity
-
-    if (self%has_moved .or. .not. abs(velocity) > 0.0_wp) return
-    self%has_moved = .true.
-    self%side = sign(1.0_wp, velocity)
-    if (velocity > 0.0_wp) return
-    call turn_over(self%movement)
-    call turn_over(self%recent)
-  end subroutine pull
 
   !> The pull force [N] along X at an instant [s].
   subroutine see(self, force, time)
@@ -216,16 +201,6 @@ contains
     self%extreme = force
     self%since = time
   end subroutine go_to
-
-  !> The force has the other sign; counting begins again.
-  pure subroutine turn_over(movement)
-    type(movement_t), intent(inout) :: movement
-    type(movement_t) :: now
-
-    now = movement
-    movement = movement_t(highest=-now%lowest, lowest=-now%highest, extreme=-now%extreme, since=now%since, heading=-now%heading, &
-      swing=now%swing)
-  end subroutine turn_over
 
   !> The last extreme was a peak.
   pure subroutine take_peak(self)

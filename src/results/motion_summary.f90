@@ -89,7 +89,9 @@ contains
         slider%stiffness(1), slider%mass)
     end associate
     call self%begin(moment_of(motion, motion%piece, motion%piece%to), motion%energy(motion%velocity_now()), motion%t_end, settle)
-    call self%load_cell%begin(motion%t_end, settle > 0.0_wp)
+    associate (velocity => motion%drive%segment%velocity)
+      call self%load_cell%begin(sum(velocity(:findloc(abs(velocity) > 0.0_wp, .true., dim=1))), motion%t_end, settle > 0.0_wp)
+    end associate
   end subroutine start
 
   !> Process the last piece.

@@ -65,7 +65,6 @@ contains
     class(piece_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
 
-    call self%load_cell%pull(map%piece%drive%velocity)
     if (map%repetitions > 0) then
       call take_repetitions(self, map)
     else
@@ -119,8 +118,8 @@ contains
       call summary%begin(moment_t(force=slider%stiffness(1)*u(1), elongation_rate=velocity*along, &
         drive_velocity=velocity), 0.0_wp, 0.0_wp)
     end associate
+    call summary%load_cell%begin(velocity, 0.0_wp, .false.)
     summary%load_cell%keeps_forces = .true.
-    call summary%load_cell%pull(velocity)
   end subroutine begin_at_release
 
   !> The passages of a repetition of a leap that begins with this state.
