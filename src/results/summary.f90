@@ -14,8 +14,7 @@
 module dst_summary
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
-  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, rise, creep, &
-    measures, most_cycles
+  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, slip_time, rise, creep, measures, cycle_quantities, most_cycles
   use dst_divergence, only: undecided, steady_sliding, ringing_down
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, int64
@@ -359,7 +358,7 @@ contains
     type(energies_t), intent(in), optional :: energies
     real(wp) :: mean(measures), scatter(measures)
     logical :: has_settled
-    integer :: n, repeats
+    integer :: n, repeats, i
 
     value = absent()
     has_settled = self%settled_at >= 0.0_wp
@@ -369,12 +368,10 @@ contains
     if (.not. present(energies)) return
     call self%cycles%means(has_settled, n, mean, scatter)
     call put('cycles', real(self%cycles%count, wp))
-    call put_mean('period', period)
-    call put_mean('peak_force', peak)
-    call put_mean('valley_force', valley)
-    call put_mean('stick_duration', stick_time)
-    call put_mean('slip_duration', slip_time)
-    call put_mean('slip_length', slip_length)
+    do i = 1, measures
+      if (n > 0) call put(trim(cycle_quantities(i)%name), mean(i))
+      if (n > 1) call put(trim(cycle_quantities(i)%name)//'_scatter', scatter(i))
+    end do
     repeats = self%cycles%repeats()
     if (has_settled) repeats = 1
     if (has_settled .or. (n > 0 .and. self%cycles%count > 2)) call put('repeats', real(repeats, wp))
@@ -400,14 +397,6 @@ contains
     if (self%undecided_from >= 0.0_wp) call put('undecided_from', self%undecided_from)
 
   contains
-
-    subroutine put_mean(name, measure)
-      character(*), intent(in) :: name
-      integer, intent(in) :: measure
-
-      if (n > 0) call put(name, mean(measure))
-      if (n > 1) call put(name//'_scatter', scatter(measure))
-    end subroutine put_mean
 
     subroutine put(name, number)
       character(*), intent(in) :: name
