@@ -15,10 +15,10 @@ module dst_run
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, attribute_t, create_hdf5
   use dst_model_choice, only: settle_model
-  use dst_output_size, only: run_samples
   use dst_parameters, only: parameters_of
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
+  use dst_sampling, only: run_samples
   use dst_scene, only: scene_t, scene_from_deck
   use dst_signals, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t

@@ -135,7 +135,7 @@ contains
     cycles%sliding_load = force(1)*abs(slider%along(1))
     call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error, watch)
     if (allocated(error)) return
-    call make_room(cycles, size(found))
+    allocate (cycles%value(quantities, size(found)), cycles%is_stable(size(found)))
     swings = found%measure(peak) - found%measure(valley)
     do i = 1, size(found)
       associate (cycle => found(i))
@@ -172,7 +172,7 @@ contains
     cycles%eigenvalues = eigenvalues_of(slider, map%damping)
     call find_slow_cycles(map, found, error)
     if (allocated(error)) return
-    call make_room(cycles, size(found))
+    allocate (cycles%value(quantities, size(found)), cycles%is_stable(size(found)))
     do i = 1, size(found)
       associate (value => found(i)%measure(slider%stiffness(1)))
         cycles%value(:, i) = [value, value(peak) - value(valley), found(i)%log_area, 1.0_wp, absent()]
@@ -247,14 +247,6 @@ contains
       value(log_slope + 1:) = turn%measure(k)
     end associate
   end subroutine from_valley
-
-  subroutine make_room(cycles, n)
-    type(limit_cycles_t), intent(inout) :: cycles
-    integer, intent(in) :: n
-
-    allocate (cycles%value(quantities, n))
-    allocate (cycles%is_stable(n), source=.false.)
-  end subroutine make_room
 
   !> The roots of m x^2 + d x + k_x, by falling real part [1/s].
   pure function eigenvalues_of(slider, damping) result(eigenvalues)

@@ -136,10 +136,10 @@ contains
     type(extremum_t), intent(in) :: here
     integer :: side
 
-    side = sign_of(velocity)
+    side = merge(nint(sign(1.0_wp, velocity)), 0, abs(velocity) > 0.0_wp)
     if (side == self%drive_side) return
     self%drive_side = side
-    self%side = side*sign_of(self%drive_coupling)
+    self%side = side*merge(nint(sign(1.0_wp, self%drive_coupling)), 0, abs(self%drive_coupling) > 0.0_wp)
     self%heading = 0
     self%candidate = pulled(self, here)
     self%other_candidate = self%candidate
@@ -160,14 +160,6 @@ contains
     pulled = here
     pulled%load = real(self%side, wp)*here%load
   end function pulled
-
-  pure integer function sign_of(value)
-    real(wp), intent(in) :: value
-
-    sign_of = 0
-    if (value > 0.0_wp) sign_of = 1
-    if (value < 0.0_wp) sign_of = -1
-  end function sign_of
 
   !> Process the load k_x u_x [N] at an instant.
   pure subroutine consider(self, here)
@@ -233,15 +225,10 @@ contains
   pure subroutine keep_turn(self, here)
     class(cycles_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
-    type(extremum_t), allocatable :: larger(:)
 
     if (.not. allocated(self%turns)) allocate (self%turns(32))
     associate (n => self%turn_count)
-      if (n == size(self%turns)) then
-        allocate (larger(2*n))
-        larger(:n) = self%turns
-        call move_alloc(larger, self%turns)
-      end if
+      if (n == size(self%turns)) self%turns = [self%turns, self%turns]
       if (n > 1) then
         if ((here%load - self%turns(n)%load)*(self%turns(n)%load - self%turns(n - 1)%load) >= 0.0_wp) n = n - 1
       end if
@@ -387,7 +374,6 @@ contains
     logical, intent(in) :: has_settled
     integer, intent(out) :: n
     real(wp), intent(out) :: mean(measures), scatter(measures)
-    integer :: i
 
     mean = 0.0_wp
     scatter = 0.0_wp
@@ -395,10 +381,7 @@ contains
     if (n == 0) return
     associate (cycle => self%cycle(:measures, last_places(self, n)))
       mean = sum(cycle, dim=2)/real(n, wp)
-      if (n == 1) return
-      do i = 1, measures
-        scatter(i) = sqrt(sum((cycle(i, :) - mean(i))**2)/real(n - 1, wp))
-      end do
+      if (n > 1) scatter = sqrt(sum((cycle - spread(mean, 2, n))**2, dim=2)/real(n - 1, wp))
     end associate
   end subroutine means
 

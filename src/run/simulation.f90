@@ -14,7 +14,7 @@ module dst_simulation
   use dst_motion, only: motion_t, next_piece, change_over, at_time
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: no_event
-  use dst_sampling, only: settle_interval
+  use dst_sampling, only: settle_interval, sample_time
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_state, only: instant_t
@@ -30,8 +30,6 @@ module dst_simulation
   integer, parameter :: buffer_rows = 512
   !> The clock is read once after this many pieces and samples. Convention: one takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
-  !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
-  real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
 
   !> How far the run is.
   type :: progress_t
@@ -206,7 +204,7 @@ contains
     real(wp), intent(in) :: last
     type(error_t), allocatable, intent(out) :: error
 
-    if (self%motion%in_closed_form) self%motion%next_look = min(sample_time(self), last)
+    if (self%motion%in_closed_form) self%motion%next_look = min(next_sample(self), last)
     self%motion%t_end = end_time(self)
     if (allocated(self%other)) self%other%t_end = end_time(self)
     call next_piece(self%motion, self%other, error)
@@ -260,23 +258,21 @@ contains
 
     associate (now => self%motion%piece%to%time)
       is_due = self%samples == 0 .or. self%sampled < now
-      if (is_due .and. self%scene%interval > 0.0_wp) is_due = sample_time(self) <= now
+      if (is_due .and. self%scene%interval > 0.0_wp) is_due = next_sample(self) <= now
     end associate
   end function is_due
 
   !> Time of the next sample [s], if there is an interval.
-  pure real(wp) function sample_time(self)
+  pure real(wp) function next_sample(self) result(time)
     class(simulation_t), intent(in) :: self
 
     if (allocated(self%instants)) then
-      sample_time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
+      time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
     else
-      sample_time = real(self%samples, wp)*self%scene%interval
-      ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
-      if (sample_time >= self%scene%t_end*(1.0_wp - time_roundoff)) sample_time = self%scene%t_end
+      time = sample_time(self%scene%t_end, self%scene%interval, self%samples)
     end if
-    if (is_over(self)) sample_time = min(sample_time, self%motion%piece%to%time)
-  end function sample_time
+    if (is_over(self)) time = min(time, self%motion%piece%to%time)
+  end function next_sample
 
   !> The next row of output, which is due.
   subroutine take_sample(self, writer, error)
@@ -290,7 +286,7 @@ contains
     if (self%samples == 0 .and. .not. allocated(error)) call write_events(self, writer, error)
     if (allocated(error)) return
     if (self%scene%interval > 0.0_wp) then
-      self%sampled = sample_time(self)
+      self%sampled = next_sample(self)
     else
       call self%motion%show(self%sampled)
       self%sampled = self%motion%next_instant(self%sampled)
