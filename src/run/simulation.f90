@@ -28,7 +28,8 @@ module dst_simulation
 
   !> Number of rows that are written together. Convention: 4 KiB for each column; no number depends on it.
   integer, parameter :: buffer_rows = 512
-  !> The clock is read once after this many pieces and samples. Convention: one takes some microseconds; no number depends on it.
+  !> The clock is read once after this many pieces, and when the rows are many. Convention: a piece takes some microseconds; no number
+  !> depends on it.
   integer, parameter :: pieces_between_looks = 16
 
   !> How far the run is.
@@ -146,9 +147,9 @@ contains
         call take_sample(self, writer, error)
       else
         call advance(self, writer, last, error)
+        looks_left = looks_left - 1
       end if
-      looks_left = looks_left - 1
-      if (looks_left == 0) then
+      if (looks_left == 0 .or. self%waiting == buffer_rows) then
         passed = wall_clock() - begun
         if (passed >= seconds .or. passed > limit) exit
         looks_left = pieces_between_looks
