@@ -404,43 +404,36 @@ contains
       .and. swing(2*n) < merge(ring_down_of_one, ring_down, n == 1)*swing(1)
   end function rings_down
 
-  !> Whether the last two cycles of a row are equal within a share of their durations, of F_0, and of their slip length.
-  pure logical function agree(self, tolerance)
-    class(cycles_t), intent(in) :: self
-    real(wp), intent(in) :: tolerance
-
-    agree = agrees_with(self, 1, 1, tolerance)
-  end function agree
-
   !> Slow cycles after which the motion repeats: the last cycles agree with those of so many before. 0 if it has not been seen to.
   pure integer function repeats(self) result(m)
     class(cycles_t), intent(in) :: self
 
     do m = 1, most_peaks
-      if (agrees_with(self, m, max(m, 2), repeated)) return
+      if (self%agree(m, max(m, 2), repeated)) return
     end do
     m = 0
   end function repeats
 
-  !> Whether each of the last `n` cycles of a row is equal to the one that is `m` before it.
-  pure logical function agrees_with(self, m, n, tolerance)
+  !> Whether each of the last `n` cycles of a row is equal to the one that is `m` before it, within a share of their durations, of
+  !> F_0, and of their slip length.
+  pure logical function agree(self, m, n, tolerance)
     class(cycles_t), intent(in) :: self
     integer, intent(in) :: m, n
     real(wp), intent(in) :: tolerance
     real(wp) :: size_of(measures)
     integer :: i
 
-    agrees_with = min(self%recent, self%row) >= n + m
-    if (.not. agrees_with) return
+    agree = min(self%recent, self%row) >= n + m
+    if (.not. agree) return
     do i = 0, n - 1
       associate (last => self%cycle(:measures, place(self%recent - i)), before => self%cycle(:measures, place(self%recent - i - m)))
         size_of = last(period)
         size_of([peak, valley]) = self%kinetic_limit
         size_of(slip_length) = abs(last(slip_length))
-        agrees_with = agrees_with .and. all(abs(last - before) <= tolerance*size_of)
+        agree = agree .and. all(abs(last - before) <= tolerance*size_of)
       end associate
     end do
-  end function agrees_with
+  end function agree
 
   !> The last cycle, which must exist: its measures, `rise`, the advance in X from peak to peak [m], and the time in `creep`, if that
   !> is followed.

@@ -35,7 +35,6 @@ module dst_load_cell
     real(wp), private :: first = 0.0_wp, last = 0.0_wp, top = 0.0_wp
   contains
     procedure :: go_to
-    procedure :: repeat
     procedure :: frequency
   end type movement_t
 
@@ -165,7 +164,11 @@ contains
         call self%see(other%force(k), time + real(i - 1, wp)*duration + other%time(k))
       end do
     end do
-    if (times > 2) call self%movement%repeat(before, times - 2, duration)
+    associate (now => self%movement, more => max(0_int64, times - 2))
+      now%peaks = now%peaks + more*(now%peaks - before%peaks)
+      now%last = now%last + real(more, wp)*duration
+      now%since = now%since + real(more, wp)*duration
+    end associate
   end subroutine see_again
 
   !> The force, positive if the drive pulls, is this [N] at an instant [s].
@@ -211,18 +214,6 @@ contains
     self%last = self%since
     self%top = self%extreme
   end subroutine take_peak
-
-  !> What was seen since `before` repeats so many times more, each of this duration [s].
-  pure subroutine repeat(self, before, times, duration)
-    class(movement_t), intent(inout) :: self
-    type(movement_t), intent(in) :: before
-    integer(int64), intent(in) :: times
-    real(wp), intent(in) :: duration
-
-    self%peaks = self%peaks + times*(self%peaks - before%peaks)
-    self%last = self%last + real(times, wp)*duration
-    self%since = self%since + real(times, wp)*duration
-  end subroutine repeat
 
   !> Peaks per time [Hz]; negative if there are fewer than two.
   pure real(wp) function frequency(self)

@@ -156,7 +156,7 @@ contains
     call follow_creep(self, stretch)
     if (self%settle > 0.0_wp .and. self%cycles%count > seen .and. self%settled_at < 0.0_wp) then
       ! A cycle is complete. If it agrees with the one before, the run ends in the next valley.
-      if (.not. self%cycles%agree(self%settle)) return
+      if (.not. self%cycles%agree(1, 1, self%settle)) return
       self%settled_at = self%cycles%last_peak%time
       associate (now => stretch%last%time, cycle => self%cycles%last_cycle())
         self%end_at = self%settled_at + cycle(slip_time)
