@@ -28,6 +28,7 @@ module dst_python_api
   use dst_sampling, only: sampling_note
   use dst_scene, only: scene_t, scene_from_deck
   use dst_schema, only: schema, key_count, is_automatic, integer_kind, real_kind, reals_kind
+  use dst_scene_notes, only: stiffness_note
   use dst_sensitivity, only: sensitivity_t, find_sensitivity
   use dst_settling, only: settling_t
   use dst_simulation, only: simulation_t
@@ -36,7 +37,6 @@ module dst_python_api
   use dst_stability, only: critical_t, steady_sliding_eigenvalues, critical_misalignment, low_frequency_limit, &
                            damping_scale, damping_ratio, weakening_damping_ratio
   use dst_stability_report, only: held_velocities
-  use dst_stiffness, only: stiffness_note
   use dst_sweep, only: sweep_t, axis_t, case_t, watch_t, worker_t, new_sweep, new_worker, cases_at_once, value_quantities, &
     table_quantities
   use dst_sweep_points, only: read_points

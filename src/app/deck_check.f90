@@ -12,9 +12,9 @@ module dst_deck_check
   use dst_faults, only: faults_t
   use dst_kinds, only: wp
   use dst_model_choice, only: settle_model
-  use dst_output_size, only: sample_count, run_samples, most_samples, most_series_values
   use dst_plain_numbers, only: number_text, bytes_text
   use dst_posix, only: free_space
+  use dst_sampling, only: sample_count, run_samples, most_samples, most_series_values
   use dst_scene, only: scene_t, scene_from_deck
   use dst_scene_notes, only: scene_notes
   use dst_schema, only: sweep_group

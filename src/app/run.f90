@@ -15,10 +15,10 @@ module dst_run
   use dst_hdf5_origin, only: origin_t, read_origin
   use dst_hdf5_writer, only: hdf5_writer_t, run_metadata_t, attribute_t, create_hdf5
   use dst_model_choice, only: settle_model
-  use dst_output_size, only: run_samples
   use dst_parameters, only: parameters_of
   use dst_progress, only: progress_t, new_progress, time_left
   use dst_result_file, only: result_file_t, interim_t
+  use dst_sampling, only: run_samples
   use dst_scene, only: scene_t, scene_from_deck
   use dst_posix, only: stop_signal, stopped_by, no_signal
   use dst_simulation, only: simulation_t
@@ -34,7 +34,7 @@ module dst_run
   !> Wall time of one slice of the run [s]: signals, progress and interim files are handled between slices.
   real(wp), parameter :: slice = 0.05_wp
   !> The first number of a state: the version of what follows.
-  integer, parameter :: state_format = 27
+  integer, parameter :: state_format = 28
   !> Number of samples in memory from which on they are put into the file. Convention; no number depends on it.
   integer, parameter :: most_rows = 512
 

@@ -46,14 +46,56 @@ contains
       if (allocated(error)) return
       call page%line('# '//name//': limit cycles at V = '//long_text(velocities(i))//' m/s, phi = '// &
         long_text(scene%misalignment_deg)//' deg, model '//cycles%model)
-      call list_sliding(page, cycles)
-      call list_cycles(page, cycles, slider)
+      call list_sliding()
+      call list_cycles()
       if (cycles%model == 'full') call list_regularity(page, cycles%regularity)
       if (keys /= '') call list_sensitivity(page, deck, scene, velocities(i), keys, error)
       if (allocated(error)) return
       call page%line('')
     end do
     text = page%content()
+
+  contains
+
+    subroutine list_sliding()
+      integer :: k
+
+      call page%row('steady sliding is', trim(merge('stable    ', 'not stable', cycles%sliding_is_stable))//', at a load of '// &
+        long_text(cycles%sliding_load)//' N')
+      do k = 1, size(cycles%eigenvalues)
+        call page%row('', 'eigenvalue '//long_text(real(cycles%eigenvalues(k)))//' 1/s, '// &
+          long_text(aimag(cycles%eigenvalues(k)))//' rad/s')
+      end do
+    end subroutine list_sliding
+
+    subroutine list_cycles()
+      integer :: n, k
+
+      if (cycles%number() == 0) call page%row('cycles', 'none')
+      do n = 1, cycles%number()
+        call page%line('')
+        if (.not. cycles%is_stable(n) .and. cycles%value(slow_cycles, n) > 1.0_wp) then
+          ! There may be very many of these.
+          call page%row('cycle '//integer_text(n), 'unstable, of '//integer_text(nint(cycles%value(slow_cycles, n)))// &
+            ' slow cycles in '//long_text(cycles%value(period, n))//' s, between '//long_text(cycles%value(valley, n))// &
+            ' N and '//long_text(cycles%value(peak, n))//' N, log_multiplier '//long_text(cycles%value(log_multiplier, n)))
+          cycle
+        end if
+        call page%row('cycle '//integer_text(n), trim(merge('stable  ', 'unstable', cycles%is_stable(n))))
+        do k = 1, size(limit_cycle_quantities)
+          if (ieee_is_nan(cycles%value(k, n))) cycle
+          call page%row('  '//trim(limit_cycle_quantities(k)%name), long_text(cycles%value(k, n))//' '// &
+            trim(limit_cycle_quantities(k)%units))
+        end do
+        if (cycles%is_stable(n)) then
+          call page%row('  apparent static friction', long_text(cycles%value(peak, n)/ &
+            slider%law%kinetic_limit)//' mu_0')
+        else if (cycles%sliding_is_stable .and. n == 1) then
+          call page%row('', '  between '//long_text(cycles%value(valley, n))//' N and '// &
+            long_text(cycles%value(peak, n))//' N the object reaches steady sliding')
+        end if
+      end do
+    end subroutine list_cycles
   end subroutine cycles_report
 
   !> The sensitivity of the motion to the listed keys at each velocity that the drive keeps for some time.
@@ -75,51 +117,6 @@ contains
     end do
     text = page%content()
   end subroutine sensitivity_report
-
-  subroutine list_sliding(page, cycles)
-    type(text_builder_t), intent(inout) :: page
-    type(limit_cycles_t), intent(in) :: cycles
-    integer :: i
-
-    call page%row('steady sliding is', trim(merge('stable    ', 'not stable', cycles%sliding_is_stable))//', at a load of '// &
-      long_text(cycles%sliding_load)//' N')
-    do i = 1, size(cycles%eigenvalues)
-      call page%row('', 'eigenvalue '//long_text(real(cycles%eigenvalues(i)))//' 1/s, '// &
-        long_text(aimag(cycles%eigenvalues(i)))//' rad/s')
-    end do
-  end subroutine list_sliding
-
-  subroutine list_cycles(page, cycles, slider)
-    type(text_builder_t), intent(inout) :: page
-    type(limit_cycles_t), intent(in) :: cycles
-    type(slider_t), intent(in) :: slider
-    integer :: i, k
-
-    if (cycles%number() == 0) call page%row('cycles', 'none')
-    do i = 1, cycles%number()
-      call page%line('')
-      if (.not. cycles%is_stable(i) .and. cycles%value(slow_cycles, i) > 1.0_wp) then
-        ! There may be very many of these.
-        call page%row('cycle '//integer_text(i), 'unstable, of '//integer_text(nint(cycles%value(slow_cycles, i)))// &
-          ' slow cycles in '//long_text(cycles%value(period, i))//' s, between '//long_text(cycles%value(valley, i))//' N and '// &
-          long_text(cycles%value(peak, i))//' N, log_multiplier '//long_text(cycles%value(log_multiplier, i)))
-        cycle
-      end if
-      call page%row('cycle '//integer_text(i), trim(merge('stable  ', 'unstable', cycles%is_stable(i))))
-      do k = 1, size(limit_cycle_quantities)
-        if (ieee_is_nan(cycles%value(k, i))) cycle
-        call page%row('  '//trim(limit_cycle_quantities(k)%name), long_text(cycles%value(k, i))//' '// &
-          trim(limit_cycle_quantities(k)%units))
-      end do
-      if (cycles%is_stable(i)) then
-        call page%row('  apparent static friction', long_text(cycles%value(peak, i)/ &
-          slider%law%kinetic_limit)//' mu_0')
-      else if (cycles%sliding_is_stable .and. i == 1) then
-        call page%row('', '  between '//long_text(cycles%value(valley, i))//' N and '// &
-          long_text(cycles%value(peak, i))//' N the object reaches steady sliding')
-      end if
-    end do
-  end subroutine list_cycles
 
   !> How far was searched, and what the motion from the scene's initial state is like: a cycle that it settles to, or a distribution
   !> of cycles.

@@ -12,13 +12,12 @@ module dst_full_cycles
   use dst_cycles, only: extremum_t, measures, period, peak, valley, stick_time, threshold, repeated
   use dst_divergence, only: judge, regular, undecided, steady_sliding
   use dst_errors, only: error_t
-  use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, pi
   use dst_motion, only: motion_t, next_piece
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: piece_t
-  use dst_piece_view, only: piece_view_t
   use dst_passage, only: passage_t, duration
+  use dst_passage_summary, only: piece_summary_t, begin_at_release
   use dst_release_map, only: release_map_t, watch_t, new_release_map
   use dst_roots, only: bracket_t
   use dst_scene, only: scene_t
@@ -26,10 +25,8 @@ module dst_full_cycles
   use dst_slow_cycle, only: most_repeats
   use dst_state, only: state_t
   use dst_stepping, only: stepping_t
-  use dst_stretch, only: moment_t, most_turns
-  use dst_summary, only: summary_quantities
   use dst_variation, only: steps_of
-  use dst_writer, only: absent, find_quantity
+  use dst_writer, only: outcome_t, absent
   implicit none
   private
 
@@ -138,7 +135,7 @@ contains
     type(orbit_t) :: orbit
     type(orbit_t), allocatable :: orbits(:)
     type(scene_t) :: long
-    real(wp) :: value(size(summary_quantities))
+    type(outcome_t) :: outcome
     logical :: are_all
     integer :: n
 
@@ -168,7 +165,7 @@ contains
     else if (orbit%goes_on .and. size(orbit%slope) > 0 .and. orbit%repeats == 0) then
       long = steady(scene, velocity, searching)
       long%t_end = orbit%time*min(1.0_wp, long_enough/real(size(orbit%slope), wp))
-      call run(long, regularity, value, error)
+      call run(long, regularity, outcome, error)
     end if
   end subroutine find_full_cycles
 
@@ -396,11 +393,11 @@ contains
     end if
   end function way_to_cycle
 
-  !> The motion of a scene until its end: its summary, and mean and scatter of its cycles.
-  subroutine run(scene, regularity, value, error)
+  !> The motion of a scene until its end: its outcome, and mean and scatter of its cycles.
+  subroutine run(scene, regularity, outcome, error)
     type(scene_t), intent(in) :: scene
     type(regularity_t), intent(inout) :: regularity
-    real(wp), intent(out) :: value(size(summary_quantities))
+    type(outcome_t), intent(out) :: outcome
     type(error_t), allocatable, intent(out) :: error
     class(motion_t), allocatable :: motion, other
     type(motion_summary_t) :: summary
@@ -414,7 +411,7 @@ contains
       call summary%follow(motion)
     end do
     call summary%cycles%means(.false., regularity%cycles, regularity%mean, regularity%scatter)
-    call summary%values(motion, value)
+    call summary%describe(motion, 0.0_wp, outcome)
   end subroutine run
 
   !> A motion that ceases to rest comes to a cycle without releases, or to steady sliding.
@@ -428,39 +425,31 @@ contains
     !> Convention; twice: no change.
     real(wp), parameter :: patience = 8.0_wp
     type(scene_t) :: longer
-    real(wp) :: value(size(summary_quantities))
+    type(outcome_t) :: outcome
     logical :: repeats
     integer :: i
 
     longer = scene
     do i = 1, 2
-      call run(longer, regularity, value, error)
+      call run(longer, regularity, outcome, error)
       if (allocated(error)) return
-      repeats = .not. ieee_is_nan(of('regularity') + of('repeats'))
-      if (repeats) repeats = nint(of('regularity')) == regular .and. nint(of('repeats')) == 1
+      ! Values that do not exist are NaN, which nothing equals.
+      repeats = abs(outcome%summary_of('regularity') - real(regular, wp)) + abs(outcome%summary_of('repeats') - 1.0_wp) < 0.5_wp
       if (repeats .or. regularity%cycles == 0) exit
-      if (.not. of('lyapunov_exponent')*patience*of('cycles') < log(repeated)) exit
+      if (.not. outcome%summary_of('lyapunov_exponent')*patience*outcome%summary_of('cycles') < log(repeated)) exit
       longer%t_end = patience*scene%t_end
     end do
-    regularity%swing = of('swing')
+    regularity%swing = outcome%summary_of('swing')
     if (regularity%cycles == 0) then
       if (sliding_is_stable) regularity%verdict = steady_sliding
     else if (repeats) then
-      regularity%exponent = of('lyapunov_exponent')
-      regularity%error = of('lyapunov_error')
+      regularity%exponent = outcome%summary_of('lyapunov_exponent')
+      regularity%error = outcome%summary_of('lyapunov_error')
       if (.not. is_among(cycles, regularity%mean)) &
         cycles = [cycles, full_cycle_t(measure=regularity%mean, log_multiplier=regularity%exponent)]
       regularity%verdict = regular
       regularity%repeats = 1
     end if
-
-  contains
-
-    pure real(wp) function of(name)
-      character(*), intent(in) :: name
-
-      of = value(find_quantity(summary_quantities, name))
-    end function of
   end subroutine look_at_the_end
 
   !> Add orbits that begin elsewhere, and the stable cycles to which they come. What fails in them fails not in the motion.
@@ -679,42 +668,29 @@ contains
   !> The measures of a slow cycle of this duration [s] that ends with the slip that was run last: its load has its peak and its
   !> valley, as seen in the direction of the drive, in this slip.
   subroutine measure(map, lasting, value, high, low)
-    type(release_map_t), intent(in), target :: map
+    type(release_map_t), intent(in) :: map
     real(wp), intent(in) :: lasting
     real(wp), intent(out) :: value(measures)
     type(extremum_t), intent(out) :: high, low
-    type(piece_view_t) :: view
-    type(piece_t), target :: piece
-    type(grid_t) :: grid
-    real(wp) :: load(0:max_degree), places(most_turns), falling
-    integer :: degree, count, i, k
+    type(piece_summary_t) :: slip
+    type(piece_t) :: piece
+    real(wp) :: falling
+    integer :: i
 
-    grid = chebyshev_grid()
-    high%load = -huge(1.0_wp)
-    low%load = huge(1.0_wp)
+    call begin_at_release(map%steps%slider, map%velocity, map%elongation(map%ran), slip)
     do i = 1, map%recording%count
       call map%recording%get(i, state_t(), piece)
-      call view%show(map%steps, piece)
-      call view%load(degree, load)
-      call view%turning_places(grid, load(:degree), places, count)
-      call take_load(view%first)
-      do k = 1, count
-        call take_load(view%at(places(k)))
-      end do
-      call take_load(view%last)
+      call slip%take_piece(map%steps, piece)
     end do
+    high = slip%highest
+    low = slip%lowest
+    if (map%steps%slider%along(1)*map%velocity < 0.0_wp) then
+      high = slip%lowest
+      low = slip%highest
+      high%load = -high%load
+      low%load = -low%load
+    end if
     falling = modulo(low%time - high%time, lasting)
     value = [lasting, high%load, low%load, lasting - falling, falling, sign(1.0_wp, map%velocity)*(low%position - high%position)]
-
-  contains
-
-    subroutine take_load(here)
-      type(moment_t), intent(in) :: here
-
-      associate (seen => sign(1.0_wp, map%steps%slider%along(1)*map%velocity)*here%force)
-        if (seen > high%load) high = extremum_t(seen, here%time, here%position)
-        if (seen < low%load) low = extremum_t(seen, here%time, here%position)
-      end associate
-    end subroutine take_load
   end subroutine measure
 end module dst_full_cycles

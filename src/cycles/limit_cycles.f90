@@ -89,29 +89,29 @@ contains
 
     model = trim(scene%model)
     if (model == 'auto') model = 'full'
-    if (model /= 'full' .and. model /= 'low_frequency') then
-      call raise(error, deck_error, "scene.model: model '"//model//"' has no limit cycles that can be found here: "// &
-        "give 'full' or 'low_frequency'", 'scene.model')
-    else if (model /= 'full' .and. slider%is_damped()) then
-      call raise(error, deck_error, 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp)// &
-        ': cycles of the slow motion are found only without dampers: remove damping_x and damping_y', &
-        'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp))
-    else if (.not. minval(abs(slider%along)) > 0.0_wp) then
-      call raise(error, deck_error, 'system.misalignment_deg: cycles are found only if the angle is no multiple of 90: '// &
-        'change it a little', 'system.misalignment_deg')
-    else if (model == 'full' .and. scene%contact /= 'exact') then
-      call raise(error, deck_error, "friction.contact: the cycles of the full model are found only with contact 'exact', "// &
-        'which has rest', 'friction.contact')
-    else if (slider%law%ageing > 0.0_wp) then
-      call raise(error, deck_error, 'friction.ageing: cycles are found from release to release, and with a limit that ages the '// &
-        'angle of friction is not all that a release is: remove ageing', 'friction.ageing')
-    else if (model /= 'full' .and. slider%law%holds_more()) then
-      call raise(error, deck_error, 'friction.mu_static: cycles of the slow motion are found only without a separate static '// &
-        "limit: remove mu_static, or give model 'full'", 'friction.mu_static')
-    else if (model /= 'full' .and. .not. falls_exponentially(slider%law)) then
-      call raise(error, deck_error, "friction.law: cycles of the slow motion are found only with the laws 'constant' and "// &
-        "'weakening': give one of them, or model 'full'", 'friction.law')
-    end if
+    call refuse(model /= 'full' .and. model /= 'low_frequency', 'scene.model', "model '"//model//"' has no limit cycles that "// &
+      "can be found here: give 'full' or 'low_frequency'")
+    call refuse(model /= 'full' .and. slider%is_damped(), 'system.damping_'//merge('x', 'y', slider%damping(1) > 0.0_wp), &
+      'cycles of the slow motion are found only without dampers: remove damping_x and damping_y')
+    call refuse(.not. minval(abs(slider%along)) > 0.0_wp, 'system.misalignment_deg', &
+      'cycles are found only if the angle is no multiple of 90: change it a little')
+    call refuse(model == 'full' .and. scene%contact /= 'exact', 'friction.contact', &
+      "the cycles of the full model are found only with contact 'exact', which has rest")
+    call refuse(slider%law%ageing > 0.0_wp, 'friction.ageing', 'cycles are found from release to release, and with a limit '// &
+      'that ages the angle of friction is not all that a release is: remove ageing')
+    call refuse(model /= 'full' .and. slider%law%holds_more(), 'friction.mu_static', 'cycles of the slow motion are found only '// &
+      "without a separate static limit: remove mu_static, or give model 'full'")
+    call refuse(model /= 'full' .and. .not. falls_exponentially(slider%law), 'friction.law', 'cycles of the slow motion are '// &
+      "found only with the laws 'constant' and 'weakening': give one of them, or model 'full'")
+
+  contains
+
+    subroutine refuse(is_so, key, why)
+      logical, intent(in) :: is_so
+      character(*), intent(in) :: key, why
+
+      if (is_so .and. .not. allocated(error)) call raise(error, deck_error, key//': '//why, key)
+    end subroutine refuse
   end subroutine check_model
 
   !> The cycles of the full model, and its steady sliding.
@@ -135,7 +135,7 @@ contains
     cycles%sliding_load = force(1)*abs(slider%along(1))
     call find_full_cycles(scene, velocity, cycles%sliding_is_stable, found, cycles%regularity, error, watch)
     if (allocated(error)) return
-    call make_room(cycles, size(found))
+    allocate (cycles%value(quantities, size(found)), cycles%is_stable(size(found)))
     swings = found%measure(peak) - found%measure(valley)
     do i = 1, size(found)
       associate (cycle => found(i))
@@ -172,7 +172,7 @@ contains
     cycles%eigenvalues = eigenvalues_of(slider, map%damping)
     call find_slow_cycles(map, found, error)
     if (allocated(error)) return
-    call make_room(cycles, size(found))
+    allocate (cycles%value(quantities, size(found)), cycles%is_stable(size(found)))
     do i = 1, size(found)
       associate (value => found(i)%measure(slider%stiffness(1)))
         cycles%value(:, i) = [value, value(peak) - value(valley), found(i)%log_area, 1.0_wp, absent()]
@@ -247,14 +247,6 @@ contains
       value(log_slope + 1:) = turn%measure(k)
     end associate
   end subroutine from_valley
-
-  subroutine make_room(cycles, n)
-    type(limit_cycles_t), intent(inout) :: cycles
-    integer, intent(in) :: n
-
-    allocate (cycles%value(quantities, n))
-    allocate (cycles%is_stable(n), source=.false.)
-  end subroutine make_room
 
   !> The roots of m x^2 + d x + k_x, by falling real part [1/s].
   pure function eigenvalues_of(slider, damping) result(eigenvalues)

@@ -20,17 +20,14 @@ module dst_slow_cycles
   real(wp), parameter :: smallest = 1.0e-3_wp, invisible = 1.0e-7_wp, first_largest = 2.0_wp, scan_step = 0.3_wp
   !> Doublings of the largest A in which every motion has to shrink. Conventions; twice each: no change.
   integer, parameter :: max_doublings = 40, max_points = 2000
-  !> Gain that represents a motion which reaches the equilibrium, and the largest value that root finding uses: beyond it only the
-  !> sign matters.
-  real(wp), parameter :: dead = -40.0_wp, enough = 1.0_wp
+  !> Gain that represents a motion which reaches the equilibrium.
+  real(wp), parameter :: dead = -40.0_wp
   !> Iterations for a zero, and its width in x: roundoff.
   integer, parameter :: max_iterations = 80
   real(wp), parameter :: close = 8.0_wp*epsilon(1.0_wp)
   !> Roundoff of the gain, over the distance of the valley; and damping over sqrt(m k_x) that counts as zero. Conventions; twice
   !> each: no change.
   real(wp), parameter :: roundoff = 1.0e-11_wp, least_damping = 1.0e-12_wp
-  !> Slope of the gain below which Newton's step is not used. Convention; twice: no change.
-  real(wp), parameter :: least_slope = 1.0e-6_wp
 
   !> The map at one place.
   type :: slow_gain_t
@@ -137,34 +134,23 @@ contains
     type(slow_gain_t), intent(out) :: here
     type(error_t), allocatable, intent(out) :: error
     type(bracket_t) :: bracket
-    real(wp) :: x, value, near
+    real(wp) :: x, side
     integer :: iteration
 
-    bracket = bracket_t([first%x, second%x], limited(merge([first%slope, second%slope], [first%gain, second%gain], of_slope)))
-    x = bracket%false_position()
+    side = sign(1.0_wp, merge(second%slope, second%gain, of_slope))
+    bracket = bracket_t([first%x, second%x], [-1.0_wp, 1.0_wp])
+    x = bracket%middle()
     do iteration = 1, max_iterations
       call slow_gain(map, x, here, error)
       if (allocated(error)) return
-      value = merge(here%slope, here%gain, of_slope)
-      if (.not. abs(value) > 0.0_wp .or. of_slope .and. here%gain*first%gain < 0.0_wp) return
-      near = close*max(1.0_wp, abs(x))
-      call bracket%narrow(x, limited(value))
-      if (bracket%width() <= merge(sqrt(close), near, of_slope)) return
-      x = bracket%false_position()
-      if (.not. of_slope .and. abs(here%slope) > least_slope) then
-        associate (newton => here%x - here%gain/here%slope)
-          if (abs(newton - here%x) <= near) return
-          if (newton > bracket%x(1) .and. newton < bracket%x(2)) x = newton
-        end associate
+      call bracket%narrow(x, side*merge(here%slope, here%gain, of_slope))
+      if (of_slope) then
+        if (here%gain*first%gain < 0.0_wp .or. bracket%width() <= sqrt(close)) return
+        x = bracket%middle()
+      else
+        x = bracket%newton(x, side*here%gain, side*here%slope)
+        if (abs(x - here%x) <= close*max(1.0_wp, abs(x))) return
       end if
-      if (modulo(iteration, 4) == 0) x = bracket%middle()
     end do
   end subroutine zero_between
-
-  !> A value in the form that root finding uses.
-  elemental real(wp) function limited(value)
-    real(wp), intent(in) :: value
-
-    limited = max(-enough, min(enough, value))
-  end function limited
 end module dst_slow_cycles

@@ -12,16 +12,16 @@
 !>
 !> Source: docs/cycles.md.
 module dst_slow_map
+  use dst_bernstein, only: first_zero
   use dst_cycles, only: measures
   use dst_dense_output, only: column_y, n_columns
   use dst_drive, only: new_drive
   use dst_errors, only: error_t, raise, too_many_steps
+  use dst_interpolation, only: max_degree
   use dst_kinds, only: wp
   use dst_low_frequency, only: new_low_frequency
   use dst_piece, only: piece_t
   use dst_radau, only: new_radau
-  use dst_roots, only: bracket_t
-  use dst_collocation, only: collocation_t, radau_iia
   use dst_slider, only: slider_t
   use dst_state, only: state_t
   use dst_stepping, only: stepping_t
@@ -39,8 +39,6 @@ module dst_slow_map
   integer, parameter :: stages = 7
   !> Time for which the largest slip speed is kept, over the time of a radian of the slow oscillation. Convention; twice: no change.
   real(wp), parameter :: memory = 10.0_wp
-  !> Iterations for a place in a step: to roundoff.
-  integer, parameter :: max_iterations = 60
 
   !> The motion from a valley over a peak to the next valley.
   type :: slow_turn_t
@@ -63,10 +61,9 @@ module dst_slow_map
     real(wp) :: impedance = 0.0_wp           !! sqrt(m k_x), N s/m
     real(wp) :: length = 0.0_wp              !! sum of l_x = F_0/k_x and the amplitude of a free oscillation at V, m
     type(stepping_t), private :: motion
-    type(collocation_t), private :: method
   contains
     procedure :: turn
-    procedure :: resistance
+    procedure :: decay
   end type slow_map_t
 
 contains
@@ -99,8 +96,7 @@ contains
       map%motion%may_rest = .false.
       map%motion%t_end = huge(1.0_wp)
     end associate
-    map%method = radau_iia(stages)
-    map%damping = map%resistance(map%velocity*map%motion%slider%along(1))
+    map%damping = slider%mass*map%decay(map%velocity*map%motion%slider%along(1))
   end subroutine new_slow_map
 
   !> The measures of its cycle, as in dst_cycles, with this stiffness [N/m].
@@ -113,17 +109,15 @@ contains
       self%slip_length]
   end function measure
 
-  !> Phi'(w) = F'(v) w^2/v^2 + F(v) (V s)^2/v^3 [N s/m] at a slip velocity along the soft axis [m/s].
-  pure real(wp) function resistance(self, w)
+  !> Phi'(w)/m [1/s] at a slip velocity along the soft axis [m/s].
+  pure real(wp) function decay(self, w)
     class(slow_map_t), intent(in) :: self
     real(wp), intent(in) :: w
-    real(wp) :: speed, across, force(1), slope(1)
+    real(wp) :: coefficient(0:2), weakening
 
-    across = self%velocity*self%motion%slider%along(2)
-    speed = sqrt(w**2 + across**2)
-    call self%motion%slider%law%evaluate(1, [speed], force, slope)
-    resistance = (slope(1)*w**2 + force(1)*across**2/speed)/speed**2
-  end function resistance
+    call self%motion%system%decay_polynomial([w], self%velocity, coefficient, weakening)
+    decay = coefficient(1)
+  end function decay
 
   !> The motion from a valley at u_x = `from` [m], below the equilibrium, to the next one.
   subroutine turn(self, from, way, error)
@@ -185,20 +179,12 @@ contains
   pure real(wp) function crossing(piece, value)
     type(piece_t), intent(in) :: piece
     real(wp), intent(in) :: value
-    type(bracket_t) :: bracket
-    real(wp) :: columns(n_columns), f
-    integer :: iteration
+    real(wp) :: missing(0:max_degree)
 
-    bracket = bracket_t([0.0_wp, 1.0_wp], [piece%from%y(1) - value, piece%to%y(1) - value])
-    crossing = 1.0_wp
-    do iteration = 1, max_iterations
-      crossing = min(1.0_wp, max(0.0_wp, bracket%false_position()))
-      columns = piece%path%values_at(crossing)
-      f = columns(column_y) - value
-      if (.not. abs(f) > 0.0_wp) exit
-      call bracket%narrow(crossing, f)
-      if (bracket%width() <= epsilon(1.0_wp)) exit
-    end do
+    associate (grid => piece%path%grid)
+      call grid%bernstein_coefficients(value - piece%path%nodal(:, column_y), missing)
+      crossing = min(1.0_wp, first_zero(sign(1.0_wp, value - piece%from%y(1))*missing(:grid%degree)))
+    end associate
   end function crossing
 
   !> Add -integral of Phi'/m over a share of a piece, by the quadrature of the method.
@@ -207,17 +193,14 @@ contains
     type(piece_t), intent(in) :: piece
     real(wp), intent(in) :: share
     real(wp), intent(inout) :: log_area
-    real(wp) :: columns(n_columns), sum
+    real(wp) :: columns(n_columns)
     integer :: i
 
-    sum = 0.0_wp
-    associate (method => self%method)
-      do i = 1, method%stages
-        columns = piece%path%nodal(i, :)
-        if (share < 1.0_wp) columns = piece%path%values_at(share*method%grid%node(i))
-        sum = sum + method%weight(i)*self%resistance(columns(column_y))
+    associate (path => piece%path, grid => piece%path%grid)
+      do i = 1, grid%degree
+        columns = path%values_at(share*grid%node(i))
+        log_area = log_area - share*path%step*grid%integral(grid%degree, i)*self%decay(columns(column_y))
       end do
     end associate
-    log_area = log_area - share*piece%path%step*sum/self%motion%slider%mass
   end subroutine add_area
 end module dst_slow_map

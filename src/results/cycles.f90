@@ -16,7 +16,7 @@ module dst_cycles
   private
 
   public :: cycles_t, recent_cycles_t, extremum_t, threshold, repeated
-  public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, most_cycles
+  public :: period, peak, valley, stick_time, slip_time, slip_length, measures, cycle_quantities, rise, creep, most_cycles
 
   ! The effects of "twice" were measured on 21 motions: those of tests/python/test_settled.py, stick-slip of 3 to 30 s, driven
   ! unsteadily.
@@ -83,7 +83,8 @@ module dst_cycles
     type(extremum_t), private :: candidate = extremum_t(), other_candidate = extremum_t()
     !> Extrema of the present cycle.
     logical, private :: has_peak = .false., has_valley = .false.
-    type(extremum_t), private :: last_peak = extremum_t(), last_valley = extremum_t()
+    type(extremum_t) :: last_peak = extremum_t()
+    type(extremum_t), private :: last_valley = extremum_t()
     !> Position of the object [m] and time [s] at the last extremum, and now.
     real(wp), private :: extremum_position = 0.0_wp, extremum_time = 0.0_wp, position = 0.0_wp
     real(wp) :: time = 0.0_wp
@@ -107,14 +108,10 @@ module dst_cycles
     procedure :: may_turn
     procedure :: means
     procedure :: lasting
+    procedure :: last_cycle
     procedure :: last_cycles
-    procedure :: mean_swing
     procedure :: agree
     procedure :: repeats
-    procedure :: last_swing
-    procedure :: last_creep_share
-    procedure :: last_peak_time
-    procedure :: next_valley
     procedure :: slides
     procedure :: is_long_ago
   end type cycles_t
@@ -139,10 +136,10 @@ contains
     type(extremum_t), intent(in) :: here
     integer :: side
 
-    side = sign_of(velocity)
+    side = merge(nint(sign(1.0_wp, velocity)), 0, abs(velocity) > 0.0_wp)
     if (side == self%drive_side) return
     self%drive_side = side
-    self%side = side*sign_of(self%drive_coupling)
+    self%side = side*merge(nint(sign(1.0_wp, self%drive_coupling)), 0, abs(self%drive_coupling) > 0.0_wp)
     self%heading = 0
     self%candidate = pulled(self, here)
     self%other_candidate = self%candidate
@@ -164,14 +161,6 @@ contains
     pulled%load = real(self%side, wp)*here%load
   end function pulled
 
-  pure integer function sign_of(value)
-    real(wp), intent(in) :: value
-
-    sign_of = 0
-    if (value > 0.0_wp) sign_of = 1
-    if (value < 0.0_wp) sign_of = -1
-  end function sign_of
-
   !> Process the load k_x u_x [N] at an instant.
   pure subroutine consider(self, here)
     class(cycles_t), intent(inout) :: self
@@ -192,7 +181,8 @@ contains
       if (self%heading > 0) then
         call take_peak(self, self%candidate)
       else
-        call take_valley(self, self%candidate)
+        self%has_valley = .true.
+        self%last_valley = self%candidate
       end if
       self%extremum_position = self%candidate%position
       self%extremum_time = self%candidate%time
@@ -235,15 +225,10 @@ contains
   pure subroutine keep_turn(self, here)
     class(cycles_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
-    type(extremum_t), allocatable :: larger(:)
 
     if (.not. allocated(self%turns)) allocate (self%turns(32))
     associate (n => self%turn_count)
-      if (n == size(self%turns)) then
-        allocate (larger(2*n))
-        larger(:n) = self%turns
-        call move_alloc(larger, self%turns)
-      end if
+      if (n == size(self%turns)) self%turns = [self%turns, self%turns]
       if (n > 1) then
         if ((here%load - self%turns(n)%load)*(self%turns(n)%load - self%turns(n - 1)%load) >= 0.0_wp) n = n - 1
       end if
@@ -297,14 +282,6 @@ contains
     self%has_valley = .false.
     self%last_peak = here
   end subroutine take_peak
-
-  pure subroutine take_valley(self, here)
-    class(cycles_t), intent(inout) :: self
-    type(extremum_t), intent(in) :: here
-
-    self%has_valley = .true.
-    self%last_valley = here
-  end subroutine take_valley
 
   !> Whether so much time has passed since the last peak that the cycles before belong to another motion.
   pure logical function has_slid_steadily(self, here)
@@ -397,7 +374,6 @@ contains
     logical, intent(in) :: has_settled
     integer, intent(out) :: n
     real(wp), intent(out) :: mean(measures), scatter(measures)
-    integer :: i
 
     mean = 0.0_wp
     scatter = 0.0_wp
@@ -405,10 +381,7 @@ contains
     if (n == 0) return
     associate (cycle => self%cycle(:measures, last_places(self, n)))
       mean = sum(cycle, dim=2)/real(n, wp)
-      if (n == 1) return
-      do i = 1, measures
-        scatter(i) = sqrt(sum((cycle(i, :) - mean(i))**2)/real(n - 1, wp))
-      end do
+      if (n > 1) scatter = sqrt(sum((cycle - spread(mean, 2, n))**2, dim=2)/real(n - 1, wp))
     end associate
   end subroutine means
 
@@ -431,79 +404,45 @@ contains
       .and. swing(2*n) < merge(ring_down_of_one, ring_down, n == 1)*swing(1)
   end function rings_down
 
-  !> Whether the last two cycles of a row are equal within a share of their durations, of F_0, and of their slip length.
-  pure logical function agree(self, tolerance)
-    class(cycles_t), intent(in) :: self
-    real(wp), intent(in) :: tolerance
-
-    agree = agrees_with(self, 1, 1, tolerance)
-  end function agree
-
   !> Slow cycles after which the motion repeats: the last cycles agree with those of so many before. 0 if it has not been seen to.
   pure integer function repeats(self) result(m)
     class(cycles_t), intent(in) :: self
 
     do m = 1, most_peaks
-      if (agrees_with(self, m, max(m, 2), repeated)) return
+      if (self%agree(m, max(m, 2), repeated)) return
     end do
     m = 0
   end function repeats
 
-  !> Whether each of the last `n` cycles of a row is equal to the one that is `m` before it.
-  pure logical function agrees_with(self, m, n, tolerance)
+  !> Whether each of the last `n` cycles of a row is equal to the one that is `m` before it, within a share of their durations, of
+  !> F_0, and of their slip length.
+  pure logical function agree(self, m, n, tolerance)
     class(cycles_t), intent(in) :: self
     integer, intent(in) :: m, n
     real(wp), intent(in) :: tolerance
     real(wp) :: size_of(measures)
     integer :: i
 
-    agrees_with = min(self%recent, self%row) >= n + m
-    if (.not. agrees_with) return
+    agree = min(self%recent, self%row) >= n + m
+    if (.not. agree) return
     do i = 0, n - 1
       associate (last => self%cycle(:measures, place(self%recent - i)), before => self%cycle(:measures, place(self%recent - i - m)))
         size_of = last(period)
         size_of([peak, valley]) = self%kinetic_limit
         size_of(slip_length) = abs(last(slip_length))
-        agrees_with = agrees_with .and. all(abs(last - before) <= tolerance*size_of)
+        agree = agree .and. all(abs(last - before) <= tolerance*size_of)
       end associate
     end do
-  end function agrees_with
+  end function agree
 
-  !> Peak-to-peak amplitude of the load in the last cycle [N], which must exist.
-  pure real(wp) function last_swing(self)
+  !> The last cycle, which must exist: its measures, `rise`, the advance in X from peak to peak [m], and the time in `creep`, if that
+  !> is followed.
+  pure function last_cycle(self) result(cycle)
     class(cycles_t), intent(in) :: self
+    real(wp) :: cycle(remembered)
 
-    associate (cycle => self%cycle(:, place(self%recent)))
-      last_swing = max(cycle(peak) - cycle(valley), cycle(rise))
-    end associate
-  end function last_swing
-
-  !> Share of the last cycle, which must exist, in which the object seems to rest, if the time in creep is followed.
-  pure real(wp) function last_creep_share(self)
-    class(cycles_t), intent(in) :: self
-
-    associate (cycle => self%cycle(:, place(self%recent)))
-      last_creep_share = cycle(creep)/cycle(period)
-    end associate
-  end function last_creep_share
-
-  !> Time of the last peak [s], with which the last cycle ended.
-  pure real(wp) function last_peak_time(self)
-    class(cycles_t), intent(in) :: self
-
-    last_peak_time = self%last_peak%time
-  end function last_peak_time
-
-  !> The first time [s] after `now` at which the load has a valley if it repeats the last cycle, which must exist.
-  pure real(wp) function next_valley(self, now)
-    class(cycles_t), intent(in) :: self
-    real(wp), intent(in) :: now
-
-    associate (cycle => self%cycle(:, place(self%recent)))
-      next_valley = self%last_peak%time + cycle(slip_time)
-      if (next_valley <= now) next_valley = next_valley + cycle(period)*ceiling((now - next_valley)/cycle(period) + epsilon(now))
-    end associate
-  end function next_valley
+    cycle = self%cycle(:, place(self%recent))
+  end function last_cycle
 
   !> Whether the object slides without an extremum of the load that counts: the last one is long past.
   pure logical function slides(self)
@@ -524,15 +463,4 @@ contains
 
     is_long_ago = self%time - time > patience*self%natural_time
   end function is_long_ago
-
-  !> Mean amplitude (peak to peak) of the cycles that count [N], whether they last or not; 0 if there are none.
-  pure real(wp) function mean_swing(self)
-    class(cycles_t), intent(in) :: self
-    integer :: n
-
-    n = settled(self)
-    associate (cycle => self%cycle(:, last_places(self, n)))
-      mean_swing = sum(cycle(peak, :) - cycle(valley, :))/real(max(1, n), wp)
-    end associate
-  end function mean_swing
 end module dst_cycles

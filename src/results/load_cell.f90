@@ -13,7 +13,7 @@ module dst_load_cell
   implicit none
   private
 
-  public :: load_cell_t, load_record_t
+  public :: load_cell_t
 
   !> A movement counts if it is larger than this share of the swing so far; what was counted before the swing grew by this factor is
   !> forgotten. Conventions.
@@ -35,45 +35,43 @@ module dst_load_cell
     real(wp), private :: first = 0.0_wp, last = 0.0_wp, top = 0.0_wp
   contains
     procedure :: go_to
-    procedure :: repeat
     procedure :: frequency
   end type movement_t
 
   !> The movement since `from` [s], or, if the run may settle, since the last peak of the load but one, and since the last peak.
-  type :: load_cell_t
+  type :: cell_state_t
     real(wp) :: from = 0.0_wp
     logical, private :: may_settle = .false.
-    !> Whether the drive has moved, and the direction in which it first did.
-    logical, private :: has_moved = .false.
+    !> The direction in which the drive first moves.
     real(wp), private :: side = 1.0_wp
     type(movement_t) :: movement = movement_t()
     type(movement_t), private :: recent = movement_t()
+  end type cell_state_t
+
+  !> The load cell.
+  type, extends(cell_state_t) :: load_cell_t
+    !> On request: all forces that it saw [N], and when [s].
+    logical :: keeps_forces = .false.
+    real(wp), allocatable, private :: force(:), time(:)    !! valid up to count
+    integer, private :: count = 0
   contains
     procedure :: begin
     procedure :: take_in
     procedure :: begin_cycle
-    procedure :: pull
     procedure :: see
     procedure :: may_hang_on
     procedure :: see_again
   end type load_cell_t
 
-  !> A load cell that keeps what it sees: forces [N] and times [s].
-  type, extends(load_cell_t) :: load_record_t
-    real(wp), allocatable, private :: force(:), time(:)    !! valid up to count
-    integer, private :: count = 0
-  contains
-    procedure :: see => see_and_keep
-  end type load_record_t
-
 contains
 
-  !> Begin a run of this length [s].
-  pure subroutine begin(self, t_end, may_settle)
+  !> Begin a run of this length [s] under a drive that first moves with a velocity of this sign, if it does.
+  pure subroutine begin(self, velocity, t_end, may_settle)
     class(load_cell_t), intent(inout) :: self
-    real(wp), intent(in) :: t_end
+    real(wp), intent(in) :: velocity, t_end
     logical, intent(in) :: may_settle
 
+    self%side = sign(1.0_wp, velocity)
     self%may_settle = may_settle
     self%from = merge(0.0_wp, 0.5_wp*t_end, may_settle)
   end subroutine begin
@@ -94,38 +92,18 @@ contains
     real(wp) :: places(most_pull_turns), coefficient(0:max_degree), from
     integer :: count, degree, i
 
-    call self%pull(view%first%drive_velocity + view%last%drive_velocity)
     if (view%last%time < self%from) return
     from = 0.0_wp
     if (view%first%time < self%from) from = (self%from - view%first%time)/view%duration()
     call see_at(from)
     call view%pull_polynomial(degree, coefficient)
-    if (may_matter(self%movement) .or. (self%may_settle .and. may_matter(self%recent))) then
-      call view%pull_turns(degree, coefficient, places, count)
-      do i = 1, count
-        if (places(i) > from) call see_at(places(i))
-      end do
-    end if
+    call view%pull_turns(degree, coefficient, places, count)
+    do i = 1, count
+      if (places(i) > from) call see_at(places(i))
+    end do
     call see_at(1.0_wp)
 
   contains
-
-    !> Whether an extreme inside may be one of the run, or be counted.
-    pure logical function may_matter(movement)
-      type(movement_t), intent(in) :: movement
-      real(wp) :: high, low
-
-      associate (inside => self%side*coefficient(:degree))
-        high = maxval(inside)
-        low = minval(inside)
-      end associate
-      may_matter = high > movement%highest .or. low < movement%lowest
-      if (may_matter) return
-      associate (beyond => merge(high - movement%extreme, movement%extreme - low, movement%heading > 0), &
-        back => merge(movement%extreme - low, high - movement%extreme, movement%heading > 0))
-        may_matter = beyond > 0.0_wp .or. back > counted*(movement%highest - movement%lowest)
-      end associate
-    end function may_matter
 
     subroutine see_at(place)
       real(wp), intent(in) :: place
@@ -134,19 +112,6 @@ contains
     end subroutine see_at
   end subroutine take_in
 
-  !> The force counts in the direction in which the drive, with this velocity [m/s], first moves; what was seen before is turned.
-  pure subroutine pull(self, velocity)
-    class(load_cell_t), intent(inout) :: self
-    real(wp), intent(in) :: velocity
-
-    if (self%has_moved .or. .not. abs(velocity) > 0.0_wp) return
-    self%has_moved = .true.
-    self%side = sign(1.0_wp, velocity)
-    if (velocity > 0.0_wp) return
-    call turn_over(self%movement)
-    call turn_over(self%recent)
-  end subroutine pull
-
   !> The pull force [N] along X at an instant [s].
   subroutine see(self, force, time)
     class(load_cell_t), intent(inout) :: self
@@ -154,7 +119,22 @@ contains
 
     call self%movement%go_to(self%side*force, time)
     if (self%may_settle) call self%recent%go_to(self%side*force, time)
+    if (self%keeps_forces) call keep(self, force, time)
   end subroutine see
+
+  subroutine keep(self, force, time)
+    class(load_cell_t), intent(inout) :: self
+    real(wp), intent(in) :: force, time
+
+    if (.not. allocated(self%force)) allocate (self%force(64), self%time(64))
+    if (self%count == size(self%force)) then
+      self%force = [self%force, self%force]
+      self%time = [self%time, self%time]
+    end if
+    self%count = self%count + 1
+    self%force(self%count) = force
+    self%time(self%count) = time
+  end subroutine keep
 
   !> Whether the extremes of the run or its peaks may hang on a passage of which is only known that its pull force is between these two
   !> along X [N], and turns back by no more than `ripple` [N] but for its largest fall.
@@ -168,25 +148,10 @@ contains
     end associate
   end function may_hang_on
 
-  subroutine see_and_keep(self, force, time)
-    class(load_record_t), intent(inout) :: self
-    real(wp), intent(in) :: force, time
-
-    call self%load_cell_t%see(force, time)
-    if (.not. allocated(self%force)) allocate (self%force(64), self%time(64))
-    if (self%count == size(self%force)) then
-      self%force = [self%force, self%force]
-      self%time = [self%time, self%time]
-    end if
-    self%count = self%count + 1
-    self%force(self%count) = force
-    self%time(self%count) = time
-  end subroutine see_and_keep
-
-  !> See what a record has kept so many times again, each of this duration [s], the first one from a time [s] on.
-  subroutine see_again(self, record, time, times, duration)
+  !> See what another one has kept so many times again, each of this duration [s], the first one from a time [s] on.
+  subroutine see_again(self, other, time, times, duration)
     class(load_cell_t), intent(inout) :: self
-    type(load_record_t), intent(in) :: record
+    type(load_cell_t), intent(in) :: other
     real(wp), intent(in) :: time, duration
     integer(int64), intent(in) :: times
     type(movement_t) :: before
@@ -195,11 +160,15 @@ contains
     ! From the second on all are alike.
     do i = 1, int(min(times, 2_int64))
       before = self%movement
-      do k = 1, record%count
-        call self%see(record%force(k), time + real(i - 1, wp)*duration + record%time(k))
+      do k = 1, other%count
+        call self%see(other%force(k), time + real(i - 1, wp)*duration + other%time(k))
       end do
     end do
-    if (times > 2) call self%movement%repeat(before, times - 2, duration)
+    associate (now => self%movement, more => max(0_int64, times - 2))
+      now%peaks = now%peaks + more*(now%peaks - before%peaks)
+      now%last = now%last + real(more, wp)*duration
+      now%since = now%since + real(more, wp)*duration
+    end associate
   end subroutine see_again
 
   !> The force, positive if the drive pulls, is this [N] at an instant [s].
@@ -236,16 +205,6 @@ contains
     self%since = time
   end subroutine go_to
 
-  !> The force has the other sign; counting begins again.
-  pure subroutine turn_over(movement)
-    type(movement_t), intent(inout) :: movement
-    type(movement_t) :: now
-
-    now = movement
-    movement = movement_t(highest=-now%lowest, lowest=-now%highest, extreme=-now%extreme, since=now%since, heading=-now%heading, &
-      swing=now%swing)
-  end subroutine turn_over
-
   !> The last extreme was a peak.
   pure subroutine take_peak(self)
     type(movement_t), intent(inout) :: self
@@ -255,18 +214,6 @@ contains
     self%last = self%since
     self%top = self%extreme
   end subroutine take_peak
-
-  !> What was seen since `before` repeats so many times more, each of this duration [s].
-  pure subroutine repeat(self, before, times, duration)
-    class(movement_t), intent(inout) :: self
-    type(movement_t), intent(in) :: before
-    integer(int64), intent(in) :: times
-    real(wp), intent(in) :: duration
-
-    self%peaks = self%peaks + times*(self%peaks - before%peaks)
-    self%last = self%last + real(times, wp)*duration
-    self%since = self%since + real(times, wp)*duration
-  end subroutine repeat
 
   !> Peaks per time [Hz]; negative if there are fewer than two.
   pure real(wp) function frequency(self)

@@ -7,7 +7,7 @@ module dst_model_columns
   implicit none
   private
 
-  public :: gives_column, follows_column, holds_column, column_obstacle
+  public :: gives_column, holds_column, column_obstacle
 
   !> How a model may treat a column. Followed: as in the full model, within the error of the model. Average: without the fast
   !> oscillation, in which the full model's velocities alternate between rest and twice their mean. Held: constant by construction
@@ -51,13 +51,6 @@ contains
 
     gives_column = standing(model, column) /= absent
   end function gives_column
-
-  !> Whether a column equals that of the full model, within the error of `model`.
-  elemental logical function follows_column(model, column)
-    character(*), intent(in) :: model, column
-
-    follows_column = standing(model, column) == followed
-  end function follows_column
 
   !> Whether `model` keeps a column constant by construction.
   elemental logical function holds_column(model, column)

@@ -1,4 +1,4 @@
-!> The summary of a single run: it passes the pieces of the motion to dst_summary.
+!> The summary of a single run: what dst_passage_summary makes of its pieces, and how small differences grow in its cycles.
 module dst_motion_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use, intrinsic :: iso_c_binding, only: c_loc
@@ -9,18 +9,17 @@ module dst_motion_summary
   use dst_divergence, only: divergence_t, regular, undecided
   use dst_growth, only: growth_t, cycle_growth
   use dst_kinds, only: wp, int64
-  use dst_load_cell, only: load_cell_t
   use dst_motion, only: motion_t
   use dst_piece, only: piece_t, stick_begins, slips, sticks
   use dst_passage, only: passage_t, duration, turn
-  use dst_passage_summary, only: follow_leap
-  use dst_piece_view, only: piece_view_t, moment_of
+  use dst_passage_summary, only: piece_summary_t
+  use dst_piece_view, only: moment_of
   use dst_slider, only: slider_t
   use dst_slip_system, only: slip_system_t
   use dst_state, only: instant_t
   use dst_stepper, only: work_count_t
   use dst_stepping, only: stepping_t
-  use dst_summary, only: summary_t, energies_t, summary_quantities, summary_values
+  use dst_summary, only: energies_t, summary_quantities, summary_values
   use dst_writer, only: quantity_t, outcome_t, absent, find_quantity
   implicit none
   private
@@ -57,9 +56,8 @@ module dst_motion_summary
   end type restless_t
 
   !> The results of a run so far.
-  type, extends(summary_t) :: motion_summary_t
+  type, extends(piece_summary_t) :: motion_summary_t
     type(restless_t), private :: restless
-    type(load_cell_t), private :: load_cell
   contains
     procedure :: start
     procedure :: follow
@@ -91,14 +89,15 @@ contains
         slider%stiffness(1), slider%mass)
     end associate
     call self%begin(moment_of(motion, motion%piece, motion%piece%to), motion%energy(motion%velocity_now()), motion%t_end, settle)
-    call self%load_cell%begin(motion%t_end, settle > 0.0_wp)
+    associate (velocity => motion%drive%segment%velocity)
+      call self%load_cell%begin(sum(velocity(:findloc(abs(velocity) > 0.0_wp, .true., dim=1))), motion%t_end, settle > 0.0_wp)
+    end associate
   end subroutine start
 
   !> Process the last piece.
   subroutine follow(self, motion)
     class(motion_summary_t), intent(inout) :: self
     class(motion_t), intent(inout), target :: motion
-    type(piece_view_t) :: view
     integer(int64) :: before
 
     associate (piece => motion%piece)
@@ -113,21 +112,17 @@ contains
           else
             call rest(self%restless)
           end if
-          call follow_leap(motion, self%summary_t, self%load_cell)
+          call self%take_leap(motion)
         end select
         return
       end if
-      call view%show(motion, piece)
       self%exchanged = self%exchanged + abs(piece%to%drive_work - piece%from%drive_work) + &
         abs(piece%to%friction_work - piece%from%friction_work)
       if (motion%slider%is_damped()) self%exchanged = self%exchanged + abs(piece%to%damper_work - piece%from%damper_work)
-      if (piece%event == stick_begins) self%sticks = self%sticks + 1
       if (self%undecided_from < 0.0_wp .and. motion%is_undecided()) self%undecided_from = piece%to%time
+      before = self%cycles%count
+      call self%take_piece(motion, piece)
     end associate
-    before = self%cycles%count
-    call self%take_in(view)
-    call self%load_cell%take_in(view)
-    if (self%cycles%count > before) call self%load_cell%begin_cycle()
     select type (motion)
     class is (cycle_map_t)
       call follow_growth(self, motion%piece, motion%steps%system, motion%slider, self%cycles%count > before)
@@ -165,8 +160,8 @@ contains
       if (.not. ends_cycle) return
       if (known%growth%is_followed) then
         call known%growth%tell(grown, is_known)
-        associate (last => self%cycles%last_cycles(1))
-          call complete_cycles(known%divergence, last(period, 1), grown, is_known, 1_int64)
+        associate (last => self%cycles%last_cycle())
+          call complete_cycles(known%divergence, last(period), grown, is_known, 1_int64)
         end associate
       else if (.not. known%has_rested) then
         call known%growth%begin(system, slider, piece%drive%velocity, piece%is_polar)
@@ -332,6 +327,6 @@ contains
 
     call self%summary_t%serialise(archive)
     call archive%serialise(c_loc(self%restless), storage_size(self%restless))
-    call archive%serialise(c_loc(self%load_cell), storage_size(self%load_cell))
+    call archive%serialise(c_loc(self%load_cell%cell_state_t), storage_size(self%load_cell%cell_state_t))
   end subroutine serialise
 end module dst_motion_summary

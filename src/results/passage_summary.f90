@@ -1,28 +1,29 @@
-!> The contribution of the leaps of a cycle map to a summary, passage by passage.
+!> A summary with a load cell, of pieces and of the leaps of a cycle map, these passage by passage.
 !>
 !> What the summary wants to know of a passage is a function of its release, which is interpolated: from the passages of a table of the
 !> map, or, if it has the motion inside, in parts of it that are halved until that is accurate. Where it is not smooth, and for
-!> passages that were recorded, the motion inside is followed piece by piece. For repetitions the contribution of all their passages
-!> is found once.
+!> passages that were recorded, the motion inside is followed piece by piece. Of repetitions one is summarised as if it were a run.
 module dst_passage_summary
   use dst_branch, only: most_parts
   use dst_chebyshev, only: chebyshev_points
   use dst_cycle_map, only: cycle_map_t
   use dst_cycles, only: extremum_t
   use dst_kinds, only: wp, int64
-  use dst_load_cell, only: load_cell_t, load_record_t
+  use dst_load_cell, only: load_cell_t
+  use dst_motion, only: motion_t
   use dst_observation, only: observation_t, observations_t, new_observations, observe, creep_time, largest_rate, pull, first_turn
   use dst_passage, only: passage_t, duration, slip_duration, exchanged
   use dst_piece, only: piece_t, stick_begins
   use dst_piece_view, only: piece_view_t
   use dst_recording, only: recording_t
+  use dst_slider, only: slider_t
   use dst_state, only: state_t
   use dst_stretch, only: moment_t
   use dst_summary, only: summary_t, contribution_t
   implicit none
   private
 
-  public :: follow_leap
+  public :: piece_summary_t, begin_at_release
 
   !> Points of a part of a table, and between them, at which it is tested, once as many laps in it have been followed. Conventions;
   !> twice as many: measures by 1e-10.
@@ -33,26 +34,57 @@ module dst_passage_summary
   !> ten times: one of 80 random scenes is wrong by 1.6e-6.
   real(wp), parameter :: known_rate = 1.0e-7_wp
 
+  !> The results of a motion so far, with what a load cell shows.
+  type, extends(summary_t) :: piece_summary_t
+    type(load_cell_t) :: load_cell
+  contains
+    procedure :: take_piece
+    procedure :: take_leap
+  end type piece_summary_t
+
 contains
 
+  !> Add a piece of a motion.
+  subroutine take_piece(self, motion, piece)
+    class(piece_summary_t), intent(inout) :: self
+    class(motion_t), intent(in), target :: motion
+    type(piece_t), intent(in), target :: piece
+    type(piece_view_t) :: view
+    integer(int64) :: before
+
+    call view%show(motion, piece)
+    if (piece%event == stick_begins) self%sticks = self%sticks + 1
+    before = self%cycles%count
+    call self%take_in(view)
+    call self%load_cell%take_in(view)
+    if (self%cycles%count > before) call self%load_cell%begin_cycle()
+  end subroutine take_piece
+
   !> Add the last piece, a leap.
-  subroutine follow_leap(map, summary, load_cell)
+  subroutine take_leap(self, map)
+    class(piece_summary_t), intent(inout) :: self
     class(cycle_map_t), intent(inout), target :: map
-    type(summary_t), intent(inout) :: summary
-    type(load_cell_t), intent(inout) :: load_cell
-    type(contribution_t) :: block
-    type(load_record_t) :: record
+
+    if (map%repetitions > 0) then
+      call take_repetitions(self, map)
+    else
+      call follow_passages(map, 0_int64, map%piece%from, self)
+    end if
+  end subroutine take_leap
+
+  !> One of them is summarised, the others are like it.
+  subroutine take_repetitions(self, map)
+    class(piece_summary_t), intent(inout) :: self
+    class(cycle_map_t), intent(inout), target :: map
+    type(piece_summary_t) :: block
     type(state_t) :: begin
     integer(int64) :: done, times
     real(wp) :: lasting
 
-    call load_cell%pull(map%piece%drive%velocity)
-    if (map%repetitions == 0) then
-      call follow_passages(map, 0_int64, map%piece%from, summary, load_cell)
-      return
-    end if
-    call summarise_block(map, block, record)
+    call begin_at_release(map%slider, map%piece%drive%velocity, map%piece%from%u, block)
+    call follow_passages(map, 0_int64, state_t(u=map%piece%from%u), block)
     lasting = map%block_duration()
+    block%length = lasting
     done = 0
     do while (done < map%repetitions)
       begin = map%piece%from
@@ -61,63 +93,50 @@ contains
         /real(map%repetitions, wp)
       ! Those up to the one in which the second half begins, this one, and the others.
       times = map%repetitions - done
-      if (summary%half > begin%time) times = min(times, int(min((summary%half - begin%time)/lasting, 1.0e15_wp), int64))
+      if (self%half > begin%time) times = min(times, int(min((self%half - begin%time)/lasting, 1.0e15_wp), int64))
       if (times > 0) then
-        call summary%add(block, begin%time, begin%position, times, &
+        call self%add(block, block%cycles%turns(:block%cycles%turn_count), begin%time, begin%position, times, &
           (map%piece%to%position - map%piece%from%position)/real(map%repetitions, wp))
-        if (begin%time >= load_cell%from) call load_cell%see_again(record, begin%time, times, lasting)
+        if (begin%time >= self%load_cell%from) call self%load_cell%see_again(block%load_cell, begin%time, times, lasting)
       else
         times = 1
-        call follow_passages(map, done, begin, summary, load_cell)
+        call follow_passages(map, done, begin, self)
       end if
       done = done + times
     end do
-  end subroutine follow_leap
+  end subroutine take_repetitions
 
-  !> All passages of a repetition, as if they were a run.
-  subroutine summarise_block(map, block, record)
-    class(cycle_map_t), intent(inout), target :: map
-    type(contribution_t), intent(out) :: block
-    type(load_record_t), intent(out) :: record
-    type(summary_t) :: summary
-    type(state_t) :: begin
+  !> A summary that begins at a release, with this elongation [m], and keeps all turns.
+  subroutine begin_at_release(slider, velocity, u, summary)
+    type(slider_t), intent(in) :: slider
+    real(wp), intent(in) :: velocity, u(2)     !! V, m/s
+    type(piece_summary_t), intent(out) :: summary
 
-    begin = state_t(u=map%piece%from%u)
-    call begin_passage(map, begin%u, summary)
-    call record%pull(map%piece%drive%velocity)
-    call follow_passages(map, 0_int64, begin, summary, record)
-    block = summary%contribution()
-    block%duration = map%block_duration()
-  end subroutine summarise_block
-
-  !> A summary that begins at a release, with this elongation [m].
-  subroutine begin_passage(map, u, summary)
-    class(cycle_map_t), intent(in) :: map
-    real(wp), intent(in) :: u(2)
-    type(summary_t), intent(out) :: summary
-
-    associate (slider => map%slider, velocity => map%piece%drive%velocity, along => map%slider%along(1)*map%slider%free(1))
+    associate (along => slider%along(1)*slider%free(1))
       call summary%cycles%begin(along, slider%law%kinetic_limit, slider%stiffness(1), slider%mass)
       summary%cycles%keeps_turns = .true.
       call summary%begin(moment_t(force=slider%stiffness(1)*u(1), elongation_rate=velocity*along, &
         drive_velocity=velocity), 0.0_wp, 0.0_wp)
     end associate
-  end subroutine begin_passage
+    call summary%load_cell%begin(velocity, 0.0_wp, .false.)
+    summary%load_cell%keeps_forces = .true.
+  end subroutine begin_at_release
 
   !> The passages of a repetition of a leap that begins with this state.
-  subroutine follow_passages(map, repetition, begin, summary, load_cell)
+  subroutine follow_passages(map, repetition, begin, summary)
     class(cycle_map_t), intent(inout), target :: map
     integer(int64), intent(in) :: repetition
     type(state_t), intent(in) :: begin
-    type(summary_t), intent(inout) :: summary
-    class(load_cell_t), intent(inout) :: load_cell
+    class(piece_summary_t), intent(inout) :: summary
+    type(contribution_t) :: part
+    type(extremum_t), allocatable :: turns(:)
     type(passage_t) :: passage
-    type(contribution_t) :: contribution
     type(observation_t) :: seen
     type(state_t) :: here
+    type(piece_t), target :: piece
     real(wp) :: elapsed, u(2, 2)
     logical :: is_known
-    integer :: k
+    integer :: k, i
 
     here = begin
     u(:, 2) = begin%u
@@ -131,56 +150,39 @@ contains
       here%u = u(:, 1)
       here%position = map%moved(begin%position, map%piece%drive%velocity*elapsed, here%u - begin%u)
       is_known = .false.
-      if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
-        call look_up(map, passage, here%time, u, summary, seen, contribution, is_known)
-      if (is_known .and. here%time >= load_cell%from .and. .not. seen%pull_is_exact) is_known = &
-        .not. load_cell%may_hang_on(sign(1.0_wp, map%piece%drive%velocity) &
-        *(seen%value([pull, pull + 2]) + [seen%pull_error, -seen%pull_error]), seen%ripple)
-      if (is_known) then
-        call summary%add(contribution, here%time, here%position, 1_int64, 0.0_wp)
-        if (here%time >= load_cell%from) then
-          associate (side => sign(1.0_wp, map%piece%drive%velocity), slider => map%slider)
-            call load_cell%see(side*seen%value(pull), here%time + seen%value(pull + 1))
-            call load_cell%see(side*seen%value(pull + 2), here%time + seen%value(pull + 3))
-            call load_cell%see(dot_product(slider%force_at_rest(u(:, 2), map%piece%drive%velocity), slider%along), &
-              here%time + passage%measure(duration))
-          end associate
+      associate (load_cell => summary%load_cell, side => sign(1.0_wp, map%piece%drive%velocity))
+        if (passage%table(1) > 0 .and. (here%time >= summary%half .or. here%time + passage%measure(duration) < summary%half)) &
+          call look_up(map, passage, here%time, u, summary, seen, part, turns, is_known)
+        if (is_known .and. here%time >= load_cell%from .and. .not. seen%pull_is_exact) is_known = &
+          .not. load_cell%may_hang_on(side*(seen%value([pull, pull + 2]) + [seen%pull_error, -seen%pull_error]), seen%ripple)
+        if (is_known) then
+          call summary%add(part, turns, here%time, here%position, 1_int64, 0.0_wp)
+          if (here%time < load_cell%from) cycle
+          call load_cell%see(side*seen%value(pull), here%time + seen%value(pull + 1))
+          call load_cell%see(side*seen%value(pull + 2), here%time + seen%value(pull + 3))
+          call load_cell%see(dot_product(map%slider%force_at_rest(u(:, 2), map%piece%drive%velocity), map%slider%along), &
+            here%time + passage%measure(duration))
+        else
+          call map%show_passage(repetition, k)
+          do i = 1, map%shown%count
+            call map%shown%get(i, here, piece)
+            call summary%take_piece(map%steps, piece)
+          end do
+          summary%exchanged = summary%exchanged + passage%measure(exchanged)
         end if
-      else
-        call map%show_passage(repetition, k)
-        call take_in_shown(map, here, summary, load_cell)
-        summary%exchanged = summary%exchanged + passage%measure(exchanged)
-      end if
+      end associate
     end do
   end subroutine follow_passages
 
-  !> The passage that is shown, piece by piece, from this state on.
-  subroutine take_in_shown(map, begin, summary, load_cell)
-    class(cycle_map_t), intent(inout), target :: map
-    type(state_t), intent(in) :: begin
-    type(summary_t), intent(inout) :: summary
-    class(load_cell_t), intent(inout) :: load_cell
-    type(piece_view_t) :: view
-    type(piece_t), target :: piece
-    integer :: i
-
-    do i = 1, map%shown%count
-      call map%shown%get(i, begin, piece)
-      call view%show(map%steps, piece)
-      if (piece%event == stick_begins) summary%sticks = summary%sticks + 1
-      call summary%take_in(view)
-      call load_cell%take_in(view)
-    end do
-  end subroutine take_in_shown
-
-  !> The contribution of a passage from observations, if they are smooth there.
-  subroutine look_up(map, passage, time, u, summary, seen, contribution, is_known)
+  !> What a passage adds to a summary, from observations, if they are smooth there.
+  subroutine look_up(map, passage, time, u, summary, seen, part, turns, is_known)
     class(cycle_map_t), intent(inout), target :: map
     type(passage_t), intent(in) :: passage
     real(wp), intent(in) :: time, u(2, 2)        !! when it begins, s, and u at its ends, m
     class(summary_t), intent(in) :: summary      !! of what was before
     type(observation_t), intent(out) :: seen
-    type(contribution_t), intent(out) :: contribution
+    type(contribution_t), intent(out) :: part
+    type(extremum_t), allocatable, intent(out) :: turns(:)
     logical, intent(out) :: is_known
     real(wp) :: x
     integer :: i
@@ -200,21 +202,16 @@ contains
       is_known = is_known .and. (seen%value(largest_rate) + seen%rate_error < summary%largest_rate &
       .or. seen%rate_error < known_rate*seen%value(largest_rate))
     if (.not. is_known) return
-    associate (lasting => passage%measure(duration))
-      contribution%duration = lasting
-      contribution%sticks = 1
-      contribution%sticking_time = lasting - passage%measure(slip_duration)
-      contribution%creep_time = min(lasting, max(contribution%sticking_time, seen%value(creep_time)))
-      contribution%exchanged = passage%measure(exchanged)
-      contribution%largest_rate = seen%value(largest_rate)
-      allocate (contribution%turns(seen%turns + 1))
-      do i = 1, seen%turns
-        associate (turn => seen%value(first_turn + 3*(i - 1):))
-          contribution%turns(i) = extremum_t(turn(1), turn(2), turn(3))
-        end associate
-      end do
-      contribution%turns(seen%turns + 1) = extremum_t(map%slider%stiffness(1)*u(1, 2), lasting, &
-        map%moved(0.0_wp, map%piece%drive%velocity*lasting, u(:, 2) - u(:, 1)))
+    associate (lasting => passage%measure(duration), turn => seen%value(first_turn:))
+      part%sticks = 1
+      part%sticking_time = lasting - passage%measure(slip_duration)
+      part%exchanged = passage%measure(exchanged)
+      part%largest_rate = seen%value(largest_rate)
+      part%length = lasting
+      part%creep_time = min(lasting, max(part%sticking_time, seen%value(creep_time)))
+      turns = [(extremum_t(turn(3*i - 2), turn(3*i - 1), turn(3*i)), i=1, seen%turns), &
+        extremum_t(map%slider%stiffness(1)*u(1, 2), lasting, &
+        map%moved(0.0_wp, map%piece%drive%velocity*lasting, u(:, 2) - u(:, 1)))]
     end associate
   end subroutine look_up
 

@@ -14,7 +14,7 @@
 module dst_summary
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
-  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, stick_time, slip_time, slip_length, measures, most_cycles
+  use dst_cycles, only: cycles_t, extremum_t, period, peak, valley, slip_time, rise, creep, measures, cycle_quantities, most_cycles
   use dst_divergence, only: undecided, steady_sliding, ringing_down
   use dst_interpolation, only: grid_t, chebyshev_grid, max_degree
   use dst_kinds, only: wp, int64
@@ -23,7 +23,7 @@ module dst_summary
   implicit none
   private
 
-  public :: summary_t, energies_t, contribution_t
+  public :: summary_t, contribution_t, energies_t
   public :: summary_quantities, summary_values
 
   !> The results of `summary_values`, in its order.
@@ -65,27 +65,24 @@ module dst_summary
     quantity_t('conditioning', '1', 'what a small relative error of each passage makes of the time at the end, over it'), &
     quantity_t('regularity', '1', '1 repeats, or differences shrink; -1 irregular, 2 steady sliding, 3 rings down, 0 undecided')]
 
-  !> A part of a run: the extremes of k_x u_x, its length so far, and the length at rest or in creep.
-  type :: window_t
-    type(extremum_t) :: highest = extremum_t(load=-huge(1.0_wp)), lowest = extremum_t(load=huge(1.0_wp))
-    real(wp) :: length = 0.0_wp, creep_time = 0.0_wp    !! s
-  contains
-    procedure :: widen => widen_window
-  end type window_t
+  !> What a part of a motion adds to a summary.
+  type :: contribution_t
+    integer(int64) :: sticks = 0
+    real(wp) :: sticking_time = 0.0_wp      !! s
+    real(wp) :: exchanged = 0.0_wp          !! absolute works, J: net ones may cancel; of a run also its first energy
+    real(wp) :: largest_rate = 0.0_wp       !! of |X'|, m/s
+    !> Its length, and the time at rest or in creep in it [s]; of a run, those of the second half so far.
+    real(wp) :: length = 0.0_wp, creep_time = 0.0_wp
+  end type contribution_t
 
   !> The results of the run so far, without its cycles.
-  type :: totals_t
-    real(wp) :: largest_rate = 0.0_wp
-    integer(int64) :: sticks = 0
-    real(wp) :: sticking_time = 0.0_wp
+  type, extends(contribution_t) :: totals_t
     !> The end of the last rest [s].
     real(wp), private :: rested = 0.0_wp
     real(wp) :: first_energy = 0.0_wp
-    !> First energy and absolute works of all advances [J]. The net works may cancel.
-    real(wp) :: exchanged = 0.0_wp
-    !> The second half, which begins at `half` [s].
+    !> The extremes of k_x u_x in the second half, which begins at `half` [s].
     real(wp) :: half = 0.0_wp
-    type(window_t), private :: late = window_t()
+    type(extremum_t) :: highest = extremum_t(load=-huge(1.0_wp)), lowest = extremum_t(load=huge(1.0_wp))
     !> Permitted difference of two consecutive cycles in settled motion; 0 if settling is ignored. The time in creep so far [s], if
     !> it is not. The time of the peak at which the motion had settled, negative if it has not, and when the run ends then [s].
     real(wp), private :: settle = 0.0_wp, crept = 0.0_wp
@@ -108,25 +105,11 @@ module dst_summary
     procedure :: take_in
     procedure :: pass_over
     procedure :: follow_slip
-    procedure :: contribution
     procedure :: add
     procedure :: kept_cycles
     procedure :: without_cycles
     procedure :: serialise
   end type summary_t
-
-  !> The contribution of a passage from rest to rest to a summary, or of several. Times and positions count from its beginning.
-  type :: contribution_t
-    real(wp) :: duration = 0.0_wp           !! s
-    integer(int64) :: sticks = 0
-    real(wp) :: sticking_time = 0.0_wp      !! s
-    real(wp) :: creep_time = 0.0_wp         !! at rest or in creep, s
-    real(wp) :: exchanged = 0.0_wp          !! J
-    real(wp) :: largest_rate = 0.0_wp       !! of |X'|, m/s
-    type(extremum_t) :: highest, lowest     !! of the load
-    !> Points at which the load turns back, and the end.
-    type(extremum_t), allocatable :: turns(:)
-  end type contribution_t
 
   !> Energies [J] at the beginning of a motion and now, and the energy exchanged.
   type :: energies_t
@@ -173,9 +156,13 @@ contains
     call follow_creep(self, stretch)
     if (self%settle > 0.0_wp .and. self%cycles%count > seen .and. self%settled_at < 0.0_wp) then
       ! A cycle is complete. If it agrees with the one before, the run ends in the next valley.
-      if (.not. self%cycles%agree(self%settle)) return
-      self%settled_at = self%cycles%last_peak_time()
-      self%end_at = self%cycles%next_valley(stretch%last%time)
+      if (.not. self%cycles%agree(1, 1, self%settle)) return
+      self%settled_at = self%cycles%last_peak%time
+      associate (now => stretch%last%time, cycle => self%cycles%last_cycle())
+        self%end_at = self%settled_at + cycle(slip_time)
+        if (self%end_at <= now) &
+          self%end_at = self%end_at + cycle(period)*ceiling((now - self%end_at)/cycle(period) + epsilon(now))
+      end associate
     end if
   end subroutine take_in
 
@@ -187,59 +174,47 @@ contains
     real(wp), intent(in) :: duration, creep_time
 
     call take_load(self, extremum_of(last))
-    call lengthen(self%late, duration, creep_time)
+    self%length = self%length + duration
+    self%creep_time = self%creep_time + creep_time
   end subroutine pass_over
 
-  !> Everything processed since the beginning, at time 0 and X = 0.
-  pure function contribution(self) result(all)
-    class(summary_t), intent(in) :: self
-    type(contribution_t) :: all
-
-    all%duration = self%late%length
-    all%sticks = self%sticks
-    all%sticking_time = self%sticking_time
-    all%creep_time = self%late%creep_time
-    all%exchanged = self%exchanged
-    all%largest_rate = self%largest_rate
-    all%highest = self%late%highest
-    all%lowest = self%late%lowest
-    if (allocated(self%cycles%turns)) all%turns = self%cycles%turns(:self%cycles%turn_count)
-  end function contribution
-
-  !> Add so many times a contribution that begins at a time [s] and a position X [m], and is in one half of the run; X advances by
+  !> Add so many times a part of a motion that begins at a time [s] and a position X [m], and is in one half of the run; X advances by
   !> `advance` [m] in each. Of very many all but some are alike.
-  subroutine add(self, contribution, time, position, times, advance)
+  subroutine add(self, part, turns, time, position, times, advance)
     class(summary_t), intent(inout) :: self
-    type(contribution_t), intent(in) :: contribution
+    class(contribution_t), intent(in) :: part
+    type(extremum_t), intent(in) :: turns(:)   !! where the load turns back, and the end; from its beginning on
     real(wp), intent(in) :: time, position, advance
     integer(int64), intent(in) :: times
     integer(int64) :: done, skipped, seen
     integer :: i
 
-    associate (n => real(times, wp))
-      self%sticks = self%sticks + times*contribution%sticks
-      self%sticking_time = self%sticking_time + n*contribution%sticking_time
-      if (contribution%sticks > 0) self%rested = time + n*contribution%duration
-      self%exchanged = self%exchanged + n*contribution%exchanged
-      self%largest_rate = max(self%largest_rate, contribution%largest_rate)
-      if (time >= self%half) call lengthen(self%late, n*contribution%duration, n*contribution%creep_time)
+    associate (n => real(times, wp), duration => part%length)
+      self%sticks = self%sticks + times*part%sticks
+      self%sticking_time = self%sticking_time + n*part%sticking_time
+      if (part%sticks > 0) self%rested = time + n*duration
+      self%exchanged = self%exchanged + n*part%exchanged
+      self%largest_rate = max(self%largest_rate, part%largest_rate)
+      if (time >= self%half) then
+        self%length = self%length + n*duration
+        self%creep_time = self%creep_time + n*part%creep_time
+      end if
+      ! The cycles that are kept are then in the same places.
+      skipped = max(0_int64, (times - 2*most_cycles)/most_cycles)*most_cycles
+      done = 0
+      do while (done < times)
+        seen = self%cycles%count
+        associate (begin => extremum_t(0.0_wp, time + real(done, wp)*duration, position + real(done, wp)*advance))
+          do i = 1, size(turns)
+            call take_load(self, begin%plus(turns(i)))
+          end do
+        end associate
+        done = done + 1
+        if (done /= most_cycles .or. skipped == 0) cycle
+        call self%cycles%skip(real(skipped, wp)*duration, real(skipped, wp)*advance, skipped*(self%cycles%count - seen))
+        done = done + skipped
+      end do
     end associate
-    ! The cycles that are kept are then in the same places.
-    skipped = max(0_int64, (times - 2*most_cycles)/most_cycles)*most_cycles
-    done = 0
-    do while (done < times)
-      seen = self%cycles%count
-      associate (begin => extremum_t(0.0_wp, time + real(done, wp)*contribution%duration, position + real(done, wp)*advance))
-        do i = 1, size(contribution%turns)
-          call take_load(self, begin%plus(contribution%turns(i)))
-        end do
-      end associate
-      done = done + 1
-      if (done /= most_cycles .or. skipped == 0) cycle
-      call self%cycles%skip(real(skipped, wp)*contribution%duration, real(skipped, wp)*advance, &
-        skipped*(self%cycles%count - seen))
-      done = done + skipped
-    end do
   end subroutine add
 
   !> The extremes of the load, with a cut where the drive reverses.
@@ -284,7 +259,7 @@ contains
     class(summary_t), intent(in) :: self
     real(wp), intent(in) :: lowest, highest
 
-    may_matter = self%cycles%may_turn(lowest, highest) .or. highest > self%late%highest%load .or. lowest < self%late%lowest%load
+    may_matter = self%cycles%may_turn(lowest, highest) .or. highest > self%highest%load .or. lowest < self%lowest%load
   end function may_matter
 
   !> The load at a place of a stretch.
@@ -311,30 +286,15 @@ contains
     call widen(self, here)
   end subroutine take_load
 
-  !> Add k_x u_x at one instant to the range of the second half.
+  !> Add a load to the range of the second half.
   pure subroutine widen(self, here)
     class(summary_t), intent(inout) :: self
     type(extremum_t), intent(in) :: here
 
-    if (here%time >= self%half) call self%late%widen(here)
-  end subroutine widen
-
-  pure subroutine widen_window(self, here)
-    class(window_t), intent(inout) :: self
-    type(extremum_t), intent(in) :: here
-
+    if (here%time < self%half) return
     if (here%load > self%highest%load) self%highest = here
     if (here%load < self%lowest%load) self%lowest = here
-  end subroutine widen_window
-
-  !> Time [s] that is added to a part of the run, and the time at rest or in creep in it.
-  pure subroutine lengthen(window, duration, creep_time)
-    type(window_t), intent(inout) :: window
-    real(wp), intent(in) :: duration, creep_time
-
-    window%length = window%length + duration
-    window%creep_time = window%creep_time + creep_time
-  end subroutine lengthen
+  end subroutine widen
 
   !> The load at an instant, after this time in creep [s].
   pure type(extremum_t) function extremum_of(moment, creep)
@@ -376,8 +336,9 @@ contains
     if (self%settle > 0.0_wp) self%crept = self%crept + stretch%creep_time(self%grid, 0.0_wp, 1.0_wp)
     if (stretch%last%time < self%half) return
     half = max(0.0_wp, (self%half - stretch%first%time)/stretch%duration())
-    if (half > 0.0_wp) call self%late%widen(extremum_of(stretch%at(half)))
-    call lengthen(self%late, (1.0_wp - half)*stretch%duration(), stretch%creep_time(self%grid, half, 1.0_wp))
+    if (half > 0.0_wp) call widen(self, extremum_of(stretch%at(half)))
+    self%length = self%length + (1.0_wp - half)*stretch%duration()
+    self%creep_time = self%creep_time + stretch%creep_time(self%grid, half, 1.0_wp)
   end subroutine follow_creep
 
   !> The last cycles that count for the means, at most this many, (measure, cycle) as `cycle_quantities`, the oldest first.
@@ -397,7 +358,7 @@ contains
     type(energies_t), intent(in), optional :: energies
     real(wp) :: mean(measures), scatter(measures)
     logical :: has_settled
-    integer :: n, repeats
+    integer :: n, repeats, i
 
     value = absent()
     has_settled = self%settled_at >= 0.0_wp
@@ -407,12 +368,10 @@ contains
     if (.not. present(energies)) return
     call self%cycles%means(has_settled, n, mean, scatter)
     call put('cycles', real(self%cycles%count, wp))
-    call put_mean('period', period)
-    call put_mean('peak_force', peak)
-    call put_mean('valley_force', valley)
-    call put_mean('stick_duration', stick_time)
-    call put_mean('slip_duration', slip_time)
-    call put_mean('slip_length', slip_length)
+    do i = 1, measures
+      if (n > 0) call put(trim(cycle_quantities(i)%name), mean(i))
+      if (n > 1) call put(trim(cycle_quantities(i)%name)//'_scatter', scatter(i))
+    end do
     repeats = self%cycles%repeats()
     if (has_settled) repeats = 1
     if (has_settled .or. (n > 0 .and. self%cycles%count > 2)) call put('repeats', real(repeats, wp))
@@ -424,26 +383,20 @@ contains
     if (self%exchanged > 0.0_wp) call put('energy_residual', (energies%drive_work - energies%friction_work &
       - max(0.0_wp, energies%damper_work) - (energies%now - energies%first))/self%exchanged)
     if (has_settled) then
-      call put('swing', self%cycles%last_swing())
-      call put('creep_share', self%cycles%last_creep_share())
+      associate (cycle => self%cycles%last_cycle())
+        call put('swing', max(cycle(peak) - cycle(valley), cycle(rise)))
+        call put('creep_share', cycle(creep)/cycle(period))
+      end associate
       call put('settled_at', self%settled_at)
-    else if (self%late%length > 0.0_wp) then
-      call put('swing', self%late%highest%load - self%late%lowest%load)
-      call put('creep_share', self%late%creep_time/self%late%length)
+    else if (self%length > 0.0_wp) then
+      call put('swing', self%highest%load - self%lowest%load)
+      call put('creep_share', self%creep_time/self%length)
     end if
     if (self%has_slipped) call put('slip_angle', self%slip_angle)
     if (self%fast_decay >= 0.0_wp) call put('fast_decay', self%fast_decay)
     if (self%undecided_from >= 0.0_wp) call put('undecided_from', self%undecided_from)
 
   contains
-
-    subroutine put_mean(name, measure)
-      character(*), intent(in) :: name
-      integer, intent(in) :: measure
-
-      if (n > 0) call put(name, mean(measure))
-      if (n > 1) call put(name//'_scatter', scatter(measure))
-    end subroutine put_mean
 
     subroutine put(name, number)
       character(*), intent(in) :: name

@@ -9,9 +9,8 @@ module dst_derivatives
   use dst_errors, only: error_t, raise, deck_error, usage_error
   use dst_interpolation, only: max_degree
   use dst_kinds, only: wp, int64, pi
-  use dst_output_size, only: sample_count
   use dst_piece, only: no_event, slip_begins, slips
-  use dst_sampling, only: settle_interval
+  use dst_sampling, only: settle_interval, sample_count, sample_time
   use dst_scene, only: scene_t
   use dst_schema, only: longest_text
   use dst_simulation, only: select_columns, check_piece, pieces_between_looks
@@ -100,7 +99,7 @@ contains
     real(wp), allocatable, intent(out) :: time(:)
     type(error_t), allocatable, intent(inout) :: error
     type(scene_t) :: settled
-    integer :: i
+    integer(int64) :: i
 
     time = times
     if (any(times > scene%t_end)) then
@@ -109,11 +108,8 @@ contains
       settled = scene
       call settle_interval(settled)
       if (settled%interval > 0.0_wp) then
-        deallocate (time)
-        allocate (time(int(sample_count(scene%t_end, settled%interval))))
-        do i = 1, size(time)
-          time(i) = min(scene%t_end, real(i - 1, wp)*settled%interval)
-        end do
+        time = sample_time(scene%t_end, settled%interval, &
+          [(i, i=0_int64, int(sample_count(scene%t_end, settled%interval), int64) - 1_int64)])
       else
         call raise(error, deck_error, 'output.interval: derivatives are at given times: give an interval > 0', 'output.interval')
       end if
@@ -270,46 +266,37 @@ contains
     class(derivatives_t), intent(in) :: self
     type(state_t), intent(in) :: state
     real(wp) :: slopes(size(self%selected), n_changes)
-    real(wp) :: by_u(max_components), by_y(size(state%y))
-    type(state_t) :: more, less
+    real(wp) :: by(n_changes)
     integer :: i
 
-    associate (steps => self%steps, slider => self%steps%slider)
-      by_u = abs(state%u)
-      where (slider%stiffness > 0.0_wp) by_u = max(by_u, slider%law%static_limit/slider%stiffness)
-      by_y = max(merge(abs(state%y(1)), maxval(abs(state%y)), steps%system%is_polar), &
-        slow*minval(by_u*sqrt(slider%stiffness/slider%mass), mask=slider%stiffness > 0.0_wp))
-      if (steps%system%is_polar) by_y(2) = 1.0_wp
-      by_u = max(small*by_u, tiny(1.0_wp))
-      by_y = max(small*by_y, tiny(1.0_wp))
+    associate (steps => self%steps, slider => self%steps%slider, u => by(:max_components), y => by(max_components + 1:))
+      u = abs(state%u)
+      where (slider%stiffness > 0.0_wp) u = max(u, slider%law%static_limit/slider%stiffness)
+      y = max(merge(abs(state%y(1)), maxval(abs(state%y)), steps%system%is_polar), &
+        slow*minval(u*sqrt(slider%stiffness/slider%mass), mask=slider%stiffness > 0.0_wp))
+      if (steps%system%is_polar) y(2) = 1.0_wp
+      by = max(small*by, tiny(1.0_wp))
       slopes = 0.0_wp
-      do i = 1, max_components
-        ! The model has no spring along this axis.
-        if (.not. slider%stiffness(i) > 0.0_wp) cycle
-        more = state
-        less = state
-        more%u(i) = state%u(i) + by_u(i)
-        less%u(i) = state%u(i) - by_u(i)
-        slopes(:, i) = between(by_u(i))
-      end do
-      do i = 1, merge(steps%system%unknowns, 0, steps%piece%contact == slips)
-        more = state
-        less = state
-        more%y(i) = state%y(i) + by_y(i)
-        less%y(i) = state%y(i) - by_y(i)
-        slopes(:, max_components + i) = between(by_y(i))
+      do i = 1, max_components + merge(steps%system%unknowns, 0, steps%piece%contact == slips)
+        ! The model may have no spring along this axis.
+        if (i <= max_components) then
+          if (.not. slider%stiffness(i) > 0.0_wp) cycle
+        end if
+        slopes(:, i) = difference(self%whole, row_by(steps, self%selected, beside(by(i)), steps%piece%contact), &
+          row_by(steps, self%selected, beside(-by(i)), steps%piece%contact), 2.0_wp*by(i))
       end do
     end associate
 
   contains
 
-    function between(by)
-      real(wp), intent(in) :: by
-      real(wp) :: between(size(self%selected))
+    !> The state with a little more of one of its numbers.
+    type(state_t) function beside(more)
+      real(wp), intent(in) :: more
 
-      between = difference(self%whole, row_by(self%steps, self%selected, more, self%steps%piece%contact), &
-        row_by(self%steps, self%selected, less, self%steps%piece%contact), 2.0_wp*by)
-    end function between
+      beside = state
+      if (i <= max_components) beside%u(i) = state%u(i) + more
+      if (i > max_components) beside%y(i - max_components) = state%y(i - max_components) + more
+    end function beside
   end function slopes_at
 
   !> Columns of a rig in a state of the motion. Its position X is how far the drive has come, less the elongation.

@@ -1,12 +1,12 @@
-!> The time between samples of output.interval = 'auto', and whether samples show the fast oscillation of a scene.
+!> When a run is sampled: how often with output.interval = 'auto', how many values that makes, and whether samples show the fast
+!> oscillation of a scene.
 !>
 !> The mass on the spring of the stiff axis oscillates with sqrt(k_y/m)/2 pi. If the interval of the samples is more than half its
 !> period, they show a slower oscillation that does not exist. This module does not change what is computed, only when it is
-!> sampled.
+!> sampled. Numbers of values are counted as real numbers before anything is computed: no count overflows.
 module dst_sampling
   use dst_assembly, only: slider_from_scene
-  use dst_kinds, only: wp, pi
-  use dst_output_size, only: sample_count
+  use dst_kinds, only: wp, int64, pi
   use dst_plain_numbers, only: number_text
   use dst_scene, only: scene_t
   use dst_schema, only: automatic
@@ -14,7 +14,7 @@ module dst_sampling
   implicit none
   private
 
-  public :: settle_interval, sampling_note
+  public :: settle_interval, sampling_note, sample_count, sample_time, run_samples, most_samples, most_series_values
 
   !> Smallest number of samples in a period of the fast oscillation, and of the slow one; of samples of a run, and of samples in the
   !> time in which the drive loads the soft spring up to slip. Conventions of pictures: with 10 in a period a curve through the
@@ -24,6 +24,12 @@ module dst_sampling
   real(wp), parameter :: fewest_in_period = 4.0_wp
   !> Largest number of samples of a run: about 120 MB of 16 columns.
   real(wp), parameter :: most_automatic = 1.0e6_wp
+  !> Beyond this number samples have no distinct times in double precision: 2^53.
+  real(wp), parameter :: most_samples = 2.0_wp**53
+  !> Largest number of values in the series of one case, which is written as one piece of at most 2^31 words.
+  real(wp), parameter :: most_series_values = 2.0e9_wp
+  !> The share of a run before its end up to which a multiple of the interval is the end: roundoff, with a margin. Twice: no change.
+  real(wp), parameter :: almost_all = 1.0_wp - 4.0_wp*epsilon(1.0_wp)
 
 contains
 
@@ -75,6 +81,39 @@ contains
     if (scene%damping_y >= 2.0_wp*sqrt(scene%stiffness_y)*sqrt(scene%mass)) return
     fast_frequency = sqrt(scene%stiffness_y)/sqrt(scene%mass)
   end function fast_frequency
+
+  !> Number of samples from 0 to `t_end` [s] every `interval` > 0 [s], both ends included. `huge` if there are more than
+  !> `most_samples`.
+  elemental real(wp) function sample_count(t_end, interval)
+    real(wp), intent(in) :: t_end, interval
+
+    sample_count = huge(sample_count)
+    if (t_end/most_samples >= interval) return
+    sample_count = aint(t_end*almost_all/interval) + 2.0_wp
+    if (sample_count - 2.0_wp >= t_end*almost_all/interval) sample_count = sample_count - 1.0_wp
+  end function sample_count
+
+  !> The time [s] of a sample, by its number from 0 on; the end is sampled exactly.
+  elemental real(wp) function sample_time(t_end, interval, number)
+    real(wp), intent(in) :: t_end, interval
+    integer(int64), intent(in) :: number
+
+    sample_time = real(number, wp)*interval
+    if (sample_time >= t_end*almost_all) sample_time = t_end
+  end function sample_time
+
+  !> Number of samples of a run; 0 if it is known only after the run: one for each step of a method that chooses its steps.
+  pure real(wp) function run_samples(scene)
+    type(scene_t), intent(in) :: scene
+
+    run_samples = 0.0_wp
+    if (scene%interval > 0.0_wp) then
+      run_samples = sample_count(scene%t_end, scene%interval)
+    else if (scene%step > 0.0_wp .and. .not. scene%is_closed_form()) then
+      run_samples = sample_count(scene%t_end, scene%step)
+      if (scene%max_steps > 0) run_samples = min(run_samples, real(scene%max_steps, wp))
+    end if
+  end function run_samples
 
   !> What the samples of a scene with its final interval will not show, and what to do; '' if they show everything.
   function sampling_note(scene) result(text)

@@ -14,7 +14,7 @@ module dst_simulation
   use dst_motion, only: motion_t, next_piece, change_over, at_time
   use dst_motion_summary, only: motion_summary_t
   use dst_piece, only: no_event
-  use dst_sampling, only: settle_interval
+  use dst_sampling, only: settle_interval, sample_time
   use dst_scene, only: scene_t
   use dst_slider, only: slider_t
   use dst_state, only: instant_t
@@ -26,20 +26,15 @@ module dst_simulation
 
   public :: simulation_t, select_columns, check_piece, pieces_between_looks
 
-  !> Largest number of samples in a piece that are recorded at once. Convention; no number depends on it.
-  integer, parameter :: most_at_once = 512
-  !> The clock is read once after this many pieces. Convention: a piece takes some microseconds; no number depends on it.
+  !> The clock is read once after this many pieces, or samples. Convention: a piece takes some microseconds; no number depends on it.
   integer, parameter :: pieces_between_looks = 16
-  !> Roundoff of a multiple of the interval, relative to it, with a margin. Twice: no change.
-  real(wp), parameter :: time_roundoff = 4.0_wp*epsilon(1.0_wp)
+  integer(int64), parameter :: samples_between_looks = 512
 
   !> How far the run is.
   type :: progress_t
     real(wp) :: elapsed = 0.0_wp           !! wall time so far, s
-    integer(int64) :: pieces = 0, samples = 0
+    integer(int64) :: samples = 0
     real(wp) :: sampled = 0.0_wp           !! time of the last sample, s
-    !> Whether all samples and the event of the last piece have been recorded.
-    logical :: recorded = .false.
   end type progress_t
 
   !> One run: its motion, its method, and what is recorded.
@@ -141,11 +136,15 @@ contains
     passed = 0.0_wp
     looks_left = pieces_between_looks
     do while (.not. (allocated(error) .or. self%has_reached(min(last, end_time(self)))))
-      if (self%recorded) call advance(self, last, error)
-      if (.not. allocated(error)) call record(self, writer, error)
-      if (writer%rows >= writer%most_rows) exit
-      looks_left = looks_left - 1
-      if (looks_left == 0 .or. .not. self%recorded) then
+      if (is_due(self)) then
+        call take_sample(self, writer, error)
+        if (writer%rows >= writer%most_rows) exit
+        if (modulo(self%samples, samples_between_looks) == 0) looks_left = 0
+      else
+        call advance(self, writer, last, error)
+        looks_left = looks_left - 1
+      end if
+      if (looks_left == 0) then
         passed = wall_clock() - begun
         if (passed >= seconds .or. passed > limit) exit
         looks_left = pieces_between_looks
@@ -178,7 +177,7 @@ contains
     class(simulation_t), intent(in) :: self
     real(wp), intent(in) :: time
 
-    has_reached = self%recorded .and. self%motion%piece%to%time >= time
+    has_reached = self%motion%piece%to%time >= time .and. .not. is_due(self)
   end function has_reached
 
   !> The row of output at `time` [s], within the last piece or, for a closed form, anywhere.
@@ -191,14 +190,15 @@ contains
     call row_of(self%motion%slider, self%motion%instant(time), self%selected, row)
   end subroutine state_at
 
-  !> One piece, checked and added to the summary. For a closed form it ends at the next sample, or at the time `last` [s].
-  subroutine advance(self, last, error)
+  !> One piece, checked and added to the summary, and its events. For a closed form it ends at the next sample, or at the time
+  !> `last` [s].
+  subroutine advance(self, writer, last, error)
     class(simulation_t), intent(inout) :: self
+    type(writer_t), intent(inout) :: writer
     real(wp), intent(in) :: last
     type(error_t), allocatable, intent(out) :: error
 
-    self%pieces = self%pieces + 1
-    if (self%motion%in_closed_form) self%motion%next_look = min(sample_time(self), last)
+    if (self%motion%in_closed_form) self%motion%next_look = min(next_sample(self), last)
     self%motion%t_end = end_time(self)
     if (allocated(self%other)) self%other%t_end = end_time(self)
     call next_piece(self%motion, self%other, error)
@@ -206,8 +206,20 @@ contains
     call check_piece(self%motion, merge(0_int64, self%scene%max_steps, is_over(self)), error)
     if (allocated(error)) return
     call self%summary%follow(self%motion)
-    self%recorded = .false.
+    call write_events(self, writer, error)
   end subroutine advance
+
+  !> The events of the last piece, or that with which the motion begins.
+  subroutine write_events(self, writer, error)
+    class(simulation_t), intent(inout) :: self
+    type(writer_t), intent(inout) :: writer
+    type(error_t), allocatable, intent(out) :: error
+    type(event_t), allocatable :: log(:)
+
+    if (self%motion%piece%event == no_event) return
+    call self%motion%events(log)
+    call writer%add_events(log, error)
+  end subroutine write_events
 
   !> Sanity of the last piece of a motion, and its limit of steps, 0 if there is none.
   subroutine check_piece(motion, max_steps, error)
@@ -234,97 +246,49 @@ contains
     end associate
   end subroutine check_piece
 
-  !> Record the samples in the last piece, and its event. If there are many samples, some are left for the next call.
-  subroutine record(self, writer, error)
-    class(simulation_t), intent(inout) :: self
-    type(writer_t), intent(inout) :: writer
-    type(error_t), allocatable, intent(out) :: error
-    type(event_t), allocatable :: log(:)
+  !> Whether a sample in the last piece has still to be taken: all steps are samples if there is no interval.
+  pure logical function is_due(self)
+    class(simulation_t), intent(in) :: self
 
-    self%recorded = .true.
-    if (self%pieces == 0) then
-      call take_sample(self, writer, 0.0_wp, error)
-    else if (self%scene%interval > 0.0_wp) then
-      call take_samples(self, writer, self%recorded, error)
-    else
-      call take_steps(self, writer, self%recorded, error)
-    end if
-    if (self%motion%piece%event /= no_event .and. self%recorded .and. .not. allocated(error)) then
-      call self%motion%events(log)
-      call writer%add_events(log, error)
-    end if
-  end subroutine record
-
-  !> A sample at the end of each step in the last piece, up to some; `all_taken` says whether these were all.
-  subroutine take_steps(self, writer, all_taken, error)
-    class(simulation_t), intent(inout) :: self
-    type(writer_t), intent(inout) :: writer
-    logical, intent(out) :: all_taken
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: time
-    integer :: i
-
-    associate (piece => self%motion%piece)
-      do i = 1, most_at_once
-        time = max(piece%from%time, self%sampled)
-        all_taken = .not. piece%to%time > time
-        if (all_taken .or. allocated(error)) return
-        call self%motion%show(time)
-        call take_sample(self, writer, self%motion%next_instant(time), error)
-      end do
+    associate (now => self%motion%piece%to%time)
+      is_due = self%samples == 0 .or. self%sampled < now
+      if (is_due .and. self%scene%interval > 0.0_wp) is_due = next_sample(self) <= now
     end associate
-  end subroutine take_steps
+  end function is_due
 
-  !> The samples due by now, up to some; `all_taken` says whether these were all.
-  subroutine take_samples(self, writer, all_taken, error)
-    class(simulation_t), intent(inout) :: self
-    type(writer_t), intent(inout) :: writer
-    logical, intent(out) :: all_taken
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: time
-    integer :: i
-
-    all_taken = .true.
-    do i = 1, most_at_once
-      time = sample_time(self)
-      if (time > self%motion%piece%to%time) then
-        if (is_over(self)) call take_sample(self, writer, self%motion%piece%to%time, error)
-        return
-      end if
-      call take_sample(self, writer, time, error)
-      if (allocated(error) .or. time >= end_time(self)) return
-    end do
-    all_taken = .false.
-  end subroutine take_samples
-
-  !> Time of the next sample [s].
-  pure real(wp) function sample_time(self)
+  !> Time of the next sample [s], if there is an interval.
+  pure real(wp) function next_sample(self) result(time)
     class(simulation_t), intent(in) :: self
 
     if (allocated(self%instants)) then
-      sample_time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
-      return
+      time = self%instants(min(self%samples + 1, size(self%instants, kind=int64)))
+    else
+      time = sample_time(self%scene%t_end, self%scene%interval, self%samples)
     end if
-    sample_time = real(self%samples, wp)*self%scene%interval
-    ! The end is sampled exactly; a multiple of the interval within roundoff of it is the end.
-    if (sample_time >= self%scene%t_end*(1.0_wp - time_roundoff)) sample_time = self%scene%t_end
-  end function sample_time
+    if (is_over(self)) time = min(time, self%motion%piece%to%time)
+  end function next_sample
 
-  !> One row of output at a time inside the last piece.
-  subroutine take_sample(self, writer, time, error)
+  !> The next row of output, which is due.
+  subroutine take_sample(self, writer, error)
     class(simulation_t), intent(inout) :: self
     type(writer_t), intent(inout) :: writer
-    real(wp), intent(in) :: time
     type(error_t), allocatable, intent(out) :: error
     type(instant_t) :: instant
     real(wp) :: row(size(self%selected))
     integer :: column
 
-    call self%motion%show(time)
-    instant = self%motion%instant(time)
+    if (self%samples == 0) call write_events(self, writer, error)
+    if (allocated(error)) return
+    if (self%scene%interval > 0.0_wp) then
+      self%sampled = next_sample(self)
+    else
+      call self%motion%show(self%sampled)
+      self%sampled = self%motion%next_instant(self%sampled)
+    end if
+    call self%motion%show(self%sampled)
+    instant = self%motion%instant(self%sampled)
     call self%summary%see(self%motion, instant)
     self%samples = self%samples + 1
-    self%sampled = time
     call row_of(self%motion%slider, instant, self%selected, row)
     if (all(abs(row) <= huge(row))) then
       call writer%add_sample(row, error)

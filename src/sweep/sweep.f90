@@ -11,8 +11,7 @@ module dst_sweep
   use dst_model_columns, only: gives_column
   use dst_columns, only: columns, find_column, is_default
   use dst_cycles, only: cycle_quantities
-  use dst_output_size, only: sample_count
-  use dst_sampling, only: settle_interval
+  use dst_sampling, only: settle_interval, sample_count
   use dst_scene, only: scene_t, scene_from_deck, set_number
   use dst_schema, only: schema, sweep_group
   use dst_stopwatch, only: wall_clock

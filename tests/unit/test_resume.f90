@@ -190,7 +190,7 @@ contains
       call cut%proceed(0.0_wp, writer, error)
       if (cut%finished) exit
       if (modulo(cuts, pause) /= 0) cycle
-      if (cut%motion%leapt .and. .not. cut%recorded) inside = inside + 1
+      if (cut%motion%leapt .and. .not. cut%has_reached(cut%motion%piece%to%time)) inside = inside + 1
       call carry_over(name, scene, cut)
     end do
     call check(name//': was cut', cuts > 2 .and. cut%finished .and. .not. allocated(error))
