@@ -43,7 +43,7 @@ from .groups import System as System
 from .limit_cycles import Cycles as Cycles
 from .limit_cycles import LimitCycle as LimitCycle
 from .limit_cycles import cycles as cycles
-from .plot import plot as plot
+from .plot import plot as plot  # type: ignore[attr-defined]
 from .ranges import KeyRange as KeyRange
 from .ranges import StickSlipRange as StickSlipRange
 from .ranges import stick_slip_range as stick_slip_range

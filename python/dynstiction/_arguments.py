@@ -136,7 +136,7 @@ def text(name: str, value: object) -> str:
 def names_in(name: str, value: object) -> tuple[str, ...]:
     """An argument that is a sequence of names, or a string with commas between them."""
     try:
-        listed = value.split(",") if isinstance(value, str) else tuple(value)  # type: ignore[call-overload]
+        listed = value.split(",") if isinstance(value, str) else tuple(value)  # type: ignore[arg-type]
     except TypeError:
         raise UsageError(
             f"{name} = {shown(value)}: give names, in a sequence or with commas between them"

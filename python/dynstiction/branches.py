@@ -460,7 +460,7 @@ class _Curve:
 
     def beginning(self, last: _Place) -> _Place | None:
         """The doubling next to the last point of a branch, where cycles of half as many slow cycles lose their stability."""
-        from scipy.optimize import newton  # noqa: PLC0415
+        from scipy.optimize import newton  # type: ignore[import-untyped]  # noqa: PLC0415
 
         if self.n % 2 or not abs(last.slope - 1.0) < 0.1:
             return None

@@ -196,7 +196,7 @@ def creep_path(
     x = velocity * passed - length * friction * (c * np.cos(phi) + kappa * s * np.sin(phi))
     x_rate = v * np.cos(beyond)
     if last < 2:
-        return velocity * np.maximum(since - release, 0.0)
+        return np.asarray(velocity * np.maximum(since - release, 0.0))
     end = passed[last - 1]
     creep = CubicHermiteSpline(passed[:last], x[:last], x_rate[:last])(np.clip(since, release, end))
     return np.asarray(creep + velocity * np.maximum(since - end, 0.0))

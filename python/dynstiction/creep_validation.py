@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline  # type: ignore[import-untyped]
 
 from ._run import run
-from .creep import creep_asymptotic, creep_exact
+from .creep import Form, creep_asymptotic, creep_exact
 from .plot.style import BLACK, BLUE, GREEN, VERMILION, new_figure, panels
 
-ORDERS = {"first_power": 2.0, "printed": 1.0, "third_order": 3.0}
+ORDERS: dict[Form, float] = {"first_power": 2.0, "printed": 1.0, "third_order": 3.0}
 """Forms of Eq. (8), and the order in phi of their errors, from docs/theory.md, section 3."""
 TAUS, DEGREES = (0.25, 0.5, 0.8), 4.0 / 2.0 ** np.arange(9)
 TIMES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
@@ -75,7 +75,7 @@ def mean_creep(times: Sequence[float], half_width: float = 0.02, **keys: float) 
     return found
 
 
-def error(form: str, tau: float) -> NDArray[np.float64]:
+def error(form: Form, tau: float) -> NDArray[np.float64]:
     """|X'/V of a form - exact| [-] at `DEGREES`, with a rigid stiff axis."""
     phi = np.radians(DEGREES)
     return np.abs(creep_asymptotic(tau, phi, form) - creep_exact(tau, phi).X_rate)
@@ -95,7 +95,8 @@ def checks(means: Sequence[Mean]) -> dict[str, tuple[float, float, float]]:
             found[f"order in phi of the error of {form}, tau = {tau:g}"] = (value, order, 0.05)
     one = next(mean for mean in means if mean.time == 1.0)
     found["X'/V of the full model at 1 s, 1 deg"] = (one.at_time, 0.0103482, 1e-7)
-    for form, expected in (("first_power", 0.0032), ("printed", -0.4837)):
+    expected_there: dict[Form, float] = {"first_power": 0.0032, "printed": -0.4837}
+    for form, expected in expected_there.items():
         off = float(creep_asymptotic(one.tau, one.phi, form)) / one.at_time - 1.0
         found[f"relative error of {form} there"] = (off, expected, 1e-3)
     worst = max(abs(mean.full / mean.exact - 1.0) for mean in means)

@@ -78,7 +78,8 @@ def _of_sweep(data: xarray.Dataset) -> dict[str, pd.DataFrame]:
     dims, count = data["result_code"].dims, data["result_code"].size
     tables = {"sweep": {"case": np.arange(1, count + 1)}}
     for name, values in of_cases.variables.items():
-        column = values.set_dims(dict(zip(dims, data["result_code"].shape, strict=True))).transpose(*dims)
+        column = values.set_dims(dict(zip(dims, data["result_code"].shape, strict=True)))  # type: ignore[no-untyped-call]
+        column = column.transpose(*dims)
         tables["sweep"][headed(str(name), str(values.attrs.get("units", "1")))] = column.values.ravel()
     if "cycle_count" in data:
         counts = data["cycle_count"].values.ravel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,14 +134,14 @@ def cycles(scene: DeckLike, *, model: str = "") -> Cycles:
     with _native.Session(Scene(scene).source, "cycles", model) as found:
         of, quantities = found.text("model"), found.numbers("cycles")
         # By cycle: the numbers of a `LimitCycle`, the angle of its release, and whether it is stable.
-        rows = quantities.T.tolist()
+        rows: list[Any] = quantities.T.tolist()
         verdict, sliding = np.split(found.numbers("verdict")[:, 0], [7])
         load, is_stable, velocity, error = sliding.tolist()
         real, imaginary = found.numbers("eigenvalues").reshape(2, -1)
         return Cycles(
             of,
             velocity,
-            tuple(LimitCycle(*row, int(slow_cycles), stable == 1.0) for *row, slow_cycles, _, stable in rows),
+            tuple(LimitCycle._make([*row, int(m), stable == 1.0]) for *row, m, _, stable in rows),
             quantities[-2],
             load,
             is_stable == 1.0,

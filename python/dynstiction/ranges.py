@@ -224,7 +224,7 @@ class _Rig:
 
 def _search(rig: _Rig, name: str, side: int, value: float, begin: float, slides: bool) -> _Side:
     """What changes on one side of a value, searched from `begin` on."""
-    from scipy.optimize import brentq  # noqa: PLC0415
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415
 
     if value == 0.0 and side < 0:
         return math.nan, False, math.nan, 0.0

@@ -165,7 +165,7 @@ class Result(Table[NDArray[np.float64]]):
         """
         from . import plot  # noqa: PLC0415  (matplotlib is slow to import)
 
-        return plot(self, kind, **options)
+        return plot(self, kind, **options)  # type: ignore[no-any-return]
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write the same HDF5 file as the executable; it appears under its name only when it is complete.

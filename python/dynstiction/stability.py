@@ -5,7 +5,7 @@ Every parameter may be a number or an array; arrays broadcast against each other
 
 from __future__ import annotations
 
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from ._arguments import reals, shape_of
 from ._slider import SliderParameters, slider_parameters
 from .scene import DeckLike, Scene
 
-UNDAMPED = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
+UNDAMPED: Any = {"v_smooth": 0.0, "damping_x": 0.0, "damping_y": 0.0}
 
 
 class CriticalMisalignment(NamedTuple):

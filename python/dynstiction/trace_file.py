@@ -692,7 +692,7 @@ def _matlab(name: str) -> _Binary:
 def _tdms(name: str) -> _Binary:
     """A TDMS file: channels are columns."""
     try:
-        from nptdms import TdmsFile  # type: ignore[import-untyped]  # noqa: PLC0415
+        from nptdms import TdmsFile  # type: ignore[import-not-found]  # noqa: PLC0415
     except ImportError as error:
         raise PackageError(f"{name}: TDMS needs npTDMS ({error}): pip install dynstiction[tdms]") from None
 

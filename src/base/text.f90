@@ -245,7 +245,8 @@ contains
     end do
   end function printable
 
-  !> The UTF-8 character with which `text` begins (RFC 3629): the number of its bytes, 0 if it does not begin with one, and its code.
+  !> The UTF-8 character with which `text` begins (RFC 3629): the number of its bytes, 0 if it does not begin with one, and its
+  !> code.
   pure subroutine decode(text, width, code)
     character(*), intent(in) :: text
     integer, intent(out) :: width, code

@@ -12,8 +12,8 @@ module dst_text_file
 
 contains
 
-  !> The bytes of a regular file; `problem` is '' or says why they cannot be read. Of a file with more than `most` bytes these are read,
-  !> which may tell what it is.
+  !> The bytes of a regular file; `problem` is '' or says why they cannot be read. Of a file with more than `most` bytes these are
+  !> read, which may tell what it is.
   subroutine read_text(path, most, text, problem)
     character(*), intent(in) :: path
     integer, intent(in) :: most

@@ -118,8 +118,8 @@ contains
     call self%faults%add(self%value(find_key(group, key))%place, text)
   end subroutine refuse
 
-  !> Whether key `i` is `used`: all its conditions are true, and the keys that they name are used themselves. Otherwise the key whose
-  !> value is the reason why it is not, or `unknown` as long as a value is faulty on which that hangs.
+  !> Whether key `i` is `used`: all its conditions are true, and the keys that they name are used themselves. Otherwise the key
+  !> whose value is the reason why it is not, or `unknown` as long as a value is faulty on which that hangs.
   pure recursive function usage(deck, i) result(key)
     type(deck_t), intent(in) :: deck
     integer, intent(in) :: i

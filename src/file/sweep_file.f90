@@ -119,7 +119,8 @@ contains
     self%head = head
     self%metadata = metadata
     self%rows = share%size(sweep%cases)
-    allocate (self%code(self%rows), self%message(self%rows), stat=status)
+    allocate (self%code(self%rows), stat=status)
+    if (status == 0) allocate (self%message(self%rows), stat=status)
     if (status /= 0) then
       call raise(error, out_of_memory, 'no memory for the list of '//integer_text(self%rows)// &
         ' cases: divide the sweep with --share I/N')

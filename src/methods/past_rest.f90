@@ -1,8 +1,8 @@
 !> An explicit method for motion that can rest: where the slip is slow compared with itself, Radau IIA makes the step.
 !>
-!> An explicit method evaluates y' = g/B, which has no value at rest, and near a rest the direction of slip relaxes in the time that is
-!> left. So steps in which the slip is slow anywhere, as the first one after a release and the last one before a stop, are those of
-!> Radau IIA.
+!> An explicit method evaluates y' = g/B, which has no value at rest, and near a rest the direction of slip relaxes in the time that
+!> is left. So steps in which the slip is slow anywhere, as the first one after a release and the last one before a stop, are those
+!> of Radau IIA.
 module dst_past_rest
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -19,11 +19,11 @@ module dst_past_rest
 
   public :: past_rest_t, new_past_rest
 
-  !> The slip is slow below this share of the largest slip speed in the step, in this slip, or in the last one. With dopri5 on Fig. 3
-  !> (1 s, rtol 1e-6) twice is 20 % less work, half 38 % more.
+  !> The slip is slow below this share of the largest slip speed in the step, in this slip, or in the last one. With dopri5 on Fig.
+  !> 3 (1 s, rtol 1e-6) twice is 20 % less work, half 38 % more.
   real(wp), parameter :: slow = 0.1_wp
-  !> The stages of Radau IIA, and its tolerance over rtol: so accurate that a passage hardly depends on where the methods take turns.
-  !> With 3 stages at rtol itself the release map has no tables below 1e-6.
+  !> The stages of Radau IIA, and its tolerance over rtol: so accurate that a passage hardly depends on where the methods take
+  !> turns. With 3 stages at rtol itself the release map has no tables below 1e-6.
   integer, parameter :: stages = 5
   real(wp), parameter :: near_share = 0.1_wp
 

@@ -623,8 +623,8 @@ contains
     end if
   end function elongation
 
-  !> X [m] from a position on, after a way of the drive [m] in which the springs have been stretched by so much [m]. Slip along a line may
-  !> turn back in another direction: what repeats then has been seen to advance by so much.
+  !> X [m] from a position on, after a way of the drive [m] in which the springs have been stretched by so much [m]. Slip along a
+  !> line may turn back in another direction: what repeats then has been seen to advance by so much.
   pure real(wp) function moved(self, position, way, stretched)
     class(cycle_map_t), intent(in) :: self
     real(wp), intent(in) :: position, way, stretched(2)

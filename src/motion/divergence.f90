@@ -1,9 +1,9 @@
 !> How fast two motions with a small difference separate or converge: the Lyapunov exponent of a map, from the stretching along one
 !> orbit.
 !>
-!> With P the map from release to release, a small difference of the angle grows by P' in each passage. The exponent for a slow cycle
-!> is the mean of the sum of ln|P'| over its passages, here over the later half of the slow cycles, in which the motion has settled.
-!> If it is positive the motion is chaotic: no tolerance determines when its hundredth slip occurs.
+!> With P the map from release to release, a small difference of the angle grows by P' in each passage. The exponent for a slow
+!> cycle is the mean of the sum of ln|P'| over its passages, here over the later half of the slow cycles, in which the motion has
+!> settled. If it is positive the motion is chaotic: no tolerance determines when its hundredth slip occurs.
 module dst_divergence
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
   use dst_kinds, only: wp, int64

@@ -38,7 +38,8 @@ module dst_growth
 
 contains
 
-  !> Begin with some difference, which turns with the axes. `is_polar`: the first unknown of the system is a slip speed, which ends at 0.
+  !> Begin with some difference, which turns with the axes. `is_polar`: the first unknown of the system is a slip speed, which ends
+  !> at 0.
   pure subroutine begin(self, system, slider, velocity, is_polar)
     class(growth_t), intent(inout) :: self
     class(slip_system_t), intent(in) :: system

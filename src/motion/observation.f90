@@ -1,5 +1,5 @@
-!> What a summary wants to know of a passage of the release map, as a few numbers that are functions of its release, and as polynomials
-!> where these are smooth.
+!> What a summary wants to know of a passage of the release map, as a few numbers that are functions of its release, and as
+!> polynomials where these are smooth.
 module dst_observation
   use dst_chebyshev, only: chebyshev_polynomials, chebyshev_coefficients
   use dst_interpolation, only: max_degree
@@ -39,8 +39,8 @@ module dst_observation
     integer :: turns = 0
     !> Whether all of it is creep or rest, and whether the load exceeds F(v) in it.
     logical :: is_creep = .true., begins_to_slip = .false.
-    !> Error of the largest rate [m/s]; whether the pull force is as exact as the other numbers; if not, its error, and by how much it
-    !> turns back otherwise [N], huge if its extremes are elsewhere.
+    !> Error of the largest rate [m/s]; whether the pull force is as exact as the other numbers; if not, its error, and by how much
+    !> it turns back otherwise [N], huge if its extremes are elsewhere.
     real(wp) :: rate_error = 0.0_wp
     logical :: pull_is_exact = .true.
     real(wp) :: pull_error = 0.0_wp, ripple = 0.0_wp
@@ -48,8 +48,8 @@ module dst_observation
 
   !> Passages at Chebyshev points of a variable x in [-1, 1], as polynomials in it.
   type :: observations_t
-    !> Whether they are smooth, so far as is known: all but the time in creep and the pull force; and the former, which has a kink where
-    !> creep ends. (The latter has one where another of its peaks becomes the highest.)
+    !> Whether they are smooth, so far as is known: all but the time in creep and the pull force; and the former, which has a kink
+    !> where creep ends. (The latter has one where another of its peaks becomes the highest.)
     logical :: are_smooth = .true., creep_is_smooth = .true.
     !> One of them; the coefficients (number, point) in Chebyshev polynomials, and the permitted errors.
     type(observation_t), private :: like

@@ -1,8 +1,8 @@
 !> A passage: the motion of a steadily driven object from one release to the next.
 !>
-!> At a release the object rests under |f| = F_s, so that the direction of this force is the whole state. alpha is its angle from the
-!> soft to the stiff axis, each in the direction in which the drive pulls. A passage is a lap if it consists of one slip and one rest
-!> and turns the force towards the soft axis; the others, which turn it back, end a slow cycle.
+!> At a release the object rests under |f| = F_s, so that the direction of this force is the whole state. alpha is its angle from
+!> the soft to the stiff axis, each in the direction in which the drive pulls. A passage is a lap if it consists of one slip and one
+!> rest and turns the force towards the soft axis; the others, which turn it back, end a slow cycle.
 module dst_passage
   use dst_kinds, only: wp, int64
   use dst_piece, only: stick_begins, slip_begins, slips, sticks

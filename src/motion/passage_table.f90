@@ -1,5 +1,5 @@
-!> Passages as polynomials: their measures, and the motion inside the slip of laps, at Chebyshev points of a variable x in [-1, 1] in
-!> which they are analytic. docs/cycle_map.md.
+!> Passages as polynomials: their measures, and the motion inside the slip of laps, at Chebyshev points of a variable x in [-1, 1]
+!> in which they are analytic. docs/cycle_map.md.
 module dst_passage_table
   use dst_chebyshev, only: chebyshev_points, chebyshev_polynomials, chebyshev_coefficients, chebyshev_derivative, &
     cardinal_functions
@@ -35,8 +35,8 @@ module dst_passage_table
     real(wp), allocatable :: point(:)
     !> Coefficients of the measures (measure, point) in Chebyshev polynomials, and of the derivatives of the turn and the duration.
     real(wp), allocatable :: coefficient(:, :)
-    !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel, point);
-    !> no panels if the motion inside is not kept.
+    !> The slip of the laps at the points: ends of its panels as shares of its length, and nodal values (node, column, panel,
+    !> point); no panels if the motion inside is not kept.
     integer :: panels = 0, pieces_in_panel = 1
     real(wp), allocatable, private :: panel_end(:)
     real(wp), allocatable, private :: inside(:, :, :, :)
@@ -116,8 +116,8 @@ contains
     end associate
   end subroutine read_slip
 
-  !> Panels as the pieces of the slip of a lap, or some of them together; pieces in closed form are divided, as they are too long for
-  !> polynomials on the grid.
+  !> Panels as the pieces of the slip of a lap, or some of them together; pieces in closed form are divided, as they are too long
+  !> for polynomials on the grid.
   pure subroutine set_panels(self, recording)
     class(passage_table_t), intent(inout) :: self
     type(recording_t), intent(in) :: recording

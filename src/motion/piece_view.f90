@@ -189,8 +189,8 @@ contains
   end function is_led
 
   !> Degree and Bernstein coefficients of a sum of forces [N] that are proportional to the elongations, by the factors `per_length`
-  !> [N/m]; or of the pull force, interpolated at the nodes of a slip. An elongation is that of the nodes, and the displacement of the
-  !> drive, which is quadratic in time.
+  !> [N/m]; or of the pull force, interpolated at the nodes of a slip. An elongation is that of the nodes, and the displacement of
+  !> the drive, which is quadratic in time.
   subroutine force_polynomial(self, per_length, is_pull, degree, coefficient)
     class(piece_view_t), intent(in) :: self
     real(wp), intent(in) :: per_length(2)

@@ -3,8 +3,8 @@
 !> Under a steady drive the direction of friction at a release is the whole state, so that the motion is the iteration of a function
 !> of one number, alpha -> P(alpha). By steps alone the map is complete. It has two branches, parted at the angle where sticks end:
 !> above it a lap (slip and stick) turns the force towards the soft axis, below it a slip turns it back. Where many passages of a
-!> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. A table is made from runs that begin
-!> with the same state of the method: it is a function of the scene, V and its interval alone. docs/cycle_map.md, section 2.
+!> branch are needed, it is tabulated (dst_branch); nobody who asks for a passage needs to know. A table is made from runs that
+!> begin with the same state of the method: it is a function of the scene, V and its interval alone. docs/cycle_map.md, section 2.
 module dst_release_map
   use, intrinsic :: iso_c_binding, only: c_loc
   use dst_archive, only: archive_t
@@ -30,9 +30,9 @@ module dst_release_map
 
   !> Largest error of a table, in rtol, relative to the duration and to the turn. Convention; measured in bench/cycle_map.py.
   real(wp), parameter :: accurate = 0.1_wp
-  !> Tables begin at this distance from the end of sticks [rad], or at this share of the turn of a lap there: so many slow cycles have
-  !> a release that is nearer and is run; or at the last lap that tells where sticks end by grazing. The end is found with a tenth of
-  !> this uncertainty. Conventions.
+  !> Tables begin at this distance from the end of sticks [rad], or at this share of the turn of a lap there: so many slow cycles
+  !> have a release that is nearer and is run; or at the last lap that tells where sticks end by grazing. The end is found with a
+  !> tenth of this uncertainty. Conventions.
   real(wp), parameter :: nearest = 1.0e-7_wp, near_share = 0.01_wp, fine = 0.1_wp
   !> Laps are tabulated up to this angle [rad], or up to the one at which branches are parted, if that is steeper, as after a
   !> reversal; slips in a canard down to so much below the end of sticks. Conventions: other passages are run.
@@ -686,7 +686,8 @@ contains
     whole%to = slip%to
   end subroutine come_back
 
-  !> From a lap that hardly turns the force to the one that does not, if Newton's method finds it ahead, with the slopes that laps have.
+  !> From a lap that hardly turns the force to the one that does not, if Newton's method finds it ahead, with the slopes that laps
+  !> have.
   subroutine settle_at(self, lap)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(inout) :: lap

@@ -6,16 +6,16 @@
 !>
 !> where G_Z is Newton's matrix once more, one for all directions; it needs nothing but the values that a piece has, and so costs
 !> nothing where it is not wanted. Pieces in closed form and those of explicit methods are polynomials as well: for them G is
-!> collocation at their nodes. The length of a step is held. At a stop u' = V e - w is continuous, and so is du at a fixed time. At a
-!> release the time shifts by
+!> collocation at their nodes. The length of a step is held. At a stop u' = V e - w is continuous, and so is du at a fixed time. At
+!> a release the time shifts by
 !>
 !>     dt = -n.df/(n.f'),      n = f/|f|,  f = K u + C V e,  f' = K V e + C V' e,
 !>
 !> and what follows is seen from there: du + V e dt is along the circle |f| = F_s. Where slip turns without a rest, the time shifts
 !> with the zero of v. Where V changes, or will, a time counts, and the next piece is seen at fixed times again.
 !>
-!> With respect to a parameter of the rig G, f and F_s have a derivative of their own: a difference of rigs on either side of it, with
-!> the same nodal values.
+!> With respect to a parameter of the rig G, f and F_s have a derivative of their own: a difference of rigs on either side of it,
+!> with the same nodal values.
 module dst_tangent
   use dst_dense_output, only: column_u, column_y
   use dst_drive, only: drive_segment_t
@@ -160,8 +160,8 @@ contains
     is_there = allocated(self%more)
   end function is_there
 
-  !> How the elongation changes by which the drive stretches the springs of the object at rest, from a time on that changes itself by
-  !> `clock`, for so long [s].
+  !> How the elongation changes by which the drive stretches the springs of the object at rest, from a time on that changes itself
+  !> by `clock`, for so long [s].
   pure function drift(self, time, elapsed, clock)
     class(variation_t), intent(in) :: self
     real(wp), intent(in) :: time, elapsed, clock
@@ -255,8 +255,9 @@ contains
     end associate
   end function rate_in
 
-  !> Take out of a difference of u and y at the end of a piece in slip what it has along the flow, which is a shift of the time [s]; the
-  !> size of what is left: speeds are measured in V, lengths in V sqrt(m/k), a direction in rad. `flows`: the state changes at all.
+  !> Take out of a difference of u and y at the end of a piece in slip what it has along the flow, which is a shift of the time [s];
+  !> the size of what is left: speeds are measured in V, lengths in V sqrt(m/k), a direction in rad. `flows`: the state changes at
+  !> all.
   pure subroutine take_out_flow(difference, piece, slider, shift, size_of, flows)
     real(wp), intent(inout) :: difference(n_changes)
     type(piece_t), intent(in) :: piece
@@ -279,7 +280,8 @@ contains
     size_of = sqrt(sum((measured*difference)**2))
   end subroutine take_out_flow
 
-  !> Slip begins in the direction of the force. From a rest it begins when the force reaches the limit; otherwise where slip has turned.
+  !> Slip begins in the direction of the force. From a rest it begins when the force reaches the limit; otherwise where slip has
+  !> turned.
   subroutine set_off(self, from, drive, slider, variation, found)
     class(tangent_t), intent(inout) :: self
     type(state_t), intent(in) :: from
@@ -334,8 +336,8 @@ contains
     if (any(self%variation%is_there())) self%others = self%terms
   end subroutine prepare
 
-  !> Through a step in slip with s nodes, n components and m unknowns. Compiled for the full model with each number of stages, and for
-  !> any other.
+  !> Through a step in slip with s nodes, n components and m unknowns. Compiled for the full model with each number of stages, and
+  !> for any other.
   subroutine through_slip(self, tangents, piece, system, s, n, m, found, trail)
     type(directions_t), intent(inout) :: self
     type(tangent_t), intent(inout) :: tangents(:)

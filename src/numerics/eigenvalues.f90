@@ -19,8 +19,8 @@ module dst_eigenvalues
 
 contains
 
-  !> The eigenvalues of a square matrix; of a conjugate pair the positive imaginary part comes first. `found`: not if a number is not
-  !> finite, or LAPACK fails.
+  !> The eigenvalues of a square matrix; of a conjugate pair the positive imaginary part comes first. `found`: not if a number is
+  !> not finite, or LAPACK fails.
   subroutine find_eigenvalues(matrix, eigenvalues, found)
     real(wp), intent(in) :: matrix(:, :)
     complex(wp), intent(out) :: eigenvalues(:)

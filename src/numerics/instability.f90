@@ -60,8 +60,8 @@ contains
     if (size(c) == 5) all_decay = all_decay .and. (c(3)*c(2) - c(4)*c(1))*c(1) > c(3)**2*c(0)
   end function all_decay
 
-  !> All roots of sum_k coefficient(k) x^k, by Laguerre's method with deflation; the leading coefficient must not be zero. The roots of
-  !> small magnitude come first, which keeps the deflation accurate; complex ones come in pairs.
+  !> All roots of sum_k coefficient(k) x^k, by Laguerre's method with deflation; the leading coefficient must not be zero. The roots
+  !> of small magnitude come first, which keeps the deflation accurate; complex ones come in pairs.
   pure subroutine polynomial_roots(coefficient, root)
     real(wp), intent(in) :: coefficient(0:)
     complex(wp), intent(out) :: root(:)

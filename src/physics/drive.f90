@@ -36,8 +36,8 @@ module dst_drive
 contains
 
   !> From knots: times [s] (the first is 0, they never decrease, two equal ones make a jump) and velocities [m/s] there. After the
-  !> last knot the velocity stays constant. A knot on the line between its neighbours is ignored, and so is a last one at which nothing
-  !> changes.
+  !> last knot the velocity stays constant. A knot on the line between its neighbours is ignored, and so is a last one at which
+  !> nothing changes.
   pure function new_drive(time, velocity) result(drive)
     real(wp), intent(in) :: time(:), velocity(:)
     type(drive_t) :: drive

@@ -37,8 +37,8 @@ module dst_rest
   !> Twice: the same steps and events in 60 random scenes, 40 of them on a line or nearly.
   real(wp), parameter :: line_roundoff = 4.0e4_wp*epsilon(1.0_wp), line_angle = 1.0e-6_wp
 
-  !> Most limits that are tried for the release under a limit that ages. Each is nearer by the ratio of the rates of limit and force;
-  !> this many are needed where they agree to 0.4 %. Convention; twice: no change.
+  !> Most limits that are tried for the release under a limit that ages. Each is nearer by the ratio of the rates of limit and
+  !> force; this many are needed where they agree to 0.4 %. Convention; twice: no change.
   integer, parameter :: most_limits = 10000
 
   !> How slip starts from rest: y = (v, theta) at v = 0 with its time derivatives.
@@ -62,7 +62,8 @@ contains
     spring_force_size = hypot(force(1), force(2))
   end function spring_force_size
 
-  !> Whether an object at rest stays at rest, with the drive at this velocity [m/s] and acceleration [m/s2], after so long a rest [s].
+  !> Whether an object at rest stays at rest, with the drive at this velocity [m/s] and acceleration [m/s2], after so long a rest
+  !> [s].
   pure logical function is_held(slider, u, drive_velocity, drive_acceleration, age)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: u(2), drive_velocity

@@ -88,8 +88,8 @@ contains
     u = (self%law%static_limit*[cos(theta), sin(theta)] - self%force_at_rest([0.0_wp, 0.0_wp], drive_velocity))/self%stiffness
   end function elongation_at_limit
 
-  !> Force of springs and dampers [N] on the object along the drive: what a load cell measures. The springs lengthen with the velocity
-  !> of the drive minus that of the object [m/s].
+  !> Force of springs and dampers [N] on the object along the drive: what a load cell measures. The springs lengthen with the
+  !> velocity of the drive minus that of the object [m/s].
   pure real(wp) function pull_force(self, spring_force, drive_velocity, slip_velocity)
     class(slider_t), intent(in) :: self
     real(wp), intent(in) :: spring_force(2), drive_velocity, slip_velocity(2)

@@ -5,8 +5,8 @@
 !>     m u'' + D u' + K u = 0,     D = alpha s s^T + beta n n^T,     alpha = F'(V),  beta = F(V)/V,
 !>
 !> n normal to s (F v/sqrt(v^2 + v_s^2) for F on the smoothed contact); dampers C parallel to the springs add to D. Routh's
-!> criterion is quadratic in sin^2(phi), and without dampers docs/theory_stability.md derives the critical angles from it. The damping
-!> ratio of the slow motion at any direction of friction is Eq. (10) of Nakano & Popov (2020). SI units, angles in radians.
+!> criterion is quadratic in sin^2(phi), and without dampers docs/theory_stability.md derives the critical angles from it. The
+!> damping ratio of the slow motion at any direction of friction is Eq. (10) of Nakano & Popov (2020). SI units, angles in radians.
 module dst_stability
   use dst_eigenvalues, only: find_eigenvalues
   use dst_kinds, only: wp, pi
@@ -172,8 +172,8 @@ contains
     rigidity = own%stiffness(1)*(term(2, 1) + square*term(2, 2)) + own%stiffness(2)*(term(1, 1) + square*term(1, 2))
   end function rigidity
 
-  !> p = m omega^2 where G vanishes, at sin^2(phi), or at cos^2(phi). R/S loses digits if one spring is much stiffer; it tells which of
-  !> the two solutions of (k_x - p)(k_y - p) = p E/m it is.
+  !> p = m omega^2 where G vanishes, at sin^2(phi), or at cos^2(phi). R/S loses digits if one spring is much stiffer; it tells which
+  !> of the two solutions of (k_x - p)(k_y - p) = p E/m it is.
   pure real(wp) function crossing(own, side, square)
     type(perturbed_t), intent(in) :: own
     integer, intent(in) :: side

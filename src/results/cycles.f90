@@ -6,8 +6,8 @@
 !> reverses, the present cycle is discarded; a long steady slide also ends it.
 !>
 !> Means and scatters are over the later half of the complete cycles: over at least two of them if there are two, at most over the
-!> last `kept`, and over whole repetitions of a motion that repeats. A motion that rings down has no means: its amplitude decreases from cycle to cycle, or its last extremum is long
-!> past.
+!> last `kept`, and over whole repetitions of a motion that repeats. A motion that rings down has no means: its amplitude decreases
+!> from cycle to cycle, or its last extremum is long past.
 module dst_cycles
   use dst_kinds, only: wp, int64, pi
   use dst_slow_cycle, only: most_repeats
@@ -39,8 +39,8 @@ module dst_cycles
   !> Convention; twice: no change.
   real(wp), parameter :: long = 10.0_wp
 
-  !> A motion repeats after so many cycles at most, if they agree to this share of their size. Convention; a slow cycle whose load has
-  !> two peaks is two.
+  !> A motion repeats after so many cycles at most, if they agree to this share of their size. Convention; a slow cycle whose load
+  !> has two peaks is two.
   integer, parameter :: most_peaks = 2*most_repeats
   real(wp), parameter :: repeated = 1.0e-5_wp
 
@@ -435,8 +435,8 @@ contains
     end do
   end function agree
 
-  !> The last cycle, which must exist: its measures, `rise`, the advance in X from peak to peak [m], and the time in `creep`, if that
-  !> is followed.
+  !> The last cycle, which must exist: its measures, `rise`, the advance in X from peak to peak [m], and the time in `creep`, if
+  !> that is followed.
   pure function last_cycle(self) result(cycle)
     class(cycles_t), intent(in) :: self
     real(wp) :: cycle(remembered)

@@ -1,8 +1,8 @@
 !> What a load cell on the drive shows: the largest and the smallest pull force, and how often it rises and falls.
 !>
-!> The pull force is that of springs and dampers on the object along the drive (the column `pull_force`), positive if the drive pulls.
-!> Its extremes are those of the second half of a run, or of the last cycle of a run that ends because it has settled, as the `swing`
-!> of the load. Unlike the load k_x u_x it contains the stiff spring, and with it the fast oscillation.
+!> The pull force is that of springs and dampers on the object along the drive (the column `pull_force`), positive if the drive
+!> pulls. Its extremes are those of the second half of a run, or of the last cycle of a run that ends because it has settled, as the
+!> `swing` of the load. Unlike the load k_x u_x it contains the stiff spring, and with it the fast oscillation.
 !>
 !> Its frequency is that of its largest movement: of rises and falls by more than half of the whole swing. So stick-slip is counted
 !> where it is the larger movement, and the fast oscillation where that is.
@@ -136,8 +136,8 @@ contains
     self%time(self%count) = time
   end subroutine keep
 
-  !> Whether the extremes of the run or its peaks may hang on a passage of which is only known that its pull force is between these two
-  !> along X [N], and turns back by no more than `ripple` [N] but for its largest fall.
+  !> Whether the extremes of the run or its peaks may hang on a passage of which is only known that its pull force is between these
+  !> two along X [N], and turns back by no more than `ripple` [N] but for its largest fall.
   pure logical function may_hang_on(self, forces, ripple)
     class(load_cell_t), intent(in) :: self
     real(wp), intent(in) :: forces(2), ripple

@@ -188,8 +188,8 @@ contains
     end associate
   end subroutine follow_repeated
 
-  !> So many slow cycles without a rest, of this duration [s], are complete, in each of which a small difference grows by exp(grown).
-  !> Relative to the motion, its size changes the duration as much.
+  !> So many slow cycles without a rest, of this duration [s], are complete, in each of which a small difference grows by
+  !> exp(grown). Relative to the motion, its size changes the duration as much.
   pure subroutine complete_cycles(divergence, lasting, grown, is_known, times)
     type(divergence_t), intent(inout) :: divergence
     real(wp), intent(in) :: lasting, grown

@@ -1,7 +1,7 @@
 !> A summary with a load cell, of pieces and of the leaps of a cycle map, these passage by passage.
 !>
-!> What the summary wants to know of a passage is a function of its release, which is interpolated: from the passages of a table of the
-!> map, or, if it has the motion inside, in parts of it that are halved until that is accurate. Where it is not smooth, and for
+!> What the summary wants to know of a passage is a function of its release, which is interpolated: from the passages of a table of
+!> the map, or, if it has the motion inside, in parts of it that are halved until that is accurate. Where it is not smooth, and for
 !> passages that were recorded, the motion inside is followed piece by piece. Of repetitions one is summarised as if it were a run.
 module dst_passage_summary
   use dst_branch, only: most_parts
@@ -30,8 +30,8 @@ module dst_passage_summary
   integer, parameter :: nodes = 9
   real(wp), parameter :: test_at(2) = [-0.94_wp, 0.18_wp]
 
-  !> The last lap is followed if the largest rate of the run might be its own, unless that is known to this relative error. Convention;
-  !> ten times: one of 80 random scenes is wrong by 1.6e-6.
+  !> The last lap is followed if the largest rate of the run might be its own, unless that is known to this relative error.
+  !> Convention; ten times: one of 80 random scenes is wrong by 1.6e-6.
   real(wp), parameter :: known_rate = 1.0e-7_wp
 
   !> The results of a motion so far, with what a load cell shows.

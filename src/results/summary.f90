@@ -178,8 +178,8 @@ contains
     self%creep_time = self%creep_time + creep_time
   end subroutine pass_over
 
-  !> Add so many times a part of a motion that begins at a time [s] and a position X [m], and is in one half of the run; X advances by
-  !> `advance` [m] in each. Of very many all but some are alike.
+  !> Add so many times a part of a motion that begins at a time [s] and a position X [m], and is in one half of the run; X advances
+  !> by `advance` [m] in each. Of very many all but some are alike.
   subroutine add(self, part, turns, time, position, times, advance)
     class(summary_t), intent(inout) :: self
     class(contribution_t), intent(in) :: part

@@ -1,8 +1,8 @@
 !> Derivatives of a run with respect to parameters: of its samples and of the times of its events.
 !>
-!> The motion is run step by step, and the tangents of its parameters with it (dst_tangent). At a fixed time the state changes by what
-!> it changes by as seen from a clock that changes, minus the rate times the change of the clock; the columns follow from the state
-!> and from the rig.
+!> The motion is run step by step, and the tangents of its parameters with it (dst_tangent). At a fixed time the state changes by
+!> what it changes by as seen from a clock that changes, minus the rate times the change of the clock; the columns follow from the
+!> state and from the rig.
 module dst_derivatives
   use dst_columns, only: columns, row_of
   use dst_deck_values, only: deck_t
@@ -27,8 +27,8 @@ module dst_derivatives
   public :: derivatives_t
 
   !> Columns are differences over changes of the state of this size, relative to what is large for it: linear but for zeta, friction
-  !> and the direction of smoothed slip. Ten times: u and w change by 3e-9 of what is large for them, friction by 5e-6; a tenth: by 2e-8,
-  !> friction by 1e-7.
+  !> and the direction of smoothed slip. Ten times: u and w change by 3e-9 of what is large for them, friction by 5e-6; a tenth: by
+  !> 2e-8, friction by 1e-7.
   real(wp), parameter :: small = 1.0e-5_wp
   !> Slip slower than this share of a slow speed has no size of its own.
   real(wp), parameter :: slow = 1.0e-9_wp
@@ -58,8 +58,8 @@ module dst_derivatives
 
 contains
 
-  !> Begin with the run of a deck's scene and the keys GROUP.KEY in a list: at these times [s], or at those of its samples if none are
-  !> given.
+  !> Begin with the run of a deck's scene and the keys GROUP.KEY in a list: at these times [s], or at those of its samples if none
+  !> are given.
   subroutine start(self, deck, scene, keys, times, error)
     class(derivatives_t), intent(inout) :: self
     type(deck_t), intent(in) :: deck

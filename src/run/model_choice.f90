@@ -49,8 +49,8 @@ module dst_model_choice
     real(wp) :: load = 0.0_wp                  !! k_x u_x/F_0 at the end; less if friction weakens
     real(wp) :: reached = 0.0_wp               !! X/l_x at the end
     logical :: is_overdamped = .false.         !! at each direction of friction
-    ! Largest differences of X, over its last value: between creep with an elastic and with a rigid k_y; what inertia and the fall of
-    ! friction do to it; and that of the asymptotics.
+    ! Largest differences of X, over its last value: between creep with an elastic and with a rigid k_y; what inertia and the fall
+    ! of friction do to it; and that of the asymptotics.
     real(wp) :: elasticity = 0.0_wp, lag = excluded, expansion = excluded
   end type smallness_t
 
@@ -67,8 +67,9 @@ module dst_model_choice
   real(wp), parameter :: surely_slipped = 2.0_wp
   !> For stick-slip, besides those at slip (dst_slow_validity): weights of delay, inertia, feeding, drift.
   real(wp), parameter :: delay_weight = 0.03_wp, inertia_weight = 0.2_wp, feeding_weight = 0.05_wp, drift_weight = 0.4_wp
-  !> For strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y added to the feeding, and the fall of the load
-  !> over F_0 in a slip below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y, largest V/v_f.
+  !> For strong stick-slip, fitted to 2700 scenes: its own margin, the weight of k_x/k_y added to the feeding, and the fall of the
+  !> load over F_0 in a slip below which cycles are sensitive, with their power. Its range: largest feeding, largest k_x/k_y,
+  !> largest V/v_f.
   real(wp), parameter :: strong_margin = 6.0_wp, softness_weight = 30.0_wp, small_swing = 0.45_wp, swing_power = 1.5_wp
   real(wp), parameter :: largest_strong_feeding = 0.03_wp, largest_softness = 1.0e-3_wp, largest_speed = 0.5_wp
   !> For creep: weights of the lag in a closed form, and in low_frequency with weakening; of the ripple added to 1; of a finite k_y:
@@ -248,13 +249,13 @@ contains
     call look_at_creep(slider, speed, small)
   end function smallness_of
 
-  !> Creep with constant friction up to the end of the run, and what it leaves out. With the rate at which the load rises as friction
-  !> turns by theta, and q = V sin(phi) sqrt(m k_x)/F_0,
+  !> Creep with constant friction up to the end of the run, and what it leaves out. With the rate at which the load rises as
+  !> friction turns by theta, and q = V sin(phi) sqrt(m k_x)/F_0,
   !>
   !>     rise = (F sin(theta)^2 + v F' cos(theta)^2)/F_0,
   !>
-  !> the slow motion lags behind its rate by q^2/(sin(theta)^3 sin(phi)) l_x/V; friction that has fallen by a share raises the rate by
-  !> that share over rise, and X leads; and the motion is overdamped (Eq. 10) if rise sin(theta) > 2 q.
+  !> the slow motion lags behind its rate by q^2/(sin(theta)^3 sin(phi)) l_x/V; friction that has fallen by a share raises the rate
+  !> by that share over rise, and X leads; and the motion is overdamped (Eq. 10) if rise sin(theta) > 2 q.
   pure subroutine look_at_creep(slider, speed, small)
     type(slider_t), intent(in) :: slider
     real(wp), intent(in) :: speed              !! |V|, m/s

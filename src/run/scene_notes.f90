@@ -31,8 +31,8 @@ module dst_scene_notes
   !> Length of a step times the rate at which a method of this order becomes unstable: of dopri5, and of dop853, which takes half as
   !> many steps on Fig. 3.
   real(wp), parameter :: stable(5:8) = [3.3_wp, 0.0_wp, 0.0_wp, 6.6_wp]
-  !> Share of these steps that dst_past_rest leaves to dopri5 in the full model, where the object rests again and again: 0.41 to 0.56 for
-  !> phi = 0.1 deg and rtol from 1e-8 to 1e-4. It leaves dop853 hardly any.
+  !> Share of these steps that dst_past_rest leaves to dopri5 in the full model, where the object rests again and again: 0.41 to
+  !> 0.56 for phi = 0.1 deg and rtol from 1e-8 to 1e-4. It leaves dop853 hardly any.
   real(wp), parameter :: left = 0.4_wp
   !> Number of steps that is worth a note: a few seconds. And how many times that of an implicit method it is then, which takes some
   !> ten steps in a period of the fastest oscillation. Conventions.

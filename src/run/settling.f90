@@ -1,7 +1,7 @@
 !> Whether a scene stick-slips: what its motion from rest settles to.
 !>
-!> The full model is run until two slow cycles agree, or until it is known to slide or to be irregular. Every friction law, damper and
-!> static limit is that of the scene; nothing is assumed about its motion.
+!> The full model is run until two slow cycles agree, or until it is known to slide or to be irregular. Every friction law, damper
+!> and static limit is that of the scene; nothing is assumed about its motion.
 module dst_settling
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dst_assembly, only: slider_from_scene
@@ -17,10 +17,10 @@ module dst_settling
 
   public :: settling_t
 
-  !> How long a motion is followed, one after the other, in times to load the spring up to F_0 and to oscillate once. One that does not
-  !> repeat, but whose swing has fallen by no more than `lasting` since the time before, is followed no longer than the third, and no
-  !> longer than that if it swings clearly: by so many times the least swing of stick-slip. One whose swing has fallen by more than
-  !> `dying` is not followed beyond the last but one. Conventions.
+  !> How long a motion is followed, one after the other, in times to load the spring up to F_0 and to oscillate once. One that does
+  !> not repeat, but whose swing has fallen by no more than `lasting` since the time before, is followed no longer than the third,
+  !> and no longer than that if it swings clearly: by so many times the least swing of stick-slip. One whose swing has fallen by
+  !> more than `dying` is not followed beyond the last but one. Conventions.
   real(wp), parameter :: lengths(6) = [10.0_wp, 30.0_wp, 100.0_wp, 300.0_wp, 1000.0_wp, 3000.0_wp]
   integer, parameter :: long_enough = 3
   real(wp), parameter :: lasting = 1.0e-3_wp, dying = 0.2_wp, clearly = 2.0_wp

@@ -26,7 +26,8 @@ module dst_simulation
 
   public :: simulation_t, select_columns, check_piece, pieces_between_looks
 
-  !> The clock is read once after this many pieces, or samples. Convention: a piece takes some microseconds; no number depends on it.
+  !> The clock is read once after this many pieces, or samples. Convention: a piece takes some microseconds; no number depends on
+  !> it.
   integer, parameter :: pieces_between_looks = 16
   integer(int64), parameter :: samples_between_looks = 512
 

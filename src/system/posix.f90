@@ -211,8 +211,8 @@ contains
     text = 'stopped by '//fortran_text(c_signal_name(stop_signal()))
   end function stopped_by
 
-  !> Write to standard output; `failed` if some of it was not written, which Fortran's own output does not report if a disk is full. If
-  !> the reader has ended, SIGPIPE ends the program, unless the signal is ignored.
+  !> Write to standard output; `failed` if some of it was not written, which Fortran's own output does not report if a disk is full.
+  !> If the reader has ended, SIGPIPE ends the program, unless the signal is ignored.
   subroutine put_output(text, failed)
     character(*), intent(in) :: text
     logical, intent(out) :: failed

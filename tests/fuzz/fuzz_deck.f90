@@ -3,8 +3,8 @@
 !>
 !>     fuzz_deck COUNT SEED FILE...
 !>
-!> tries the files, and then COUNT random changes of those that are sound. The first failure ends the program with status 1; its case is in
-!> fuzz.case, also after a crash. COUNT is multiplied by 25 if the environment has DYNSTICTION_FULL=1.
+!> tries the files, and then COUNT random changes of those that are sound. The first failure ends the program with status 1; its
+!> case is in fuzz.case, also after a crash. COUNT is multiplied by 25 if the environment has DYNSTICTION_FULL=1.
 program fuzz_deck
   use, intrinsic :: iso_fortran_env, only: error_unit
   use, intrinsic :: iso_c_binding, only: c_int

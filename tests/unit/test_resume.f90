@@ -177,11 +177,11 @@ contains
     type(writer_t) :: all_samples, writer
     type(outcome_t) :: expected, found
     type(error_t), allocatable :: error
-    integer :: cuts, inside, pause
+    integer :: cuts, inside, spacing
     logical :: sound
 
-    pause = 1
-    if (present(every)) pause = every
+    spacing = 1
+    if (present(every)) spacing = every
     call complete(scene, whole, all_samples, sound)
     call check(name//': runs to the end', sound)
     call begin(scene, cut)
@@ -189,7 +189,7 @@ contains
     do cuts = 0, 100000
       call cut%proceed(0.0_wp, writer, error)
       if (cut%finished) exit
-      if (modulo(cuts, pause) /= 0) cycle
+      if (modulo(cuts, spacing) /= 0) cycle
       if (cut%motion%leapt .and. .not. cut%has_reached(cut%motion%piece%to%time)) inside = inside + 1
       call carry_over(name, scene, cut)
     end do

@@ -135,9 +135,9 @@ class Recording:
             residual = (wave.rows - self.explained(model)).mean(axis=0) * weights
         expected = float(np.sum((scatter + wave.model_error**2) * weights**2))
         used = int(np.count_nonzero(wave.used))
-        left = max(used - parameters - 1, 1)
-        misfit = float(residual @ residual) / expected * used / left
-        return misfit, float(f.sf(misfit, left, used * (n - 1)))
+        free = max(used - parameters - 1, 1)
+        misfit = float(residual @ residual) / expected * used / free
+        return misfit, float(f.sf(misfit, free, used * (n - 1)))
 
     def of_few_cycles(self) -> Recording:
         """With about `FEW` of the cycles, if they are not alike."""
@@ -180,7 +180,7 @@ def apart_in_time(wave: Waveform, model: Cycles, weights: _Floats) -> tuple[_Flo
 
 
 def _steepness(later: _Floats) -> _Floats:
-    return np.maximum(np.sum(later**2, axis=1), 1e-300)
+    return np.asarray(np.maximum(np.sum(later**2, axis=1), 1e-300))
 
 
 def explained_by_each(wave: Waveform, model: Cycles, weights: _Floats) -> _Floats:
@@ -244,7 +244,9 @@ class Problem:
     @property
     def noise(self) -> int:
         """What noise costs, if each cycle is explained by itself: the number of bins."""
-        return sum(np.count_nonzero(one.waveform.used) * len(one.waveform.rows) for one in self.recordings)
+        return sum(
+            int(np.count_nonzero(one.waveform.used)) * len(one.waveform.rows) for one in self.recordings
+        )
 
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""

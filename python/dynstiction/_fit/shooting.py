@@ -185,7 +185,8 @@ class _Shooting:
                         shots[i], states[i] = new, those[i]
                     step = np.linalg.lstsq(new.by_state, new.off, rcond=1e-9)[0]
                     gained = float(np.sum((new.by_state @ step) ** 2))
-                    promises = gained > GAINED and new.cost - gained < shots[i].cost
+                    least = new.cost if old is None else min(new.cost, old.cost)
+                    promises = gained > GAINED and new.cost - gained < least
                     if promises if self.level.patient else new.cost < BETTER * before[i]:
                         those[i, 1:] += step * units[i]
                         leading.append(i)
@@ -256,6 +257,7 @@ class _Shooting:
             if self.cost(z, shots) > before - GAINED:
                 break
             z, states, shots = self.descended(z, states, shots)
+        self.complete(z, states, shots)
         return z, states, shots
 
     def descended(
@@ -317,7 +319,6 @@ def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
     for level in levels:
         shooting = _Shooting(problem, level)
         z, states, shots = shooting.fitted(z, None if level.width else states)
-    shooting.complete(z, states, shots)
     p = len(problem.names)
     parts, lefts, counts = [], [], _costs(shots) <= shooting.most(shots)
     for k, record in enumerate(problem.recordings):
@@ -423,8 +424,8 @@ def _closing(
     wave, units, p = here.waveform, _units(here), changes["u_x"].shape[1] - 2
     ends = [np.interp(wave.period, time, columns[name]) for name in ("u_x", "u_y")]
     gap = (np.array(ends) - state[1:]) / units
-    ends = [[np.interp(wave.period, time, each) for each in changes[name].T] for name in ("u_x", "u_y")]
-    ending = np.array(ends) / units[:, np.newaxis] - np.eye(2, p + 2, p)
+    turns = [[np.interp(wave.period, time, each) for each in changes[name].T] for name in ("u_x", "u_y")]
+    ending = np.array(turns) / units[:, np.newaxis] - np.eye(2, p + 2, p)
     along = _pull(here.scene) / units
     across = np.array([-along[1], along[0]]) / np.hypot(*along)
     unknown = np.column_stack([ending[:, p:] @ across, along])
@@ -444,7 +445,7 @@ def _samples(here: Recording, begin: float, end: float, finer: int) -> tuple[_Fl
     widths = np.diff(wave.edges)
     coarser = int(min(period / IN_PERIOD, widths[0] / IN_BIN) / step)
     if has_memory(here.chain) or coarser < 2:
-        return np.arange(n) * step, [np.arange(k, n, finer) for k in range(finer)]
+        return step * np.arange(n, dtype=np.float64), [np.arange(k, n, finer) for k in range(finer)]
     # Bins are narrow around the slip.
     fine = wave.edges[np.flatnonzero(widths < NARROW * widths.min())[[0, -1]] + [0, 1]] - begin
     low, high = np.clip((fine / step + [-2.0 * finer, 2.0 * finer]).astype(int), 0, n)

@@ -191,7 +191,7 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
 
 def whole_cycles(trace: Trace, slips: _Floats, edges: _Floats) -> _Floats:
     """Slips that have a whole cycle around them in a trace [s]."""
-    return slips[(slips + edges[0] >= trace.time[0]) & (slips + edges[-1] <= trace.time[-1])]
+    return np.asarray(slips[(slips + edges[0] >= trace.time[0]) & (slips + edges[-1] <= trace.time[-1])])
 
 
 def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats: bool) -> _Floats:

@@ -78,7 +78,7 @@ def draw_damping_of(results: Sequence[Result], canvas: Canvas) -> None:
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, handlelength=1.2, columnspacing=0.6)
 
 
-def _slider(result: Result) -> dict[str, float]:
+def _slider(result: Result) -> dict[str, Any]:
     parameters = slider(result)
     parameters["velocity"] = abs(parameters["velocity"])
     turning = parameters["velocity"] * np.sin(np.radians(parameters["misalignment_deg"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def driven_length(result: Result, time: Floats) -> Floats | None:
     return np.asarray(length[np.searchsorted(knots, time)])
 
 
-def damping_crossing(parameters: Mapping[str, float], level: float) -> float:
+def damping_crossing(parameters: Mapping[str, Any], level: float) -> float:
     """Largest angle [rad] at most 90 degrees where the damping ratio of `damping_ratio` passes a level; NaN if none."""
 
     def excess(theta: float | Floats) -> Floats:
