@@ -56,10 +56,8 @@ def touching(scene: ds.Scene, model: str, slow_cycles: int, point: ds.BranchPoin
     """The value at which the map touches the diagonal near a fold; NaN if it does not pass through it there."""
 
     def turn(value: float, place: float) -> float:
-        return (
-            _native.returned(scene.replace(misalignment_deg=value).source, model, place, slow_cycles)[0]
-            - place
-        )
+        there = scene.replace(misalignment_deg=value).source
+        return _native.returned(there, model, place, slow_cycles)[0] - place
 
     for width in np.array([1e-3, 1e-4, 1e-5]) * abs(point.place):
         ends = [turn(point.value, point.place + side * width) for side in (-1.0, 1.0)]
