@@ -13,7 +13,7 @@ module dst_load_cell
   implicit none
   private
 
-  public :: load_cell_t
+  public :: load_cell_t, cell_state_t
 
   !> A movement counts if it is larger than this share of the swing so far; what was counted before the swing grew by this factor is
   !> forgotten. Conventions.
