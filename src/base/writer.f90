@@ -121,7 +121,9 @@ contains
     type(quantity_t), intent(in) :: quantities(:)
     character(*), intent(in) :: name
 
-    find_quantity = findloc(quantities%name, name, dim=1)
+    do find_quantity = size(quantities), 1, -1
+      if (quantities(find_quantity)%name == name) return
+    end do
   end function find_quantity
 
   !> What stands for a value that does not exist: NaN. Files leave it out.
