@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from html import escape
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -14,6 +13,7 @@ from ._fit.waveform import bin_means, waveform_of, whole_cycles
 from ._run import run_sampled
 from .errors import FileError, UsageError, printable
 from .groups import Changes
+from .html import page_table
 from .record import headed
 from .scene import DeckLike, Scene
 from .simulation import Simulation
@@ -143,7 +143,10 @@ class TraceComparison:
         return f"<TraceComparison\n{self.report()}>"
 
     def _repr_html_(self) -> str:
-        return f"<b>{escape(self.trace.name)} and {escape(self.scene.name)}</b>{self._table().to_html()}"
+        shown = self._table()
+        return page_table(
+            f"{self.trace.name} and {self.scene.name}", ["", *shown.columns], [*shown.itertuples(name=None)]
+        )
 
     def _table(self) -> pandas.DataFrame:
         """The statistics as texts."""

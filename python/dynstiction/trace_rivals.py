@@ -374,20 +374,23 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     Returns
     -------
     tuple of Explanation
-        The most probable one first; 'as fitted' is the fit itself. None if the fit is not one of the scene's own model.
+        The most probable one first; 'as fitted' is the fit itself, once more. None if the fit is not one of the scene's own model.
     """
     if not found.is_of_own_model:
         return ()
     base = found.problem
-    fits = [_Fitted("as fitted", base, _refitted(base, found.coordinates))]
     q, delays = np.split(found.coordinates, [len(base.names)])
+    tried = [("as fitted", base, found.coordinates)]
     for name, extra, begin, more in _changes(found):
         problem = base.changed((*base.names, extra), {extra: begin, **more})
         sizes = (1.0,) if name.startswith("another ") else SIZES
         starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
+        tried.append((name, problem, problem.cheapest(starts, ROUGH[-1])[0]))
+    fits = []
+    for name, problem, start in tried:
         with suppress(Error):
-            fits.append(_Fitted(name, problem, _refitted(problem, *problem.cheapest(starts, ROUGH[-1])[:1])))
-    return _compared(fits)
+            fits.append(_Fitted(name, problem, _refitted(problem, start)))
+    return _compared(fits) if fits else ()
 
 
 def _refitted(problem: Problem, start: _Floats) -> Solution:

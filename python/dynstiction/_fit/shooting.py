@@ -386,9 +386,10 @@ def _run_from(
         scene={"t_end": float(time[-1]), "settle": 0.0},
         output={"fields": ["pull_force", "u_x", "u_y", *(["X"] * (here.waveform.creep_edges.size > 0))]},
     )
-    free = {name: name for name in problem.heard if name not in CHAIN}
-    free |= {tied: name for tied, (name, _) in problem.ties.items()}
-    free = free if whole else {}
+    free: dict[str, str] = {}
+    if whole:
+        free = {name: name for name in problem.heard if name not in CHAIN}
+        free |= {tied: name for tied, (name, _) in problem.ties.items()}
     run = derivatives(scene, [*free, "initial.elongation_x", "initial.elongation_y"], time)
     turn = np.zeros((len(free) + 2, p + 2))
     slopes = problem.slopes(z[: len(problem.names)])
