@@ -13,10 +13,11 @@ module dst_text
   !> Widths of the texts in tables of keys, columns, commands and so on. The compiler refuses a text that would be cut.
   integer, parameter :: name_width = 24, unit_width = 8, value_width = 32, meaning_width = 96
 
-  !> Text that grows line by line.
+  !> Text that grows; the time to append is proportional to the length of what is appended.
   type :: text_builder_t
     private
-    character(:), allocatable :: text
+    character(:), allocatable :: buffer
+    integer :: length = 0
   contains
     procedure :: append
     procedure :: line
@@ -44,9 +45,16 @@ contains
   subroutine append(self, text)
     class(text_builder_t), intent(inout) :: self
     character(*), intent(in) :: text
+    character(:), allocatable :: larger
 
-    if (.not. allocated(self%text)) self%text = ''
-    self%text = self%text//text
+    if (.not. allocated(self%buffer)) allocate (character(1024) :: self%buffer)
+    if (self%length + len(text) > len(self%buffer)) then
+      allocate (character(2*(self%length + len(text))) :: larger)
+      larger(:self%length) = self%buffer(:self%length)
+      call move_alloc(larger, self%buffer)
+    end if
+    self%buffer(self%length + 1:self%length + len(text)) = text
+    self%length = self%length + len(text)
   end subroutine append
 
   !> Append `text` without its trailing blanks, and end the line.
@@ -72,7 +80,7 @@ contains
     character(:), allocatable :: text
 
     text = ''
-    if (allocated(self%text)) text = self%text
+    if (self%length > 0) text = self%buffer(:self%length)
   end function content
 
   !> A list with blanks in place of its separators.

@@ -273,6 +273,8 @@ contains
       ! There may be no blank between them.
       last = end_of_run(token%first)
       do first = token%first, last
+        ! No unit begins as a number does.
+        if (verify(text(first:first), digits//'+-.') == 0) cycle
         if (is_unit(text(first:last))) exit
       end do
       if (first <= last) then
