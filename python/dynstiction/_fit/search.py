@@ -403,8 +403,7 @@ class Search:
                     break
         self._hop(few, HOPS, 0.4)
         self._again(few)
-        if not few.repeats:
-            self._walk(few)
+        self._walk(few)
         if self.found and few is not self.problem:
             found, self.found = self.found, []
             best = min(found, key=lambda each: each.cost)
@@ -445,7 +444,9 @@ class Search:
     def _walk(self, problem: Problem) -> None:
         """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled."""
         p, side, worse = len(problem.names), 1.0, 0
-        for _ in range(MOST_STRIDES if self.found and self._costs_noise(problem) else 0):
+        near = self.found and (self._explains(problem) if problem.repeats else self._costs_noise(problem))
+        levels = FINELY[-1:] if problem.repeats else PATIENTLY
+        for _ in range(MOST_STRIDES if near else 0):
             if worse > 1:
                 break
             before = self.best
@@ -456,7 +457,7 @@ class Search:
             )
             there = before.z.copy()
             there[:p] += side * way * min(1.0, FARTHEST / np.abs(way).max())
-            self._add_shot(problem, there, PATIENTLY)
+            self._add_shot(problem, there, levels)
             if self.best.cost > before.cost - ALSO:
                 side, worse = -side, worse + 1
             else:
