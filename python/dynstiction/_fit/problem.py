@@ -243,10 +243,9 @@ class Problem:
 
     @property
     def noise(self) -> int:
-        """What noise costs, if each cycle is explained by itself: the number of bins."""
-        return sum(
-            int(np.count_nonzero(one.waveform.used)) * len(one.waveform.rows) for one in self.recordings
-        )
+        """What noise costs: the number of bins of the mean, or, if each cycle is explained by itself, of all cycles."""
+        waves = [each.waveform for each in self.recordings]
+        return sum(np.count_nonzero(w.used) * (1 if w.repeats else len(w.rows)) for w in waves)
 
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""

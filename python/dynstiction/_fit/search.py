@@ -69,7 +69,7 @@ HOPS, FARTHEST = 8, 0.5
 MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 STRIDE, MOST_STRIDES = 2.0, 12
-"""Distance from the best fit at which others begin, in standard errors, and their largest number."""
+"""Least distance from the best fit at which others begin, in standard errors, and their largest number."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
 CLOSE = 2.0
@@ -185,20 +185,15 @@ class Search:
             return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
-                if self._shoots():
+                if can_shoot(problem):
                     self._add_shot(problem, begin, FINELY)
                 else:
                     self._attempt(begin)
         return False
 
-    def _shoots(self) -> bool:
-        """Whether cycles are fitted by shooting: where many sticks make the cost smooth, derivatives by differences are better."""
-        smooth = self.problem.repeats and self.proposal is not None and self._is_smooth(self.proposal)
-        return can_shoot(self.problem) and not smooth
-
     def _beyond(self) -> None:
         """Fits from other starts, until one explains the trace, and at other misalignments."""
-        if self._shoots():
+        if can_shoot(self.problem):
             self._shoot()
             if self.found and self.problem.repeats:
                 self._along_the_angle()
@@ -442,26 +437,32 @@ class Search:
             )
 
     def _walk(self, problem: Problem) -> None:
-        """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled."""
-        p, side, worse = len(problem.names), 1.0, 0
-        near = self.found and (self._explains(problem) if problem.repeats else self._costs_noise(problem))
-        levels = FINELY[-1:] if problem.repeats else PATIENTLY
+        """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled.
+
+        Strides grow as long as they lead to lower costs.
+        """
+        p, stride, worse = len(problem.names), STRIDE, 0
+        alike, levels = problem.repeats, FINELY[-1:] if problem.repeats else PATIENTLY
+        near = self.found and (
+            self.best.cost < CLOSE * problem.noise if alike else self._costs_noise(problem)
+        )
         for _ in range(MOST_STRIDES if near else 0):
             if worse > 1:
                 break
             before = self.best
             root = problem.root(before.jacobian)[:p]
             sizes, axes = np.linalg.eigh(root @ root.T)
-            way = axes[:, -1] * math.copysign(
-                STRIDE * math.sqrt(sizes[-1]), axes[np.abs(axes[:, -1]).argmax(), -1]
-            )
+            way = axes[:, -1] * math.sqrt(sizes[-1])
+            way *= math.copysign(stride, stride * way[np.abs(way).argmax()])
             there = before.z.copy()
-            there[:p] += side * way * min(1.0, FARTHEST / np.abs(way).max())
+            there[:p] += way * min(1.0, FARTHEST / np.abs(way).max())
             self._add_shot(problem, there, levels)
-            if self.best.cost > before.cost - ALSO:
-                side, worse = -side, worse + 1
+            if self.best.cost < before.cost - ALSO:
+                stride, worse = 2.0 * stride, 0
+            elif abs(stride) > STRIDE:
+                stride = math.copysign(STRIDE, stride)
             else:
-                worse = 0
+                stride, worse = -stride, worse + 1
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:

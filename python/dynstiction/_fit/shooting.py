@@ -59,7 +59,7 @@ STARTS = 6
 """Rests of a run that are tried for a cycle which is explained badly; if patient, for each."""
 OPEN = 0.03
 """How far, relative to the swing, a cycle may end from where it began, but in the last fit."""
-MISSING = 0.25
+MISSING = 0.4
 """Largest share of the bins that are before the rest."""
 IN_PERIOD, IN_BIN, NARROW = 8.0, 4.0, 1.5
 """Samples in a period of the fast oscillation, and in a long bin; bins around the slip are narrower than so many of the narrowest."""
@@ -185,9 +185,7 @@ class _Shooting:
                         shots[i], states[i] = new, those[i]
                     step = np.linalg.lstsq(new.by_state, new.off, rcond=1e-9)[0]
                     gained = float(np.sum((new.by_state @ step) ** 2))
-                    least = new.cost if old is None else min(new.cost, old.cost)
-                    promises = gained > GAINED and new.cost - gained < least
-                    if promises if self.level.patient else new.cost < BETTER * before[i]:
+                    if gained > GAINED if self.level.patient else new.cost < BETTER * before[i]:
                         those[i, 1:] += step * units[i]
                         leading.append(i)
                     before[i] = new.cost

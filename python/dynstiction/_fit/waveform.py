@@ -30,6 +30,8 @@ CREEP_ENDS, LEAST_CREEP = 1.5, 5
 """The displacement is used up to this before a slip, in durations of the fall: the times of slips have errors; and up to so many edges."""
 ALIKE = 3e-3
 """True changes of the period from cycle to cycle, over the period, up to which cycles are alike: the errors of slip times are smaller."""
+SWING, FELL = (0.02, 0.98), 0.7
+"""Quantiles of the force between which it swings, and the share of the swing over which the duration of a fall is measured."""
 SHORT = 0.05
 """If cycles are not alike, windows are as long as the period that this share of them do not reach."""
 EXACT = 1e-4
@@ -163,7 +165,9 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
     periods = np.diff(slips)
     period = float(np.mean(periods))
     fall = _fall(time, force, slips, period)
-    repeats = _true_changes(periods)[1] <= (ALIKE * period) ** 2
+    # Not more than that of one sample: cycles that alternate look like slips whose times have errors.
+    timing = np.hypot(noise * fall / (FELL * np.ptp(np.quantile(force, SWING))), interval)
+    repeats = _true_changes(periods, timing)[1] <= (ALIKE * period) ** 2
     edges = _edges(period if repeats else float(np.quantile(periods, SHORT)), fall, interval)
     whole = whole_cycles(trace, slips, edges)
     if len(whole) < FEWEST:
@@ -186,7 +190,8 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
         way_noise = float(np.median(np.abs(np.diff(way, 2)))) / NORMAL_MEDIAN / np.sqrt(6.0)
         error = np.append(error, _error(ahead, way_noise, creep, interval, repeats))
         rows, used = np.hstack([rows, ahead]), np.append(used, np.full(creep.size - 1, True))
-    return Waveform(edges, whole, rows, error, used, period, _period_error(periods), fall, interval, repeats)
+    period_error = _period_error(periods, timing)
+    return Waveform(edges, whole, rows, error, used, period, period_error, fall, interval, repeats)
 
 
 def whole_cycles(trace: Trace, slips: _Floats, edges: _Floats) -> _Floats:
@@ -204,14 +209,15 @@ def _error(rows: _Floats, noise: float, edges: _Floats, interval: float, repeats
 
 
 def _fall(time: _Floats, force: _Floats, slips: _Floats, period: float) -> float:
-    """Mean time from 85 % to 15 % of the swing."""
-    low, high = np.quantile(force, [0.02, 0.98])
+    """Median time from 85 % to 15 % of the swing."""
+    low, high = np.quantile(force, SWING)
     lengths = []
     for slip in slips:
         begin = np.searchsorted(time, slip - 0.4 * period, side="right")
         near = slice(begin, np.searchsorted(time, slip + 0.4 * period))
         t, share = time[near], (force[near] - low) / (high - low)
-        before, after = t[(t <= slip) & (share > 0.85)], t[(t >= slip) & (share < 0.15)]
+        before = t[(t <= slip) & (share > 0.5 * (1.0 + FELL))]
+        after = t[(t >= slip) & (share < 0.5 * (1.0 - FELL))]
         if before.size and after.size:
             lengths.append(after[0] - before[-1])
     return float(np.median(lengths)) if lengths else 0.02 * period
@@ -234,20 +240,20 @@ def smoothed(variance: _Floats) -> _Floats:
     return np.convolve(np.pad(variance, SMOOTHED, mode="edge"), np.ones(width) / width, mode="valid")
 
 
-def _true_changes(periods: _Floats) -> tuple[float, float]:
-    """Variance of the error of a slip's time [s^2], and that of the true changes of the period.
+def _true_changes(periods: _Floats, most: float) -> tuple[float, float]:
+    """Variance of the error of a slip's time [s^2], which is at most so large [s], and that of the true changes of the period.
 
     The periods have the variance d^2 + 2 e^2 and the covariance -e^2 of neighbours, with e the error of a time.
     """
     n = periods.size
     off = periods - periods.mean()
     variance = float(off @ off) / max(n - 1, 1)
-    timing = max(0.0, -float(off[1:] @ off[:-1]) / max(n - 1, 1))
+    timing = min(max(0.0, -float(off[1:] @ off[:-1]) / max(n - 1, 1)), most**2)
     return timing, max(0.0, variance - 2.0 * timing)
 
 
-def _period_error(periods: _Floats) -> float:
+def _period_error(periods: _Floats, most: float) -> float:
     """Standard error of the mean period: errors of the times of slips cancel from cycle to cycle, true changes do not."""
     n = periods.size
-    timing, changes = _true_changes(periods)
+    timing, changes = _true_changes(periods, most)
     return max(float(np.sqrt((2.0 * timing + n * changes) / n**2)), 1e-7 * float(periods.mean()))
