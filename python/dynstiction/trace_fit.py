@@ -609,6 +609,7 @@ def problem_of(
         for one in (trace if isinstance(trace, Sequence) else [trace])
     ]
     scene.check()
+    _check_model(scene)
     chain = instance("chain", chain or Chain(), Chain, "give a dynstiction.Chain")
     if not any(names):
         raise UsageError(
@@ -636,6 +637,19 @@ def problem_of(
         fine, cycles = fine_enough(one)
         recordings.append(Recording(rig, chain, fine, cycles, waveform_of(fine, cycles, abs(velocity))))
     return Problem(names, begin, known, bounds, ties, tuple(recordings))
+
+
+def _check_model(scene: Scene) -> None:
+    """Refuse a scene without exact derivatives."""
+    model = scene.scene.model or "full"
+    if model not in ("full", "low_frequency"):
+        raise UsageError(
+            f"{scene.name}: scene.model = '{model}': only 'full' and 'low_frequency' can be fitted"
+        )
+    if model == "full" and scene.friction.contact == "smoothed":
+        raise UsageError(
+            f"{scene.name}: contact = 'smoothed': a fit needs exact derivatives: give contact = 'exact'"
+        )
 
 
 def _check_options(

@@ -19,7 +19,7 @@ from ._arguments import generator, names_in
 from ._fit.models import NoCycleError
 from ._fit.problem import Problem
 from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
-from ._fit.shooting import FINELY, can_shoot, shot
+from ._fit.shooting import FINELY, shot
 from ._fit.solve import Solution, has_failed
 from ._progress import progress_bar
 from .errors import Error, UsageError
@@ -200,7 +200,7 @@ def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution |
     rough: list[Solution] = []
     for place in places[:TRIED]:
         with suppress(NoCycleError):
-            rough.append(problem.reached(place, ROUGH))
+            rough.append(problem.improved(place, ROUGH))
     rough.sort(key=lambda each: each.cost)
     if not rough or rough[0].cost > FAR * _expected(problem, ROUGH[-1]):
         return rough[0] if rough else None
@@ -278,10 +278,6 @@ def creep_test(
     rig = Scene(scene)
     if (rig.scene.model or "full") != "full":
         raise UsageError("creep_test: rest is part of the model 'full': give a deck with it")
-    if rig.friction.contact == "smoothed":
-        raise UsageError(
-            "creep_test: there is no rest with contact 'smoothed': give a deck with contact 'exact'"
-        )
     names = tuple(name for name in names_in("free", free) if name != ANGLE)
     rig = rig.replace(
         friction={"mu_static": None, "ageing": None},
@@ -389,15 +385,12 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
     fits = []
     for name, problem, start in tried:
         with suppress(Error):
-            fits.append(_Fitted(name, problem, _refitted(problem, start)))
+            if problem.is_slow:
+                one = problem.improved(start, COARSE_OF_OWN[-3:])
+            else:
+                one = shot(problem, start, FINELY if problem.repeats else FINELY[1:])
+            fits.append(_Fitted(name, problem, one))
     return _compared(fits) if fits else ()
-
-
-def _refitted(problem: Problem, start: _Floats) -> Solution:
-    """The fit from a start that is near."""
-    if can_shoot(problem):
-        return shot(problem, start, FINELY if problem.repeats else FINELY[1:])
-    return problem.reached(start, COARSE_OF_OWN[-3:])
 
 
 def _changes(found: Fit) -> Iterator[tuple[str, str, float, dict[str, Any]]]:

@@ -16,6 +16,8 @@ from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
 from dynstiction._fit.models import NoCycleError
 from dynstiction._fit.problem import Problem
+from dynstiction._fit.waveform import waveform_of
+from dynstiction.trace_cycles import find_cycles
 from dynstiction.trace_fit import verdict
 from programs import INPUTS, Program
 
@@ -267,6 +269,25 @@ def test_a_drive_that_changes_is_refused(trace: ds.Trace) -> None:
     scene = DECK.replace(drive={"velocity": (1e-3, 2e-3), "time": (0.0, 1.0)})
     with pytest.raises(ds.UsageError, match="constant velocity"):
         ds.fit(scene, trace, "friction.mu_0")
+
+
+@pytest.mark.parametrize("change", [{"scene": {"model": "auto"}}, {"friction": {"contact": "smoothed", "v_smooth": 1e-6}}])
+def test_a_scene_without_derivatives_is_refused(trace: ds.Trace, change: dict[str, object]) -> None:
+    with pytest.raises(ds.UsageError, match=r"can be fitted|exact derivatives"):
+        ds.fit(DECK.replace(**change), trace, "friction.mu_0")
+
+
+def test_cycles_that_alternate_are_not_alike() -> None:
+    """Errors of the times of slips look like that, but no time has an error of so many samples."""
+    draw = np.random.default_rng(4)
+    for change, repeats in ((0.0, True), (0.01, False)):
+        lengths = 0.5 * (1.0 + change * (-1.0) ** np.arange(42))
+        time = np.arange(0.0, 20.0, 1e-3)
+        since = time - np.cumsum(np.append(0.0, lengths))[np.searchsorted(np.cumsum(lengths), time)]
+        force = np.minimum(3.0 + since, 3.5 - 12.0 * (since - 0.46)) + 1e-3 * draw.standard_normal(time.size)
+        trace = ds.Trace(time, force)
+        cycles = find_cycles(trace)
+        assert waveform_of(trace, cycles, 1e-3).repeats == repeats
 
 
 def test_constant_friction_has_no_start(trace: ds.Trace) -> None:

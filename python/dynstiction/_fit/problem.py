@@ -48,14 +48,6 @@ BAD = 0.3
 """Mean square of the residuals with the first added error above which a search is given up: it leads nowhere."""
 
 
-class LeadsNowhereError(NoCycleError):
-    """A search has ended far from the traces, at `found`."""
-
-    def __init__(self, found: Solution) -> None:
-        super().__init__("no search from any start comes near the trace")
-        self.found = found
-
-
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One trace of a fit.
@@ -414,21 +406,14 @@ class Problem:
         return STEP if self.is_slow else OWN_STEP
 
     def improved(self, start: _Floats, levels: Sequence[float]) -> Solution:
-        """Several fits, one after another, with errors that shrink to those of the traces."""
+        """Several fits, one after another, with errors that shrink to those of the traces; the first alone if it ends far from these."""
         z = start
         for coarse in levels[:-1]:
             found = least_squares_of(self, z, coarse, last=False)
-            if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
-                raise LeadsNowhereError(found)
             z = found.z
+            if coarse == levels[0] and found.cost > BAD * found.jacobian.shape[0]:
+                return self.at(z, levels[-1])
         return least_squares_of(self, z, levels[-1])
-
-    def reached(self, start: _Floats, levels: Sequence[float]) -> Solution:
-        """The same, also if it ends far from the traces."""
-        try:
-            return self.improved(start, levels)
-        except LeadsNowhereError as error:
-            return self.at(error.found.z, levels[-1])
 
     def at(self, z: _Floats, coarse: float = 0.0, step: float | None = None) -> Solution:
         """Cost and Jacobian at coordinates."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
-from .problem import VELOCITY, LeadsNowhereError, Problem, Recording
-from .shooting import COARSELY, FINELY, PATIENTLY, Level, can_shoot, cost_at, delayed, shot
+from .problem import VELOCITY, Problem, Recording
+from .shooting import COARSELY, FINELY, PATIENTLY, Level, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
 _Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ FACTORS = (
 )
 """Misalignment and v_f that are held on the way to a start, over those that are given."""
 NEAR = 100.0
-"""Misfit below which a fit begins with the errors of the trace."""
+"""Misfit below which a start is near the traces."""
 SMOOTH = 30.0
 """Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
@@ -56,8 +56,6 @@ ALSO = 3.84
 CLEARLY = 3.0
 """Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
 RANDOM_STARTS = 6
-MOST_RUNS = 700
-"""Runs of the scene's model after which no further random start is completed."""
 TRIED, COMPLETED = 40, 8
 """Random starts of the scene's own model that are tried, and the largest number that is completed."""
 SHOTS = 40
@@ -146,7 +144,6 @@ class Search:
         self.found: list[Solution] = []
         self.faults: list[NoCycleError] = []
         """Why starts were not completed."""
-        self._levels_at: dict[bytes, tuple[float, ...]] = {}
 
     @property
     def best(self) -> Solution:
@@ -157,7 +154,7 @@ class Search:
         """All fits, those from starts that are not near the traces only if it is sought far."""
         if not self._near():
             if far:
-                self._beyond()
+                self._shoot()
             elif not self.found:
                 self._stay()
         if self.found and self.best.left is not None:
@@ -173,7 +170,6 @@ class Search:
         if self.slow is None:
             for start in self._slow_starts(problem):
                 self._attempt(start)
-            self._add_nearest()
             return True
         self._propose(self.slow)
         self.show(0.2)
@@ -185,35 +181,8 @@ class Search:
             return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
-                if can_shoot(problem):
-                    self._add_shot(problem, begin, FINELY)
-                else:
-                    self._attempt(begin)
+                self._add_shot(problem, begin, FINELY)
         return False
-
-    def _beyond(self) -> None:
-        """Fits from other starts, until one explains the trace, and at other misalignments."""
-        if can_shoot(self.problem):
-            self._shoot()
-            if self.found and self.problem.repeats:
-                self._along_the_angle()
-            return
-        if not self.problem.repeats:
-            self._stay()
-            return
-        if self.proposal is not None and not self._explains() and not self._is_near(self.proposal):
-            self._attempt(self.proposal)
-        if not self._explains():
-            for i, start in enumerate(self._own_starts()):
-                if self.found and len(self.problem.runs) > MOST_RUNS:
-                    break
-                self.show(0.4 + 0.4 * i / COMPLETED)
-                self._attempt(start)
-                if self._explains():
-                    break
-        self._add_nearest()
-        if self.found:
-            self._along_the_angle()
 
     def _stay(self) -> None:
         """The slow model's fit as it is, if the scene's own model has stick-slip there."""
@@ -233,29 +202,14 @@ class Search:
     def _attempt(self, start: _Floats) -> None:
         """A fit from one start, or why there is none."""
         try:
-            self.found.append(self.problem.improved(start, self._levels(start)))
+            self.found.append(self.problem.improved(start, COARSE_OF_OWN))
         except NoCycleError as error:
             self.faults.append(error)
 
-    def _add_nearest(self) -> None:
-        """If no search was completed, the one that came nearest."""
-        far = [each.found for each in self.faults if isinstance(each, LeadsNowhereError)]
-        if far and not self.found:
-            self.found.append(self.problem.at(min(far, key=lambda each: each.cost).z))
-
-    def _levels(self, start: _Floats) -> tuple[float, ...]:
-        """Errors that are added in turn: fewer near the traces."""
-        key = start.tobytes()
-        if key not in self._levels_at:
-            misfit = math.inf
-            with suppress(Error):
-                misfit = self.problem.misfit(start)[0]
-            last = 1 if misfit < NEAR else 3 if misfit < NEAR**2 else len(COARSE_OF_OWN)
-            self._levels_at[key] = COARSE_OF_OWN[-last:]
-        return self._levels_at[key]
-
     def _is_near(self, start: _Floats) -> bool:
-        return len(self._levels(start)) == 1
+        with suppress(Error):
+            return self.problem.misfit(start)[0] < NEAR
+        return False
 
     def _explains(self, problem: Problem | None = None) -> bool:
         problem = problem or self.problem
@@ -369,7 +323,7 @@ class Search:
         starts = slow.cheapest([slow.place({**each, **hold}) for each in near], COARSE[0])
         for start in starts[: self.starts]:
             try:
-                z = slow.reached(start, COARSE).z
+                z = slow.improved(start, COARSE).z
             except NoCycleError:
                 continue
             yield z
@@ -378,7 +332,7 @@ class Search:
             return
 
     def _shoot(self) -> None:
-        """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
+        """Fits by shooting from the best starts, then from near the best fit, until one explains the traces, and at other misalignments."""
         few = self.problem.of_few_cycles()
         approach = self._approach(few)
         if few.repeats:
@@ -408,6 +362,8 @@ class Search:
             self._walk(self.problem)
             if not self.found:
                 self.problem, self.found = few, found
+        elif self.found:
+            self._along_the_angle()
 
     def _again(self, problem: Problem) -> None:
         """The best fit once more, from other rests, until that does not matter."""
@@ -480,8 +436,7 @@ class Search:
             return
         if problem.misfit(first.z, first.left)[1] < MISFIT:
             return
-        i, shoots = problem.names.index(ANGLE), can_shoot(problem)
-        least = first
+        i, least = problem.names.index(ANGLE), first
         for side in (1.0, -1.0):
             z, above = first.z.copy(), 0
             z[i] = max(z[i], math.log(LEAST_ANGLE))
@@ -492,7 +447,7 @@ class Search:
                     break
                 held = problem.holding({ANGLE: math.copysign(angle, problem.begin[i])})
                 try:
-                    one = shot(held, z, FINELY) if shoots else held.improved(z, self._levels(z))
+                    one = shot(held, z, FINELY)
                 except NoCycleError:
                     above += 1
                     continue
@@ -504,7 +459,5 @@ class Search:
                 self.found.append(one)
                 least = min(least, one, key=lambda each: each.cost)
                 above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
-        if least is not first and shoots:
+        if least is not first:
             self._add_shot(problem, least.z, FINELY)
-        elif least is not first:
-            self.found.append(least_squares_of(problem, least.z, 0.0))

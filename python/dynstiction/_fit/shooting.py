@@ -90,14 +90,6 @@ class _Shot(NamedTuple):
         return float(self.off @ self.off) + self.missing
 
 
-def can_shoot(problem: Problem) -> bool:
-    """Whether the scenes have derivatives, and each free parameter is one of them."""
-    scene = problem.recordings[0].scene
-    return (
-        problem.model == "full" and scene.friction.contact != "smoothed" and scene.integrator.method != "rk4"
-    )
-
-
 class _Shooting:
     """Shots of all cycles of all traces at one level."""
 
