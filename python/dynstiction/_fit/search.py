@@ -175,10 +175,11 @@ class Search:
         self.show(0.2)
         if not problem.repeats:
             return False
-        if self.proposal is not None and self.slow.heard == problem.names:
+        # Where there are few sticks in a cycle, such fits end beside the least cost, and shots are needed anyway.
+        if self.proposal is not None and self.slow.heard == problem.names and self._is_smooth(self.proposal):
             self.found += self._guided(self.slow, self.proposal)
-        if self._explains() and self._is_smooth(self.best.z):
-            return True
+            if self._explains():
+                return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
                 self._add_shot(problem, begin, FINELY)
