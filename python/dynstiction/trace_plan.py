@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ._arguments import number
 from ._fit.models import steady_velocity
 from ._fit.problem import Problem
+from ._fit.shooting import shot_at
 from ._run import run_sampled
 from .errors import UsageError
 from .scene import DeckLike, Scene
@@ -106,7 +107,8 @@ def _simulated(scene: Scene, duration: float, interval: float) -> Trace:
 def _information(problem: Problem) -> _Floats:
     """Information of a trace about the logarithms of the parameters, whatever the delay of its slips."""
     p = len(problem.names)
-    here = problem.at(problem.place({}))
+    begin = problem.place({})
+    here = problem.at(begin) if problem.is_slow else shot_at(problem, begin)
     matrix = here.jacobian.T @ here.jacobian
     own = matrix[:p, :p] - matrix[:p, p:] @ np.linalg.pinv(matrix[p:, p:]) @ matrix[p:, :p]
     back = np.linalg.inv(problem.slopes(here.z[:p]))

@@ -309,6 +309,20 @@ def shot(problem: Problem, start: _Floats, levels: Sequence[Level]) -> Solution:
     for level in levels:
         shooting = _Shooting(problem, level)
         z, states, shots = shooting.fitted(z, None if level.width else states)
+    return _solution(shooting, z, shots)
+
+
+def shot_at(problem: Problem, z: _Floats) -> Solution:
+    """Cost and Jacobian at coordinates, with the states that explain the cycles best."""
+    shooting = _Shooting(problem, FINELY[-1])
+    states, shots = shooting.settled(z, None)
+    shooting.complete(z, states, shots)
+    return _solution(shooting, z, shots)
+
+
+def _solution(shooting: _Shooting, z: _Floats, shots: Sequence[_Shot | None]) -> Solution:
+    """Cost and Jacobian of shots of all cycles."""
+    problem = shooting.problem
     p = len(problem.names)
     parts, lefts, counts = [], [], _costs(shots) <= shooting.most(shots)
     for k, record in enumerate(problem.recordings):
