@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
-from dynstiction._fit.models import NoCycleError
+from dynstiction._fit.models import NoCycleError, _rests
 from dynstiction._fit.problem import Problem
 from dynstiction._fit.waveform import waveform_of
 from dynstiction.trace_cycles import find_cycles
@@ -288,6 +288,14 @@ def test_cycles_that_alternate_are_not_alike() -> None:
         trace = ds.Trace(time, force)
         cycles = find_cycles(trace)
         assert waveform_of(trace, cycles, 1e-3).repeats == repeats
+
+
+def test_a_cycle_begins_in_the_nearest_rest() -> None:
+    """The longest one soon after its window begins, else the nearest, before or after it."""
+    time = np.arange(100.0)
+    sticking = np.isin(time, [*range(10, 15), *range(30, 33), *range(34, 41), *range(80, 85)])
+    at = _rests(time, sticking, np.array([29.0, 16.0, 68.0]), 10.0)
+    assert at.tolist() == [36, 12, 82]
 
 
 def test_constant_friction_has_no_start(trace: ds.Trace) -> None:

@@ -221,7 +221,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
 
 
 def _rests(time: _Floats, sticking: NDArray[np.bool_], times: _Floats, soon: float) -> NDArray[np.intp]:
-    """Samples in the middle of the longest rests that are soon after these times; where there is none, at the beginning of the next one."""
+    """Samples in the middle of the longest rests that are soon after these times; where there is none, in that of the nearest one."""
     changes = np.diff(sticking.astype(int), prepend=0, append=0)
     first, last = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
     found = []
@@ -231,7 +231,8 @@ def _rests(time: _Floats, sticking: NDArray[np.bool_], times: _Floats, soon: flo
         if first.size and end[k] >= begin[k]:
             found.append((begin[k] + end[k]) // 2)
         else:
-            found.append(np.append(first[first > high], time.size - 1)[0])
+            middles = np.append((first + last) // 2, time.size - 1)
+            found.append(middles[np.argmin(np.abs(middles - low))])
     return np.array(found, dtype=np.intp)
 
 

@@ -337,9 +337,10 @@ class Search:
         few = self.problem.of_few_cycles()
         approach = self._approach(few)
         if few.repeats:
-            # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least.
+            # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least, unless it is near the start.
+            starts = [] if self._explains() else [next(approach), *self._own_starts(3 * SHOTS, SHOTS)]
             rough = []
-            for start in [next(approach), *self._own_starts(3 * SHOTS, SHOTS)]:
+            for start in starts:
                 with suppress(NoCycleError):
                     rough.append(shot(few, start, COARSELY))
             for each in sorted(rough, key=lambda each: each.cost)[:COMPLETED]:

@@ -55,7 +55,7 @@ NEWTON, BETTER, GAINED = 4, 0.9, 1.0
 cost that it promises above which it is made whatever the last one did."""
 FRESH = 2
 """Largest number of times that better rests are sought in a run when a fit has ended, if patient."""
-STARTS = 6
+STARTS = 4
 """Rests of a run that are tried for a cycle which is explained badly; if patient, for each."""
 OPEN = 0.03
 """How far, relative to the swing, a cycle may end from where it began, but in the last fit."""
