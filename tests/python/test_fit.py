@@ -16,6 +16,7 @@ from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
 from dynstiction._fit.models import NoCycleError, _rests
 from dynstiction._fit.problem import Problem
+from dynstiction._fit.solve import Solution
 from dynstiction._fit.waveform import waveform_of
 from dynstiction.trace_cycles import find_cycles
 from dynstiction.trace_fit import verdict
@@ -288,6 +289,18 @@ def test_cycles_that_alternate_are_not_alike() -> None:
         trace = ds.Trace(time, force)
         cycles = find_cycles(trace)
         assert waveform_of(trace, cycles, 1e-3).repeats == repeats
+
+
+def test_one_minimum_is_completed_once() -> None:
+    """Of coarse fits that differ only in what is badly known, the best is kept; another minimum is not crowded out."""
+    problem = SimpleNamespace(root=np.diag)
+    errors = np.array([2.0, 0.01])
+    starts = [([0.0, 0.0], 3.0), ([-4.0, 0.01], 1.0), ([-5.0, 0.02], 2.0), ([0.1, 0.0], 3.5)]
+    found = [Solution(np.array(z), cost, errors) for z, cost in starts]
+    kept = search._apart(problem, found)
+    assert [each.cost for each in kept] == [1.0]
+    found[0] = Solution(np.array([0.0, 0.35]), 3.0, errors)
+    assert [each.cost for each in search._apart(problem, found)] == [1.0, 3.0]
 
 
 def test_a_cycle_begins_in_the_nearest_rest() -> None:

@@ -60,6 +60,8 @@ TRIED, COMPLETED = 40, 8
 """Random starts of the scene's own model that are tried, and the largest number that is completed."""
 SHOTS = 40
 """The number that is shot at first, of three times as many."""
+APART = 3.0
+"""Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
 SECANT = 0.03
 """Change of a coordinate for a derivative of noisy residuals."""
 HOPS, FARTHEST = 8, 0.5
@@ -120,6 +122,17 @@ def glances(recording: Recording) -> Iterator[Mapping[str, float]]:
                 "friction.mu_inf": max(peak - half * (1.0 + LAG * share), 0.1 * peak) / load,
                 "friction.v_f": share * fastest,
             }
+
+
+def _apart(problem: Problem, found: Sequence[Solution]) -> list[Solution]:
+    """Fits in the order of their cost, without those whose coordinates are all within a few errors of those of a better one."""
+    apart: list[Solution] = []
+    ends: list[_Floats] = []
+    for each in sorted(found, key=lambda each: each.cost):
+        if all(np.any(np.abs(each.z - other.z) > end) for other, end in zip(apart, ends, strict=True)):
+            apart.append(each)
+            ends.append(APART * np.linalg.norm(problem.root(each.jacobian), axis=1))
+    return apart
 
 
 class Search:
@@ -343,7 +356,7 @@ class Search:
             for start in starts:
                 with suppress(NoCycleError):
                     rough.append(shot(few, start, COARSELY))
-            for each in sorted(rough, key=lambda each: each.cost)[:COMPLETED]:
+            for each in _apart(few, rough)[:COMPLETED]:
                 self._add_shot(few, each.z, FINELY)
         else:
             for i, start in enumerate(approach):
