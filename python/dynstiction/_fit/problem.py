@@ -237,7 +237,7 @@ class Problem:
     def noise(self) -> int:
         """What noise costs: the number of bins of the mean, or, if each cycle is explained by itself, of all cycles."""
         waves = [each.waveform for each in self.recordings]
-        return sum(np.count_nonzero(w.used) * (1 if w.repeats else len(w.rows)) for w in waves)
+        return sum(int(np.count_nonzero(w.used)) * (1 if w.repeats else len(w.rows)) for w in waves)
 
     def of_slow_model(self) -> Problem:
         """The same for the slow model."""
