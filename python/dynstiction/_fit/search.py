@@ -413,7 +413,7 @@ class Search:
         Strides grow as long as they lead to lower costs.
         """
         p, stride, worse = len(problem.names), STRIDE, 0
-        alike, levels = problem.repeats, FINELY[-1:] if problem.repeats else PATIENTLY
+        alike, levels = problem.repeats, FINELY[1:] if problem.repeats else PATIENTLY
         near = self.found and (
             self.best.cost < CLOSE * problem.noise if alike else self._costs_noise(problem)
         )
