@@ -648,7 +648,7 @@ def _check_model(scene: Scene) -> None:
         )
     if model == "full" and scene.friction.contact == "smoothed":
         raise UsageError(
-            f"{scene.name}: contact = 'smoothed': a fit needs exact derivatives: give contact = 'exact'"
+            f"{scene.name}: contact = 'smoothed': a fit needs exact derivatives: give a deck with contact 'exact'"
         )
 
 

@@ -56,10 +56,8 @@ ALSO = 3.84
 CLEARLY = 3.0
 """Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
 RANDOM_STARTS = 6
-TRIED, COMPLETED = 40, 8
-"""Random starts of the scene's own model that are tried, and the largest number that is completed."""
-SHOTS = 40
-"""The number that is shot at first, of three times as many."""
+SHOTS, COMPLETED = 40, 8
+"""Random starts that are shot at first, of three times as many, and the largest number that is completed."""
 APART = 3.0
 """Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
 SECANT = 0.03
@@ -73,7 +71,7 @@ STRIDE, MOST_STRIDES = 2.0, 12
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
 CLOSE = 2.0
-"""Cost, over what noise costs, below which a fit is improved patiently."""
+"""Cost, over what noise costs, below which a fit is improved patiently, or, of cycles that are alike, others are begun beside it."""
 OFTEN = 0.3
 """Probability of a misfit by chance above which no other minimum of a rugged cost is sought."""
 SPREAD_OF_COST = 3.0
@@ -191,10 +189,11 @@ class Search:
         # Where there are few sticks in a cycle, such fits end beside the least cost, and shots are needed anyway.
         if self.proposal is not None and self.slow.heard == problem.names and self._is_smooth(self.proposal):
             self.found += self._guided(self.slow, self.proposal)
-            if self._explains():
+            chance = self._chance(problem)
+            if USUAL <= chance < OFTEN:
                 # With the derivatives of another model a fit ends near the minimum, but not always at it.
-                if problem.misfit(self.best.z)[1] < OFTEN:
-                    self._add_shot(problem, self.best.z, FINELY[1:])
+                self._add_shot(problem, self.best.z, FINELY[1:])
+            if chance >= USUAL:
                 return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
@@ -233,11 +232,14 @@ class Search:
         if not self.found:
             return False
         if problem.repeats:
-            with suppress(Error):
-                least = USUAL if self.best.left is None else OFTEN
-                return problem.misfit(self.best.z, self.best.left)[1] >= least
-            return False
-        return self._costs_noise(problem) and problem.misfit(self.best.z, self.best.left)[1] >= MISFIT
+            return self._chance(problem) >= (USUAL if self.best.left is None else OFTEN)
+        return self._costs_noise(problem) and self._chance(problem) >= MISFIT
+
+    def _chance(self, problem: Problem) -> float:
+        """Probability by chance of the misfit of the best fit; 0 if there is none, or no run there."""
+        with suppress(Error):
+            return problem.misfit(self.best.z, self.best.left)[1] if self.found else 0.0
+        return 0.0
 
     def _costs_noise(self, problem: Problem) -> bool:
         """Whether the best fit to cycles that are not alike costs no more than what noise does."""
@@ -268,19 +270,19 @@ class Search:
             near.append(start)
         return slow.cheapest(near, COARSE[0])[: self.starts]
 
-    def _own_starts(self, tried: int = TRIED, best: int = COMPLETED) -> list[_Floats]:
+    def _own_starts(self) -> list[_Floats]:
         """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
         p = len(self.problem.names)
         near = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
         others = [self.problem.place(each) for each in glances(self.problem.recordings[0])]
         starts = [self.given]
-        for i in range(tried):
+        for i in range(3 * SHOTS):
             middle = (self.given, self.proposal, others[int(self.random.integers(len(others)))])[i % 3]
             middle = self.given if middle is None else middle
             start = middle.copy()
             start[:p] += (SPREAD if middle is self.given else near) * self.random.uniform(-1.0, 1.0, p)
             starts.append(start)
-        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:best]
+        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:SHOTS]
 
     def _guided(self, slow: Problem, z: _Floats) -> list[Solution]:
         """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
@@ -354,7 +356,7 @@ class Search:
         approach = self._approach(few)
         if few.repeats:
             # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least, unless it is near the start.
-            starts = [] if self._explains() else [next(approach), *self._own_starts(3 * SHOTS, SHOTS)]
+            starts = [] if self._explains() else [next(approach), *self._own_starts()]
             rough = []
             for start in starts:
                 with suppress(NoCycleError):
