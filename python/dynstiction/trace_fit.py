@@ -39,6 +39,8 @@ HUGE = 300.0
 """Logarithm above which the end of an interval is infinite."""
 BY_CHANCE, MEANS = 1e-3, 7
 """Probability with which one of the means over the cycles of a right deck is told to differ, and their number."""
+TWO_SIDED = 1.96
+"""Errors to each side that hold 95 %: of an interval that contains several fits, the standard error is as much smaller."""
 SEEN = 0.3
 """Least share of a parameter in a direction, relative to the largest, for which it is named."""
 LAW_STEP = 0.01
@@ -47,8 +49,8 @@ LARGE_FRICTION = 2.0
 """Coefficient of friction above which there is a note."""
 HANGING = 3.0
 """Change of a parameter by another law, in standard errors, above which there is a note."""
-LINKED = 0.999
-"""Correlation of two parameters above which there is a note."""
+LINKED, WITH_THEM = 0.999, 0.99
+"""Correlations of two parameters above which there is a note, and of a further one with those above which the note names it, too."""
 RELATED, SURELY = 0.5, 3.5
 """Correlation of one cycle with the next above which they change slowly, and its least significance."""
 BAR = "fit: {percentage:3.0f}%|{bar}| {elapsed}"
@@ -457,12 +459,15 @@ def _told(
         notes += record.cycles.notes
     for note in notes:
         warnings.warn(note, FitWarning, stacklevel=3)
+    middles, errors = np.moveaxis(np.array([[z, error], *sets]), 1, 0)
+    reach = TWO_SIDED * errors
+    whole_error = np.ptp([middles - reach, middles + reach], axis=(0, 1)) / (2.0 * TWO_SIDED)
     scales = np.where(np.isfinite(problem.scales), problem.scales, np.abs(list(values.values())))
     parameters = {
         name: FittedParameter(
             name,
             values[name] if told[i] else math.nan,
-            float(scales[i] * error[i]) if told[i] else math.inf,
+            float(scales[i] * whole_error[i]) if told[i] else math.inf,
             unit_of(name),
             bool(told[i]),
             float(scales[i] * law_error[i]),
@@ -576,9 +581,12 @@ def _flat(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) 
 def _linked(names: Sequence[str], inverse: NDArray[Any], told: NDArray[np.bool_]) -> Iterator[str]:
     """A note on parameters of which a trace shows little more than a product: speed, stiffness and mass, for example."""
     scale = np.sqrt(np.diag(inverse))
-    close = np.abs(inverse / np.outer(scale, scale)) > LINKED
-    np.fill_diagonal(close, val=False)
-    linked = [name for name, row, is_told in zip(names, close, told, strict=True) if is_told and row.any()]
+    related = np.abs(inverse / np.outer(scale, scale)) * np.outer(told, told)
+    np.fill_diagonal(related, 0.0)
+    close = np.any(related > LINKED, axis=0)
+    for _ in names:
+        close |= np.any(related[:, close] > WITH_THEM, axis=1)
+    linked = [name for name, is_close in zip(names, close, strict=True) if is_close]
     if linked:
         yield (
             f"the trace hardly distinguishes {', '.join(linked)}: a common change of them changes next to nothing that is measured: fix "

@@ -68,6 +68,8 @@ MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 STRIDE, MOST_STRIDES = 2.0, 12
 """Least distance from the best fit at which others begin, in standard errors, and their largest number."""
+AHEAD = 0.25
+"""Share of such a stride that a fit keeps if it leads on."""
 AGAIN, GAIN = 4, 0.99
 """Largest number of times that the best fit begins again, and its cost over that before above which it does not."""
 CLOSE = 2.0
@@ -189,11 +191,11 @@ class Search:
         # Where there are few sticks in a cycle, such fits end beside the least cost, and shots are needed anyway.
         if self.proposal is not None and self.slow.heard == problem.names and self._is_smooth(self.proposal):
             self.found += self._guided(self.slow, self.proposal)
-            chance = self._chance(problem)
-            if USUAL <= chance < OFTEN:
+            if self.found and self._chance(problem) < OFTEN:
                 # With the derivatives of another model a fit ends near the minimum, but not always at it.
                 self._add_shot(problem, self.best.z, FINELY[1:])
-            if chance >= USUAL:
+                self._walk(problem)
+            if self.found and (self._chance(problem) >= USUAL or self._is_near(self.best.z)):
                 return True
         for begin in (self.given, self.proposal):
             if begin is not None and not self._explains() and self._is_near(begin):
@@ -269,6 +271,11 @@ class Search:
             start[:p] += self.random.uniform(-SPREAD, SPREAD, p)
             near.append(start)
         return slow.cheapest(near, COARSE[0])[: self.starts]
+
+    def _rough_starts(self, approach: Iterator[_Floats]) -> Iterator[_Floats]:
+        """Where the slow model leads, then random starts."""
+        yield next(approach)
+        yield from self._own_starts()
 
     def _own_starts(self) -> list[_Floats]:
         """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
@@ -353,15 +360,20 @@ class Search:
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces, and at other misalignments."""
         few = self.problem.of_few_cycles()
-        approach = self._approach(few)
+        approach, near, promising = self._approach(few), NEARLY * few.noise, True
         if few.repeats:
-            # The cost of one mean cycle is rugged: the first minimum that explains it need not be the least, unless it is near the start.
-            starts = [] if self._explains() else [next(approach), *self._own_starts()]
-            rough = []
-            for start in starts:
+            # Where the cost of one mean cycle is rugged, the first minimum that explains it need not be the least, unless it is near the start.
+            rough: list[Solution] = []
+            for start in () if self._explains() else self._rough_starts(approach):
                 with suppress(NoCycleError):
                     rough.append(shot(few, start, COARSELY))
-            for each in _apart(few, rough)[:COMPLETED]:
+                    if rough[-1].cost < near and self._is_smooth(rough[-1].z):
+                        self._add_shot(few, rough[-1].z, FINELY)
+                if self._explains():
+                    rough = []
+                    break
+            promising = not rough or min(each.cost for each in rough) < near
+            for each in _apart(few, rough)[: COMPLETED if promising else 1]:
                 self._add_shot(few, each.z, FINELY)
         else:
             for i, start in enumerate(approach):
@@ -370,7 +382,7 @@ class Search:
                 self._again(few)
                 if self._explains(few) or len(few.runs) > MOST_SHOTS:
                     break
-        self._hop(few, HOPS, 0.4)
+        self._hop(few, HOPS if promising else 0, 0.4)
         self._again(few)
         self._walk(few)
         if self.found and few is not self.problem:
@@ -413,32 +425,34 @@ class Search:
             )
 
     def _walk(self, problem: Problem) -> None:
-        """Fits from both sides of the best one, along what the traces determine least, until neither is better: the cost is rippled.
+        """Fits to both sides of the best one, along what the traces determine least, as far as values explain them as well: the cost is rippled.
 
-        Strides grow as long as they lead to lower costs.
+        Where each cycle is explained by itself, a fit is dear: as far as each is better than the last. Strides grow while they lead on.
         """
-        p, stride, worse = len(problem.names), STRIDE, 0
-        alike, levels = problem.repeats, FINELY[1:] if problem.repeats else PATIENTLY
+        p, alike = len(problem.names), problem.repeats
+        levels, excess = (FINELY[1:], ALSO) if alike else (PATIENTLY, -ALSO)
         near = self.found and (
             self.best.cost < CLOSE * problem.noise if alike else self._costs_noise(problem)
         )
-        for _ in range(MOST_STRIDES if near else 0):
-            if worse > 1:
-                break
-            before = self.best
-            root = problem.root(before.jacobian)[:p]
-            sizes, axes = np.linalg.eigh(root @ root.T)
-            way = axes[:, -1] * math.sqrt(sizes[-1])
-            way *= math.copysign(stride, stride * way[np.abs(way).argmax()])
-            there = before.z.copy()
-            there[:p] += way * min(1.0, FARTHEST / np.abs(way).max())
-            self._add_shot(problem, there, levels)
-            if self.best.cost < before.cost - ALSO:
-                stride, worse = 2.0 * stride, 0
-            elif abs(stride) > STRIDE:
-                stride = math.copysign(STRIDE, stride)
-            else:
-                stride, worse = -stride, worse + 1
+        for side in (STRIDE, -STRIDE) if near else ():
+            last, stride, stays = self.best, side, 0
+            for _ in range(MOST_STRIDES):
+                root = problem.root(last.jacobian)[:p]
+                sizes, axes = np.linalg.eigh(root @ root.T)
+                way = axes[:, -1] * math.sqrt(sizes[-1])
+                way *= math.copysign(stride, stride * way[np.abs(way).argmax()])
+                way *= min(1.0, FARTHEST / np.abs(way).max())
+                there, least, count = last.z.copy(), self.best.cost, len(self.found)
+                there[:p] += way
+                self._add_shot(problem, there, levels)
+                new = self.found[-1]
+                as_well = len(self.found) > count and new.cost < least + excess
+                if as_well and (new.z - last.z)[:p] @ way > AHEAD * (way @ way):
+                    last, stride, stays = new, 2.0 * stride, 0
+                    continue
+                if (stays := stays + 1) > 1:
+                    break
+                stride = 2.0 * side if stride == side else side
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
         try:
