@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
-from dynstiction._fit.models import NoCycleError, _rests
+from dynstiction._fit.models import NoCycleError, _rests, full_cycles
 from dynstiction._fit.problem import Problem
 from dynstiction._fit.solve import Solution
 from dynstiction._fit.waveform import waveform_of
@@ -361,6 +361,15 @@ def test_speed_and_lengths_are_not_told_apart(trace: ds.Trace) -> None:
     low, high = found.interval("drive.velocity")
     assert low < 1e-3 < high
     assert high - low > 1e-4
+
+
+def test_a_motion_settles_to_the_same_cycle_by_the_map_and_by_steps(trace: ds.Trace) -> None:
+    wave = waveform_of(trace, find_cycles(trace), 1e-3)
+    scenes = (RIG.replace(integrator={"cycle_map": choice}) for choice in ("auto", "off"))
+    mapped, stepped = (full_cycles(scene, wave, 0.0, ds.Chain(), patient=True) for scene in scenes)
+    until = ds.run(RIG, scene={"settle": 1e-8, "t_end": 100.0}, output={"interval": 100.0})
+    assert mapped.period == pytest.approx(until.summary["period"], rel=1e-6)
+    np.testing.assert_allclose(mapped.rows, stepped.rows, atol=1e-5 * wave.swing)
 
 
 def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
-from .problem import VELOCITY, Problem, Recording
+from .problem import PRIOR, VELOCITY, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of
 
@@ -75,7 +75,7 @@ AGAIN, GAIN = 4, 0.99
 CLOSE = 2.0
 """Cost, over what noise costs, below which a fit is improved patiently, or, of cycles that are alike, others are begun beside it."""
 OFTEN = 0.3
-"""Probability of a misfit by chance above which no other minimum of a rugged cost is sought."""
+"""Probability of a misfit by chance above which a guided fit needs no shot of its own."""
 SPREAD_OF_COST = 3.0
 """Excess of the cost of cycles that are not alike, in its standard deviations, up to which it is what noise explains."""
 NEAR_SLOW, WIDE = 0.2, 1.4
@@ -234,7 +234,7 @@ class Search:
         if not self.found:
             return False
         if problem.repeats:
-            return self._chance(problem) >= (USUAL if self.best.left is None else OFTEN)
+            return self._chance(problem) >= USUAL
         return self._costs_noise(problem) and self._chance(problem) >= MISFIT
 
     def _chance(self, problem: Problem) -> float:
@@ -434,6 +434,7 @@ class Search:
         near = self.found and (
             self.best.cost < CLOSE * problem.noise if alike else self._costs_noise(problem)
         )
+        begin = self.best.z if near else self.given
         for side in (STRIDE, -STRIDE) if near else ():
             last, stride, stays = self.best, side, 0
             for _ in range(MOST_STRIDES):
@@ -444,6 +445,9 @@ class Search:
                 way *= min(1.0, FARTHEST / np.abs(way).max())
                 there, least, count = last.z.copy(), self.best.cost, len(self.found)
                 there[:p] += way
+                if np.abs(there - begin)[:p].max() > PRIOR:
+                    # What a trace does not determine.
+                    break
                 self._add_shot(problem, there, levels)
                 new = self.found[-1]
                 as_well = len(self.found) > count and new.cost < least + excess
