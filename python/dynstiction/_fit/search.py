@@ -15,7 +15,7 @@ from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import PRIOR, VELOCITY, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, cost_at, delayed, shot
-from .solve import Solution, has_failed, least_squares_of
+from .solve import Solution, has_failed, least_squares_of, spread
 
 _Floats = NDArray[np.float64]
 
@@ -31,8 +31,8 @@ USUAL = 0.05
 CORRECTIONS, CORRECTED = 6, 0.1
 """Largest number of times that the difference between the scene's model and the slow one is computed for a fit, and the change of all
 coordinates, in standard errors, below which this ends."""
-MOST_CORRECTIONS, NEARLY = 8, 0.3
-"""The same number for starts, and the mean square of coarse residuals below which no other start is sought."""
+MOST_CORRECTIONS, PROMISING = 8, 0.3
+"""The same number for starts, and the mean square of coarse residuals below which the model can explain the traces."""
 FACTORS = (
     (1.0, 1.0),
     (1.5, 1.0),
@@ -58,6 +58,8 @@ CLEARLY = 3.0
 RANDOM_STARTS = 6
 SHOTS, COMPLETED = 40, 8
 """Random starts that are shot at first, of three times as many, and the largest number that is completed."""
+SIDE_BY_SIDE = 4
+"""Rough fits that are made at once."""
 APART = 3.0
 """Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
 SECANT = 0.03
@@ -272,10 +274,27 @@ class Search:
             near.append(start)
         return slow.cheapest(near, COARSE[0])[: self.starts]
 
-    def _rough_starts(self, approach: Iterator[_Floats]) -> Iterator[_Floats]:
-        """Where the slow model leads, then random starts."""
-        yield next(approach)
-        yield from self._own_starts()
+    def _rough(self, problem: Problem, approach: Iterator[_Floats]) -> list[Solution]:
+        """Coarse fits, of which the best are worth completing: from where the slow model leads, then from random starts.
+
+        Where the cost of one mean cycle is rugged, the first minimum that explains it need not be the least; where it is smooth, it is found
+        here, and nothing else is of use.
+        """
+        rough: list[Solution] = []
+        for starts in self._rough_starts(approach):
+            for each in self._shots(problem, starts, COARSELY):
+                rough.append(each)
+                if each.cost < PROMISING * problem.noise and self._is_smooth(each.z):
+                    self._add_shot(problem, each.z, FINELY)
+                    if self._explains():
+                        return []
+        return rough
+
+    def _rough_starts(self, approach: Iterator[_Floats]) -> Iterator[list[_Floats]]:
+        """Some at a time."""
+        yield [next(approach)]
+        own = self._own_starts()
+        yield from (own[i : i + SIDE_BY_SIDE] for i in range(0, len(own), SIDE_BY_SIDE))
 
     def _own_starts(self) -> list[_Floats]:
         """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
@@ -325,7 +344,7 @@ class Search:
         The mean hardly shows misalignment and v_f, along which a fit to it would wander: these are held, at the given values and then at others.
         """
         held = [name for name in (ANGLE, VELOCITY) if name in self.problem.names]
-        near, given = NEARLY * few.noise, self.problem.named(self.given)
+        near, given = PROMISING * few.noise, self.problem.named(self.given)
         best: _Floats | None = self.given
         least = cost_at(few, self.given, COARSELY[0])
         for factors in dict.fromkeys(each[: len(held)] for each in FACTORS):
@@ -360,21 +379,12 @@ class Search:
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces, and at other misalignments."""
         few = self.problem.of_few_cycles()
-        approach, near, promising = self._approach(few), NEARLY * few.noise, True
+        approach, promising = self._approach(few), True
         if few.repeats:
-            # Where the cost of one mean cycle is rugged, the first minimum that explains it need not be the least, unless it is near the start.
-            rough: list[Solution] = []
-            for start in () if self._explains() else self._rough_starts(approach):
-                with suppress(NoCycleError):
-                    rough.append(shot(few, start, COARSELY))
-                    if rough[-1].cost < near and self._is_smooth(rough[-1].z):
-                        self._add_shot(few, rough[-1].z, FINELY)
-                if self._explains():
-                    rough = []
-                    break
-            promising = not rough or min(each.cost for each in rough) < near
-            for each in _apart(few, rough)[: COMPLETED if promising else 1]:
-                self._add_shot(few, each.z, FINELY)
+            rough = [] if self._explains() else self._rough(few, approach)
+            promising = not rough or min(each.cost for each in rough) < PROMISING * few.noise
+            worth = _apart(few, rough)[: COMPLETED if promising else 1]
+            self.found += self._shots(few, [each.z for each in worth], FINELY)
         else:
             for i, start in enumerate(approach):
                 self.show(0.2 + 0.2 * i / len(FACTORS))
@@ -459,10 +469,20 @@ class Search:
                 stride = 2.0 * side if stride == side else side
 
     def _add_shot(self, problem: Problem, start: _Floats, levels: Sequence[Level]) -> None:
-        try:
-            self.found.append(shot(problem, start, levels))
-        except NoCycleError as error:
-            self.faults.append(error)
+        self.found += self._shots(problem, [start], levels)
+
+    def _shots(self, problem: Problem, starts: Sequence[_Floats], levels: Sequence[Level]) -> list[Solution]:
+        """Fits from several starts, which threads compute side by side."""
+
+        def one(start: _Floats) -> Solution | NoCycleError:
+            try:
+                return shot(problem, start, levels)
+            except NoCycleError as error:
+                return error
+
+        ends = spread(one, starts)
+        self.faults += [end for end in ends if isinstance(end, NoCycleError)]
+        return [end for end in ends if isinstance(end, Solution)]
 
     def _along_the_angle(self) -> None:
         """Fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.

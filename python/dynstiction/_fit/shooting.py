@@ -116,15 +116,14 @@ class _Shooting:
         """One for each of these cycles, None where the program gives no motion; if whole, with the derivatives by the parameters."""
         recordings = [self.at(z, k) for k in range(len(self.problem.recordings))]
 
-        def one(place: _Floats) -> object:
-            i = int(place[0])
+        def one(i: int) -> _Shot | None:
             k, row = self.targets[i]
             try:
                 return _shot(self.problem, z, k, recordings[k], row, states[i], self.level, whole)
             except Error:
                 return None
 
-        return spread(one, [np.array([i]) for i in which])  # type: ignore[arg-type, return-value]
+        return spread(one, which)
 
     def rests(self, z: _Floats) -> list[_Floats]:
         """States at the rests of cycles in a run that come near those of the traces, one array for each try.

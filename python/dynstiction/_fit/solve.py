@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 
 _Floats = NDArray[np.float64]
+_Place = TypeVar("_Place")
+_Value = TypeVar("_Value")
 
 Residuals = Callable[[_Floats], _Floats]
 """Weighted residuals at z; all are `FAILED` where there is no stick-slip."""
@@ -47,8 +49,10 @@ class Solution:
     """Residuals without what the states of the cycles take, if they are known."""
 
 
-def spread(at: Residuals, places: Iterable[_Floats]) -> list[_Floats]:
+def spread(at: Callable[[_Place], _Value], places: Sequence[_Place]) -> list[_Value]:
     """Values at several places, which threads compute side by side."""
+    if len(places) == 1:
+        return [at(places[0])]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(at, places))
 
@@ -74,7 +78,7 @@ def derivatives(at: Residuals, z: _Floats, here: _Floats, step: float, central: 
             behind = here
         return (ahead - behind) / (step if behind is here else 2.0 * step)
 
-    return np.column_stack(spread(column, np.eye(z.size)))
+    return np.column_stack(spread(column, list(np.eye(z.size))))
 
 
 def least_squares_of(
