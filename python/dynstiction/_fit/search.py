@@ -394,8 +394,10 @@ class Search:
                     break
         self._hop(few, HOPS if promising else 0, 0.4)
         self._again(few)
-        self._walk(few)
-        if self.found and few is not self.problem:
+        if few is self.problem:
+            self._walk(few)
+            self._along_the_angle()
+        elif self.found:
             found, self.found = self.found, []
             best = min(found, key=lambda each: each.cost)
             self._add_shot(self.problem, best.z, self._levels_near(few, best))
@@ -404,8 +406,6 @@ class Search:
             self._walk(self.problem)
             if not self.found:
                 self.problem, self.found = few, found
-        elif self.found:
-            self._along_the_angle()
 
     def _again(self, problem: Problem) -> None:
         """The best fit once more, from other rests, until that does not matter."""
@@ -464,7 +464,7 @@ class Search:
                 if as_well and (new.z - last.z)[:p] @ way > AHEAD * (way @ way):
                     last, stride, stays = new, 2.0 * stride, 0
                     continue
-                if (stays := stays + 1) > 1:
+                if (stays := stays + 1) > alike:
                     break
                 stride = 2.0 * side if stride == side else side
 
@@ -489,9 +489,15 @@ class Search:
 
         A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
         """
-        problem, first = self.problem, self.best
-        if ANGLE not in problem.names or ANGLE in problem.known or self._is_smooth(first.z):
+        problem = self.problem
+        if (
+            not self.found
+            or ANGLE not in problem.names
+            or ANGLE in problem.known
+            or self._is_smooth(self.best.z)
+        ):
             return
+        first = self.best
         if problem.misfit(first.z, first.left)[1] < MISFIT:
             return
         i, least = problem.names.index(ANGLE), first

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -414,6 +415,7 @@ def _units(here: Recording) -> _Floats:
     return here.waveform.swing / np.array([system.stiffness_x or 1.0, system.stiffness_y or 1.0])
 
 
+@cache
 def _smoothing(n: int, width: float) -> _Floats:
     """Matrix that smooths residuals of error one, which keep it."""
     place = np.arange(n)
