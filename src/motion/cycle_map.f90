@@ -76,6 +76,8 @@ module dst_cycle_map
     real(wp) :: rtol = 0.0_wp
     !> Whether passages and slow cycles are leapt at all; if not, their growth is followed all the same.
     logical :: leaps = .true.
+    !> Whether laps alone are leapt: where each slip may be that with which the run ends.
+    logical, private :: only_laps = .false.
     !> Maps, one for each drive velocity so far.
     type(release_map_t), allocatable :: maps(:)
     !> The present passage by steps, and the motion without a rest since it was last looked at.
@@ -120,10 +122,10 @@ module dst_cycle_map
 contains
 
   !> The motion `steps`, which has been started and is moved away, with its map at this tolerance.
-  subroutine new_cycle_map(steps, rtol, leaps, map)
+  subroutine new_cycle_map(steps, rtol, leaps, only_laps, map)
     class(stepping_t), allocatable, intent(inout) :: steps
     real(wp), intent(in) :: rtol
-    logical, intent(in) :: leaps
+    logical, intent(in) :: leaps, only_laps
     type(cycle_map_t), intent(out) :: map
 
     select type (steps)
@@ -136,6 +138,7 @@ contains
     map%t_end = map%steps%t_end
     map%rtol = rtol
     map%leaps = leaps
+    map%only_laps = only_laps
     map%piece = map%steps%piece
     map%contact = map%steps%contact
     allocate (map%maps(0), map%slow(0:most_repeats))
@@ -164,7 +167,7 @@ contains
     self%contact = self%steps%contact
     self%segment = self%steps%segment
     call note_piece(self)
-    if (self%leaps .and. .not. self%steps%fixed_step > 0.0_wp) call look_for_recurrence(self)
+    if (self%leaps .and. .not. (self%only_laps .or. self%steps%fixed_step > 0.0_wp)) call look_for_recurrence(self)
   end subroutine go_on
 
   !> A piece by steps has been made: record it, if it belongs to a passage, which may end with it.
@@ -314,7 +317,7 @@ contains
     associate (n => self%orbit%slow_cycles)
       self%orbit%last_returned(modulo(n, size(self%orbit%last_returned, kind=int64))) = passage%to
       call look_back(self)
-      if (self%leaps) call look_for_repetition(self)
+      if (self%leaps .and. .not. self%only_laps) call look_for_repetition(self)
       call self%slow(place_of(n))%clear(self%leaps)
     end associate
   end subroutine arrive
@@ -479,7 +482,7 @@ contains
       return
     end if
     call self%maps(self%orbit%current)%look_up(self%orbit%alpha, passage, found)
-    if (.not. found .or. passage%measure(duration) > longest) return
+    if (.not. found .or. passage%measure(duration) > longest .or. (self%only_laps .and. passage%table(1) /= 1)) return
     call take_passage(self, passage)
     call arrive(self, passage)
   end subroutine leap

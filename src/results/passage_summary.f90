@@ -155,6 +155,8 @@ contains
           call look_up(map, passage, here%time, u, summary, seen, part, turns, is_known)
         if (is_known .and. here%time >= load_cell%from .and. .not. seen%pull_is_exact) is_known = &
           .not. load_cell%may_hang_on(side*(seen%value([pull, pull + 2]) + [seen%pull_error, -seen%pull_error]), seen%ripple)
+        ! How long an object has crept by a turn of the load is known where it is followed.
+        if (is_known .and. summary%may_settle()) is_known = size(turns) == 1
         if (is_known) then
           call summary%add(part, turns, here%time, here%position, 1_int64, 0.0_wp)
           if (here%time < load_cell%from) cycle

@@ -106,6 +106,7 @@ module dst_summary
     procedure :: pass_over
     procedure :: follow_slip
     procedure :: add
+    procedure :: may_settle
     procedure :: kept_cycles
     procedure :: without_cycles
     procedure :: serialise
@@ -195,6 +196,7 @@ contains
       if (part%sticks > 0) self%rested = time + n*duration
       self%exchanged = self%exchanged + n*part%exchanged
       self%largest_rate = max(self%largest_rate, part%largest_rate)
+      if (self%settle > 0.0_wp) self%crept = self%crept + n*part%creep_time
       if (time >= self%half) then
         self%length = self%length + n*duration
         self%creep_time = self%creep_time + n*part%creep_time
@@ -204,7 +206,7 @@ contains
       done = 0
       do while (done < times)
         seen = self%cycles%count
-        associate (begin => extremum_t(0.0_wp, time + real(done, wp)*duration, position + real(done, wp)*advance))
+        associate (begin => extremum_t(0.0_wp, time + real(done, wp)*duration, position + real(done, wp)*advance, self%crept))
           do i = 1, size(turns)
             call take_load(self, begin%plus(turns(i)))
           end do
@@ -216,6 +218,13 @@ contains
       end do
     end associate
   end subroutine add
+
+  !> Whether the run ends when two cycles agree.
+  pure logical function may_settle(self)
+    class(summary_t), intent(in) :: self
+
+    may_settle = self%settle > 0.0_wp
+  end function may_settle
 
   !> The extremes of the load, with a cut where the drive reverses.
   subroutine follow_load(self, stretch, load)

@@ -85,8 +85,8 @@ contains
       call move_alloc(first, motion)
     else
       allocate (map)
-      ! Whether a motion has settled is decided cycle by cycle, and by steps.
-      call new_cycle_map(first, scene%rtol, scene%cycle_map == 'auto' .and. .not. scene%settle > 0.0_wp, map)
+      ! Whether a motion has settled is decided slip by slip, and these by steps.
+      call new_cycle_map(first, scene%rtol, scene%cycle_map == 'auto', scene%settle > 0.0_wp, map)
       call move_alloc(map, motion)
     end if
     if (allocated(second)) call move_alloc(second, other)
