@@ -259,6 +259,14 @@ contains
       ! The map's slow cycles in a repetition; the load may have more peaks in them, or fewer.
       m = motion%orbit%repeats
       if (m == 0 .and. repeats > 0) m = motion%slow_cycles_in(real(repeats, wp)*of('period'))
+      if (self%settled_at >= 0.0_wp .and. m > 0) then
+        ! Two cycles agree, too, where a motion passes an unstable one.
+        if (motion%orbit%divergence%mean_of(m) > 0.0_wp) then
+          m = 0
+          repeats = 0
+          call put('repeats', 0.0_wp)
+        end if
+      end if
       if (m > 0) repeats = m
       if (m > 0 .and. .not. ieee_is_nan(of('period'))) repeats = max(1, nint(motion%lasted(m)/of('period')))
       if (.not. self%restless%growth%is_followed) then

@@ -212,6 +212,22 @@ def test_what_never_settles_runs_to_its_end() -> None:
     assert steps.events.tobytes() == result.events.tobytes()
 
 
+@pytest.mark.parametrize("cycle_map", ["auto", "off"])
+def test_what_passes_an_unstable_cycle_does_not_repeat(cycle_map: str) -> None:
+    """Two of its cycles agree to a thousandth, and end the run."""
+    passing = ds.run(
+        FIG3,
+        scene={"t_end": 400.0, "settle": 1e-3},
+        system={"stiffness_y": 1e6},
+        integrator={"cycle_map": cycle_map},
+        output={"interval": 1.0},
+    )
+    assert passing.summary["settled_at"] < 400.0
+    assert passing.summary["lyapunov_exponent"] > 0.0
+    assert passing.summary["repeats"] == 0
+    assert passing.summary["regularity"] != 1
+
+
 @pytest.mark.parametrize("changes", [{}, {"system.damping_x": 2.0}, {"system.stiffness_y": 1e8}])
 def test_a_motion_settles_by_laps_as_by_steps(changes: dict[str, float]) -> None:
     """All that a settled run tells, creep up to each peak included; laps are leapt, slips are not."""
