@@ -20,7 +20,7 @@ from ._fit.models import NoCycleError
 from ._fit.problem import Problem
 from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
 from ._fit.shooting import FINELY, shot
-from ._fit.solve import Solution, has_failed
+from ._fit.solve import Solution, has_failed, spread
 from ._progress import progress_bar
 from .errors import Error, UsageError
 from .scene import DeckLike, Scene
@@ -382,14 +382,16 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
         sizes = (1.0,) if name.startswith("another ") else SIZES
         starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
         tried.append((name, problem, problem.cheapest(starts, ROUGH[-1])[0]))
-    fits = []
-    for name, problem, start in tried:
+
+    def one(each: tuple[str, Problem, _Floats]) -> _Fitted | None:
+        name, problem, start = each
         with suppress(Error):
             if problem.is_slow:
-                one = problem.improved(start, COARSE_OF_OWN[-3:])
-            else:
-                one = shot(problem, start, FINELY if problem.repeats else FINELY[1:])
-            fits.append(_Fitted(name, problem, one))
+                return _Fitted(name, problem, problem.improved(start, COARSE_OF_OWN[-3:]))
+            return _Fitted(name, problem, shot(problem, start, FINELY if problem.repeats else FINELY[1:]))
+        return None
+
+    fits = [found for found in spread(one, tried) if found is not None]
     return _compared(fits) if fits else ()
 
 

@@ -196,13 +196,7 @@ def test_a_settled_run_ends_after_a_few_cycles(cycle_map: str) -> None:
 
 
 def test_what_never_settles_runs_to_its_end() -> None:
-    scene = ds.Scene(
-        FIG3,
-        scene={"t_end": 12.0, "settle": 1e-9},
-        system={"stiffness_y": 1e6},
-        integrator={"cycle_map": "off"},
-        output={"interval": 0.1},
-    )
+    scene = ds.Scene(FIG3, t_end=12.0, settle=1e-9, stiffness_y=1e6, cycle_map="off", interval=0.1)
     result = ds.run(scene)
     assert result.time[-1] == 12.0
     assert result.summary["cycles"] > 8
@@ -215,17 +209,10 @@ def test_what_never_settles_runs_to_its_end() -> None:
 @pytest.mark.parametrize("cycle_map", ["auto", "off"])
 def test_what_passes_an_unstable_cycle_does_not_repeat(cycle_map: str) -> None:
     """Two of its cycles agree to a thousandth, and end the run."""
-    passing = ds.run(
-        FIG3,
-        scene={"t_end": 400.0, "settle": 1e-3},
-        system={"stiffness_y": 1e6},
-        integrator={"cycle_map": cycle_map},
-        output={"interval": 1.0},
-    )
+    passing = ds.run(FIG3, t_end=400.0, settle=1e-3, stiffness_y=1e6, cycle_map=cycle_map, interval=1.0)
     assert passing.summary["settled_at"] < 400.0
     assert passing.summary["lyapunov_exponent"] > 0.0
-    assert passing.summary["repeats"] == 0
-    assert passing.summary["regularity"] != 1
+    assert (passing.summary["repeats"], passing.summary["regularity"]) in ((0, 0), (0, -1))
 
 
 @pytest.mark.parametrize("changes", [{}, {"system.damping_x": 2.0}, {"system.stiffness_y": 1e8}])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -19,9 +19,10 @@ from .waveform import Waveform, bin_means, centred
 _Floats = NDArray[np.float64]
 
 SETTLED = 1e-6
-"""The motion has settled if two cycles agree to this, or if what is left of its beginning is no more."""
-SOONEST, PATIENTLY = 20.0, (100.0, 1000.0)
-"""Measured periods in which a motion may settle: for a rough mean, and if the errors are those of the trace."""
+"""The motion has settled if two cycles agree to this."""
+LONGEST, SOONEST = (100.0, 1000.0), 20.0
+"""Longest time to settle, in measured periods: the second for a regular motion if the errors are those of the trace, the last for a rough
+mean."""
 MOST_STEPS = 20_000
 """Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
 MOST_STEPS_OF_OWN = 200_000
@@ -100,7 +101,11 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # type: ignore[import-untyped]  # noqa: PLC0415  (slow to import)
 
     scene = _loaded(scene, wave)
-    result = _settled(scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, patient)
+    result = _settled(
+        scene, wave, {"interval": 0.0, "fields": ["u_x", "w_x", "pull_force"]}, patient, precise=True
+    )
+    if "settled_at" not in result.summary:
+        raise NoCycleError(f"{scene.name}: no stick-slip that repeats within {LONGEST[0]:g} measured periods")
     period = float(result.summary["period"])
     cosine, velocity = _geometry(scene)
     sense = np.sign(velocity)
@@ -147,17 +152,21 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     Arguments and errors are as for `slow_cycles`.
     """
     scene = _loaded(scene, wave)
-    begin, repeats, summary = BEGINNING * wave.period, False, None
+    repeats, summary = False, None
+    begin = BEGINNING * wave.period
     # Long cycles have many samples.
     most = max(LEAST_LIBRARY, MOST_SAMPLES * wave.interval / wave.period)
     end = begin + min(LIBRARY if patient else FEWER, most) * wave.period
     if wave.repeats:
-        summary, settled, repeats = _repeating(scene, wave, patient)
-        begin, end = (
-            (settled, settled + CYCLES * summary["period"])
-            if repeats
-            else (begin, begin + MEAN_OF * wave.period)
+        result = _settled(
+            scene, wave, {"interval": LONGEST[-1] * wave.period, "fields": ["sticking"]}, patient
         )
+        summary = result.summary
+        repeats = "settled_at" in summary
+        end = begin + MEAN_OF * wave.period
+        if repeats:
+            begin = float(result.time[-1])
+            end = begin + CYCLES * float(summary["period"])
     finer = finer_of(wave, chain) if repeats else 1
     fine = run(
         scene,
@@ -253,53 +262,25 @@ def fastest_slip(scene: Scene, wave: Waveform) -> float:
     )
 
 
-def _settled(scene: Scene, wave: Waveform, output: Mapping[str, object], patient: bool) -> Result:
-    """A run of the slow model until two cycles agree."""
-    integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS}
-    result = _run(scene, wave, PATIENTLY[patient], output, integrator, settle=SETTLED)
-    if "settled_at" not in result.summary:
-        raise NoCycleError(
-            f"{scene.name}: no stick-slip that repeats within {PATIENTLY[patient]:g} measured periods"
-        )
-    return result
-
-
-def _repeating(scene: Scene, wave: Waveform, patient: bool) -> tuple[Mapping[str, float], float, bool]:
-    """The summary of a run that is so long that its motion has settled, when it ends [s], and whether it repeats in each cycle.
-
-    The cycle map makes a longer run cheaper than to compare each cycle with the last.
-    """
-    for longest in (SOONEST, *PATIENTLY) if patient else (SOONEST,):
-        end = longest * wave.period
-        output = {"interval": end, "fields": ["sticking"]}
-        summary = _run(scene, wave, longest, output, {"max_steps": MOST_STEPS_OF_OWN}).summary
-        repeats = summary.get("repeats") == 1
-        settled = repeats and math.exp(summary.get("lyapunov_exponent", -math.inf) * end) < SETTLED
-        if settled or summary.get("regularity") != 1:
-            break
-    return summary, end, settled
-
-
-def _run(
-    scene: Scene,
-    wave: Waveform,
-    longest: float,
-    output: Mapping[str, object],
-    integrator: Mapping[str, object],
-    settle: float = 0.0,
+def _settled(
+    scene: Scene, wave: Waveform, output: dict[str, object], patient: bool, precise: bool = False
 ) -> Result:
-    """A run of so many measured periods."""
-    end = longest * wave.period
-    try:
-        result = run_sampled(
-            scene,
-            progress=False,
-            scene={"settle": settle, "t_end": end},
-            integrator=integrator,
-            output=output,
-        )
-    except SolverError as error:
-        raise NoCycleError(str(error)) from error
+    integrator: dict[str, object] = {"max_steps": MOST_STEPS_OF_OWN}
+    if precise:
+        integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS}
+    for longest in LONGEST if patient or precise else (SOONEST,):
+        try:
+            result = run_sampled(
+                scene,
+                progress=False,
+                scene={"settle": SETTLED, "t_end": longest * wave.period},
+                integrator=integrator,
+                output=output,
+            )
+        except SolverError as error:
+            raise NoCycleError(str(error)) from error
+        if "settled_at" in result.summary or not patient or result.summary.get("regularity") != 1:
+            break
     # A motion that has ended in steady sliding has no period.
     if not 0.0 < result.summary.get("period", 0.0) < result.time[-1]:
         raise NoCycleError(f"{scene.name}: no stick-slip within {longest:g} measured periods")
