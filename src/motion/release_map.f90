@@ -520,7 +520,8 @@ contains
   pure subroutine take(self, lap)
     class(grazing_t), intent(inout) :: self
     type(passage_t), intent(in) :: lap
-    real(wp) :: before(2), matrix(most_laps, most_laps), angle(most_laps)
+    real(wp) :: before(2), angle(most_laps)
+    real(wp), allocatable :: matrix(:, :)
     integer :: i, k
     logical :: singular
 
@@ -542,11 +543,9 @@ contains
       self%differs = huge(self%end)
       self%error = huge(self%end)
       if (n < 2) return
-      do k = 1, n
-        matrix(:n, k) = [((share(i)/share(1))**merge(0, k, k == 1), i=1, n)]
-      end do
+      matrix = reshape([(((share(i)/share(1))**merge(0, k, k == 1), i=1, n), k=1, n)], [n, n])
       angle = self%angle
-      call solve_in_place(n, matrix(:n, :n), angle(:n), singular)
+      call solve_in_place(n, matrix, angle(:n), singular)
       if (singular) return
       self%end = angle(1)
       if (before(1) < huge(before)) self%differs = abs(self%end - before(1))
