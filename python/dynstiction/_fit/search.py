@@ -444,8 +444,10 @@ class Search:
         near = self.found and (
             self.best.cost < CLOSE * problem.noise if alike else self._costs_noise(problem)
         )
-        begin = self.best.z if near else self.given
-        for side in (STRIDE, -STRIDE) if near else ():
+        if not near:
+            return
+        begin = self.best.z
+        for side in (STRIDE, -STRIDE):
             last, stride, stays = self.best, side, 0
             for _ in range(MOST_STRIDES):
                 root = problem.root(last.jacobian)[:p]

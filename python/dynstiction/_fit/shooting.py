@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -415,7 +415,7 @@ def _units(here: Recording) -> _Floats:
     return here.waveform.swing / np.array([system.stiffness_x or 1.0, system.stiffness_y or 1.0])
 
 
-@cache
+@lru_cache(64)
 def _smoothing(n: int, width: float) -> _Floats:
     """Matrix that smooths residuals of error one, which keep it."""
     place = np.arange(n)
