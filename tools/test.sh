@@ -87,15 +87,16 @@ run_tests() {
 # One line at a time: sets that run side by side write into one file.
 add_summary() { printf '%s\t%s\t%s\n' "$2" "$1" "$3" >> "$results/summary.txt"; }
 
-# together FUNCTION...: run several lists of sets at the same time, each in its order; twice a minute a line names the running sets.
+# in_two_lists SET...: run sets, each a function and its arguments, in two lists at the same time: a list that has finished a set
+# takes the next one. Twice a minute a line names the running sets.
 lists=()
-together() {
+in_two_lists() {
   local list silence next=$((SECONDS + 30))
   side_by_side=yes
   # Processes in separate groups: they receive Ctrl-C, and end with this script.
   set -m
-  for list; do
-    "$list" < /dev/null &
+  for list in first second; do
+    take_sets "$list" "$@" < /dev/null &
     lists+=($!)
   done
   set +m
@@ -107,11 +108,19 @@ together() {
     say "  $SECONDS s: $(cd "$results" && ls -- *.running 2> /dev/null | sed 's/\.running$//' | tr '\n' ' ')"
   done
   for list in "${lists[@]}"; do
-    wait "$list" || add_summary "$1" 1 'ended early: see above'
-    shift
+    wait "$list" || add_summary 'A list of sets' 1 'ended early: see above'
   done
   lists=()
   side_by_side=no
+}
+# The second list has a lower priority: sweeps on a cluster, which the first one takes, need the processor at once.
+take_sets() {
+  local set
+  [[ $1 == first ]] || renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
+  for set in "${@:2}"; do
+    # shellcheck disable=SC2086  # a function and its arguments
+    ! mkdir "$results/$set.taken" 2> /dev/null || $set
+  done
 }
 end_lists() {
   local list
@@ -167,30 +176,19 @@ cluster_tests() {
 
 benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh"; }
 
-# The packages that users install. The newest versions are those of this environment.
-package_tests() {
-  # The lower bounds are tried with the source archive.
-  local script scripts=(meson_install wheel without_hdf5) bound=lowest matrix=()
-  if [[ $level == full ]]; then
-    scripts+=(sdist recipes)
-    bound=''
-    matrix=(--full)
-  fi
-  for script in "${scripts[@]}"; do
-    run_tests "Package, $script.sh" '(passed|failed|skipped)' "$checkout/tests/package/$script.sh"
-  done
-  run_tests 'Lower bounds of the requirements' "$python_summary|[0-9]+ passed" "$checkout/tests/package/bounds.sh" ${bound:+"$bound"}
-  run_tests 'Other compilers' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" \
-    ${matrix[@]+"${matrix[@]}"}
+# The packages that users install.
+package() { run_tests "Package, $1.sh" '(passed|failed|skipped)' "$checkout/tests/package/$1.sh"; }
+# The newest versions are those of this environment; the lower bounds are tried with the source archive.
+bounds() {
+  run_tests 'Bounds of the requirements' "$python_summary|[0-9]+ passed" "$checkout/tests/package/bounds.sh" $([[ $level == full ]] || echo lowest)
 }
+compilers() { run_tests 'Other compilers' '(passed|failed|skipped)' "$checkout/tests/package/compilers.sh" $([[ $level != full ]] || echo --full); }
 
 # Making the manual runs the notebooks. If all Python tests have run, only the heavy tests of these files are left.
-manual_tests() {
-  local selection=(-m full)
-  [[ $level == release || $level == standard ]] || selection=()
-  run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"
+manual() { run_tests 'Manual' '(build/docs/index.html|failed)' "$checkout/tools/docs.sh"; }
+pages() {
   run_tests 'Pages that change the source' "$python_summary" \
-    python -m pytest ${selection[@]+"${selection[@]}"} "$checkout"/tests/python/test_{howto,documented}.py
+    python -m pytest $([[ $level == proof || $level == sanitize ]] || printf -- '-m full') "$checkout"/tests/python/test_{howto,documented}.py
 }
 
 tests_with_checks() {
@@ -223,40 +221,23 @@ tests_with_sanitizers() {
   unit_tests 'Threads with ThreadSanitizer' "$threaded" threads
 }
 
-tests_with_other_builds() {
-  tests_with_sanitizers
-  [[ $level != standard && $level != full ]] || tests_with_checks
-}
-
 checks_more() { [[ $level == standard || $level == full || $level == sanitize ]]; }
-
-# Sweeps on a cluster use little processor time, but need it at once. Compilations have a lower priority.
-first_list() {
-  ! is_wanted cluster || cluster_tests
-  ! is_wanted bench || benchmarks
-  ! checks_more || tests_with_other_builds
-}
-second_list() {
-  renice -n $(($(nice) < 9 ? $(nice) + 10 : 19)) -p "$BASHPID" > /dev/null
-  ! is_wanted package || package_tests
-  ! is_wanted package || manual_tests
-}
 
 # A function, so that the script is read to its end before it begins, and may be changed during its run.
 main() {
   say_how_long
-  local sets=(test) failed
-  [[ $level == proof || $level == sanitize ]] || sets+=(manual)
+  local environments=(test) failed
+  [[ $level == proof || $level == sanitize ]] || environments+=(manual)
   if is_wanted cluster; then
     debian_packages+=(openmpi-bin slurm-wlm munge parallel)
   fi
   if is_wanted package; then
     debian_packages+=(patch musl-tools)
     [[ $level != full ]] || debian_packages+=(debhelper dh-python)
-    sets+=(package)
+    environments+=(package)
   fi
   ! is_wanted bench || debian_packages+=(g++ libboost-dev)
-  prepare "${sets[@]}"
+  prepare "${environments[@]}"
   ! is_wanted cluster || (add_requirements cluster) || say 'No dask or mpi4py: their tests are skipped'
   if is_wanted package; then
     # Without other compilers the program is built only by gfortran.
@@ -270,7 +251,7 @@ main() {
   # A bounded run has the same random scenes each time: a rare scene would turn any change red. With --full they are new.
   [[ $level == full ]] || export DYNSTICTION_SEED=${DYNSTICTION_SEED:-20201}
   mkdir -p "$results"
-  rm -f "$results"/*
+  rm -rf "${results:?}"/*
 
   if [[ $level == full ]]; then
     export DYNSTICTION_FULL=1
@@ -294,11 +275,17 @@ main() {
       ;;
   esac
 
-  if ((${#extras[@]} > 0)); then
-    together first_list second_list
-  elif checks_more; then
-    tests_with_other_builds
-  fi
+  # What takes long comes early, so that both lists end at about the same time.
+  local sets=()
+  ! is_wanted cluster || sets+=(cluster_tests)
+  ! is_wanted package || sets+=(bounds 'package wheel')
+  [[ $level != standard && $level != full ]] || sets+=(tests_with_checks)
+  ! is_wanted package || sets+=('package without_hdf5' compilers manual)
+  ! checks_more || sets+=(tests_with_sanitizers)
+  ! is_wanted package || sets+=('package meson_install' pages)
+  ! is_wanted package || [[ $level != full ]] || sets+=('package sdist' 'package recipes')
+  ! is_wanted bench || sets+=(benchmarks)
+  ((${#sets[@]} == 0)) || in_two_lists "${sets[@]}"
 
   printf '\n'
   sort -s -k1,1n "$results/summary.txt" | cut -f 2,3 | sed 's/\t/: /'

@@ -39,9 +39,6 @@ timed() {
   seconds=$(python3 -c "print(f'{$EPOCHREALTIME - $begin:.1f}')")
 }
 
-# at_most LIMIT SECONDS
-at_most() { python3 -c "import sys; sys.exit($2 > $1)"; }
-
 # The files below a folder, by name.
 files_below() { (cd "$1" && find . | sort); }
 
