@@ -1,20 +1,22 @@
 """What fits determine, and their reliability: how often the 95 % intervals contain the true values, for synthetic traces of rigs.
 
     python bench/fit.py [intervals] [errors] [--count 200] [--first 1] [--noise 0.01] [--rate 1000] [--ratio LOW,HIGH] [--irregular]
-        [--independent] [--short]
+        [--independent] [--chain] [--short]
 
 intervals: Each trace is a settled run of the full model, 20 cycles at 1 kHz with noise of 1 % of the swing. Random parameters are
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. --first: number of the first rig; --ratio: a random k_y/k_x in
 place of k_y = 1e7 N/m; --irregular: rigs whose cycles are not alike, 2 to 100 sticks in each, 40 of them, at 2 kHz. --independent: the traces are those of
-tests/audit/reference.cpp, which shares nothing with the program (needs g++), 40 cycles at 2 kHz.
+tests/audit/reference.cpp, which shares nothing with the program (needs g++), 40 cycles at 2 kHz. --chain: they are read from a table below
+a preamble of 30 lines, behind a low pass of 300 Hz, with a zero that is off and drifts, hum and 12 bits; the zero is free, too.
 
 errors: A table in Markdown, standard errors of the parameters of one rig, and of a law of any shape. Writes docs/figures/fit.png.
 """
 
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Iterator
@@ -114,10 +116,24 @@ def independent_trace_of(
     return trace.with_noise(noise * np.ptp(trace.force), draw)
 
 
+def behind_a_chain(trace: ds.Trace, draw: np.random.Generator) -> ds.Trace:
+    """The trace as a rig writes it."""
+    swing = np.ptp(trace.force)
+    tare, drift = 0.35 * swing * draw.uniform(-1.0, 1.0), 0.02 * swing / trace.duration
+    shown = ds.Chain(filter=300.0, tare=tare, drift=drift, hum=0.005 * swing, step=2.0 * swing / 2**12)(trace)
+    with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
+        file.write("".join(f"Setting {i}: {i}\n" for i in range(28)) + "time;force\ns;N\n")
+        np.savetxt(file, np.column_stack([shown.time, shown.force]), "%.7g", ";")
+        file.flush()
+        return ds.read_trace(file.name)
+
+
 def print_intervals(options) -> None:
     inside: list[list[bool | None]] = []
     times, warned, refused = [], 0, 0
     many = options.irregular or options.independent
+    chain = ds.Chain(filter=300.0, tare=0.01) if options.chain else ds.Chain()
+    free = (*FREE, "chain.tare") if options.chain else FREE
     cycles, rate = (CYCLES_OF_IRREGULAR, 2.0 * options.rate) if many else (CYCLES, options.rate)
     make = independent_trace_of if options.independent else trace_of
     for seed in range(options.first, options.first + options.count):
@@ -125,13 +141,15 @@ def print_intervals(options) -> None:
         draw = np.random.default_rng(seed)
         away = draw.uniform(0.0, 0.5) * period
         trace = make(scene, settled + away, cycles * period - away, rate, options.noise, draw)
+        if options.chain:
+            trace = behind_a_chain(trace, draw)
         draw = np.random.default_rng(seed + 1_000_000)
         deck = scene.replace(
             **{name: value * np.exp(draw.uniform(-AWAY, AWAY)) for name, value in values.items()}
         )
         started = time.process_time()
         try:
-            found = ds.fit(deck, trace, FREE)
+            found = ds.fit(deck, trace, free, chain=chain)
         except ds.Error as error:
             refused += 1
             print(f"{seed:5d} refused: {error}", flush=True)
@@ -173,11 +191,8 @@ def print_errors(options) -> None:
         trace_of(rig, 4.0 * period, CYCLES * period, options.rate, options.noise, np.random.default_rng(1)),
         FREE,
     )
-    print(
-        "| samples per second | noise, of the swing | "
-        + " | ".join(name.partition(".")[2] for name in FREE)
-        + " |"
-    )
+    names = " | ".join(name.partition(".")[2] for name in FREE)
+    print(f"| samples per second | noise, of the swing | {names} |")
     print("| --- " * (len(FREE) + 2) + "|")
     for law in ("", ", any law"):
         cells = [
@@ -201,6 +216,7 @@ def main() -> None:
         ratio="",
         irregular=False,
         independent=False,
+        chain=False,
     )
     warnings.simplefilter("ignore")
     for word in options.words:

@@ -25,7 +25,6 @@ extras=()
 for argument in "$@"; do
   case $argument in
     --release | --standard | --full | --sanitize) level=${argument#--} ;;
-    --quick) level=proof ;;
     --cluster | --package | --bench) extras+=("${argument#--}") ;;
     -h | --help) help_if_wanted --help ;;
     *) die "unknown option $argument; see tools/test.sh --help" ;;
@@ -159,10 +158,10 @@ print_coverage() {
 
 # One short run.
 memcheck() {
-  if ! have valgrind; then
+  have valgrind || {
     add_summary Valgrind 0 'skipped, valgrind is not installed'
     return
-  fi
+  }
   run_tests 'Valgrind on a short run' 'ERROR SUMMARY' valgrind --error-exitcode=1 --child-silent-after-fork=yes --leak-check=full --errors-for-leak-kinds=definite \
     "$release/src/dynstiction" run inputs/fig3.nml --set scene.t_end=0.05 --quiet --overwrite -o "$checkout/build/memcheck.h5"
 }
@@ -280,9 +279,8 @@ main() {
   ! is_wanted cluster || sets+=(cluster_tests)
   ! is_wanted package || sets+=(bounds 'package wheel')
   [[ $level != standard && $level != full ]] || sets+=(tests_with_checks)
-  ! is_wanted package || sets+=('package without_hdf5' compilers manual)
   ! checks_more || sets+=(tests_with_sanitizers)
-  ! is_wanted package || sets+=('package meson_install' pages)
+  ! is_wanted package || sets+=('package without_hdf5' compilers manual 'package meson_install' pages)
   ! is_wanted package || [[ $level != full ]] || sets+=('package sdist' 'package recipes')
   ! is_wanted bench || sets+=(benchmarks)
   ((${#sets[@]} == 0)) || in_two_lists "${sets[@]}"

@@ -336,10 +336,16 @@ class Chain:
         Its order.
     tare : float
         Reading without a force [N].
+    drift : float
+        Slope of this reading [N/s].
+    hum, mains : float
+        Amplitude [N] and frequency [Hz] of what the mains add.
+    step : float
+        Difference of two readings of the converter [N].
 
     Notes
     -----
-    A filter, and a resonance, above half of the sampling rate changes nothing.
+    A filter, and a resonance, above half of the sampling rate changes nothing. To a fit drift, hum and step are scatter of the cycles.
 
     Examples
     --------
@@ -354,14 +360,19 @@ class Chain:
     filter: float | None = None
     order: int = 2
     tare: float = 0.0
+    drift: float = 0.0
+    hum: float = 0.0
+    mains: float = 50.0
+    step: float = 0.0
 
     def __post_init__(self) -> None:
         whole("order", self.order, least=1)
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name != "order" and value is not None:
-                above = None if each.name == "tare" else 0.0
-                object.__setattr__(self, each.name, number(each.name, value, above=above))
+                least = 0.0 if each.name in ("hum", "step") else None
+                above = None if each.name in ("tare", "drift", "hum", "step") else 0.0
+                object.__setattr__(self, each.name, number(each.name, value, above=above, least=least))
 
     def response(self, interval: float, force: _Floats) -> _Floats:
         """Gain, resonance, filter and tare, of a force that was at rest before.
@@ -402,4 +413,9 @@ class Chain:
             Force of the springs, ``Trace.of`` a run.
         """
         trace = instance("trace", trace, Trace, "give what Trace.of returns").regular()
-        return replace(trace, force=self.response(trace.interval, trace.force), lines=None)
+        since = trace.time - trace.time[0]
+        shown = self.response(trace.interval, trace.force) + self.drift * since
+        shown += self.hum * np.sin(2.0 * np.pi * self.mains * since)
+        if self.step:
+            shown = self.step * np.round(shown / self.step)
+        return replace(trace, force=shown, lines=None)

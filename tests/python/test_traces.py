@@ -460,6 +460,14 @@ def test_noise_behind_a_filter_is_no_slip() -> None:
     assert len(ds.find_cycles(ds.Trace(time, force))) == 9
 
 
+def test_a_chain_drifts_hums_and_rounds() -> None:
+    time = np.arange(0.0, 2.0, 1e-3)
+    chain = ds.Chain(gain=2.0, tare=0.5, drift=0.1, hum=0.2, mains=60.0, step=1.0 / 64.0)
+    shown = 64.0 * chain(ds.Trace(time, np.full(time.size, 3.0))).force
+    assert np.all(shown % 1.0 == 0.0)
+    np.testing.assert_allclose(shown / 64.0, 6.5 + 0.1 * time + 0.2 * np.sin(120.0 * np.pi * time), rtol=0.0, atol=0.0079)
+
+
 def test_a_dip_at_the_end_of_the_slip_is_no_valley() -> None:
     trace = sawtooth()
     phase = (trace.time / PERIOD + 0.3) % 1.0
