@@ -19,7 +19,7 @@ from ._arguments import generator, names_in
 from ._fit.models import NoCycleError
 from ._fit.problem import Problem
 from ._fit.search import ANGLE, COARSE_OF_OWN, MISFIT, USUAL, Search, glances
-from ._fit.shooting import FINELY, shot
+from ._fit.shooting import COARSELY, FINELY, delayed, shot
 from ._fit.solve import Solution, has_failed, spread
 from ._progress import progress_bar
 from .errors import Error, UsageError
@@ -45,9 +45,8 @@ AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
 ROUGH = (0.05, 0.01)
 """Errors with which starts are tried, relative to swing and period."""
-TRIED, NEAR_BEST, FAR = 2, 4.0, 20.0
-"""Starts that are tried for an explanation; of these, cost over the least up to which it is completed, and the misfit above which none
-is: the explanation is wrong, however its values are."""
+TRIED = 2
+"""Starts that are completed for an explanation."""
 BEGIN, SIZES = 0.05, (0.95, 1.0, 1.1, 1.25)
 """Start of a key that the deck does not have, relative to what it competes with; multiples of it of which the best is the start."""
 
@@ -173,7 +172,8 @@ class _Fitted:
             replace(one, waveform=two.waveform)
             for one, two in zip(self.problem.recordings, other.recordings, strict=True)
         ]
-        return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), self.solution)
+        again = self.solution if other.repeats else replace(self.solution, left=None)
+        return _Fitted(self.name, replace(self.problem, recordings=tuple(weighted)), again)
 
 
 def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
@@ -197,34 +197,14 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
     """The best fit from the best of some starts, which name values of parameters; None if no start has stick-slip."""
     places = problem.cheapest([problem.place(values) for values in starts], COARSE_OF_OWN[0])
-    rough: list[Solution] = []
+    found: list[Solution] = []
     for place in places[:TRIED]:
         with suppress(NoCycleError):
-            rough.append(problem.improved(place, ROUGH))
-    rough.sort(key=lambda each: each.cost)
-    if not rough or rough[0].cost > FAR * _expected(problem, ROUGH[-1]):
-        return rough[0] if rough else None
-    found: list[Solution] = []
-    for each in rough:
-        if each.cost > NEAR_BEST * rough[0].cost:
-            break
-        try:
-            found.append(problem.improved(each.z, COARSE_OF_OWN[-1:]))
-        except NoCycleError:
-            continue
-        if problem.misfit(found[-1].z)[1] >= USUAL:
-            break
-    return min(found, key=lambda each: each.cost) if found else rough[0]
-
-
-def _expected(problem: Problem, coarse: float) -> float:
-    """Sum of the squares of the residuals that the errors of the traces explain, if a share is added to them."""
-    total = 0.0
-    for each in problem.recordings:
-        used = each.waveform.used
-        total += float(np.sum((each.waveform.weights(coarse)[used] / each.waveform.weights(0.0)[used]) ** 2))
-        total += (each.period_error(0.0) / each.period_error(coarse)) ** 2
-    return total
+            found.append(shot(problem, place, (*COARSELY, *FINELY)))
+            if problem.misfit(found[-1].z, found[-1].left)[1] >= USUAL:
+                break
+    best = min(found, key=lambda each: each.cost, default=None)
+    return best and replace(best, z=delayed(problem, best.z))
 
 
 def _resting_starts(problem: Problem) -> Iterator[dict[str, float]]:
@@ -297,7 +277,7 @@ def creep_test(
             if found is not None:
                 resting.append(_Fitted(name, problem, found))
         show(0.3)
-        explained = any(one.problem.misfit(one.solution.z)[1] >= MISFIT for one in resting)
+        explained = any(one.misfit()[1] >= MISFIT for one in resting)
         fits = _by_creep(creep, rng, explained)
         if fits:
             # The errors of cycles that are not alike are known from their fit.
@@ -333,10 +313,11 @@ def _by_creep(problem: Problem, rng: int | np.random.Generator | None, explained
     """The explanation by creep, none where the full model has no stick-slip near; not sought far away if another explains the traces."""
     search = Search(problem, 1 if explained else STARTS, generator(rng))
     with suppress(Error):
-        search.run(far=not explained)
-        if search.found:
-            return [_Fitted("creep", search.problem, search.problem.at(search.best.z))]
-    return []
+        if explained and problem.repeats:
+            search.glance()
+        else:
+            search.run()
+    return [_Fitted("creep", search.problem, search.best)] if search.found else []
 
 
 def _least_angle(near: _Fitted) -> float:

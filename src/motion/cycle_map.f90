@@ -297,7 +297,7 @@ contains
       if (passage%table(1) > 0) then
         call self%maps(self%orbit%current)%count(passage)
       else if (self%leaps) then
-        call self%maps(self%orbit%current)%learn(passage, time_left(self), slow_cycles_left(self), error)
+        call self%maps(self%orbit%current)%learn(passage, time_left(self), slow_cycles_left(self), self%only_laps, error)
       end if
       if (.not. passage%turns_back()) return
       if (self%orbit%like > 0) then

@@ -262,7 +262,7 @@ contains
     if (allocated(error) .or. .not. found) return
     call set_slope(self%recording, self%steps%system, self%steps%slider, passage)
     call self%remembered%keep(passage)
-    call self%learn(passage, without_end*passage%measure(duration), self%slips_expected, error)
+    call self%learn(passage, without_end*passage%measure(duration), self%slips_expected, .false., error)
   end subroutine next
 
   !> The angle [rad] up to which passages are slips that are smooth in the angle, if it is known.
@@ -349,10 +349,11 @@ contains
 
   !> A passage was run: part the branches when many laps are expected, or when many passages have been run and these are a lap and
   !> the slip after it; and tabulate what is often needed.
-  subroutine learn(self, passage, rest, slips, error)
+  subroutine learn(self, passage, rest, slips, only_laps, error)
     class(release_map_t), intent(inout) :: self
     type(passage_t), intent(in) :: passage
     real(wp), intent(in) :: rest, slips        !! how long the map will be needed [s], and how many slips are expected
+    logical, intent(in) :: only_laps           !! whether each slip is run
     type(error_t), allocatable, intent(out) :: error
     type(passage_t) :: before
     real(wp) :: left, enough
@@ -387,7 +388,7 @@ contains
       end if
     end associate
     if (allocated(error)) return
-    do i = 1, size(self%branch)
+    do i = 1, merge(1, size(self%branch), only_laps)
       call tabulate(self, i, before, passage, rest, slips)
     end do
   end subroutine learn

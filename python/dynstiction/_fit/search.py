@@ -165,13 +165,10 @@ class Search:
         """The fit with the least cost."""
         return min(self.found, key=lambda each: each.cost)
 
-    def run(self, far: bool = True) -> None:
-        """All fits, those from starts that are not near the traces only if it is sought far."""
+    def run(self) -> None:
+        """All fits: near the traces, then, if these do not explain them, far away."""
         if not self._near():
-            if far:
-                self._shoot()
-            elif not self.found:
-                self._stay()
+            self._shoot()
         if self.found and self.best.left is not None:
             best = self.best
             with suppress(Error):
@@ -204,13 +201,13 @@ class Search:
                 self._add_shot(problem, begin, FINELY)
         return False
 
-    def _stay(self) -> None:
-        """The slow model's fit as it is, if the scene's own model has stick-slip there."""
-        if not self.problem.repeats:
-            start = self.given if self.proposal is None else self.proposal
-            self.found.append(self.problem.at(start, 0.0, SECANT))
-        elif self.proposal is not None and not has_failed(self.problem.residuals(self.proposal, 0.0)):
-            self.found.append(self.problem.at(self.proposal))
+    def glance(self) -> None:
+        """A fit from the given values or from those of the slow model, for what need not be found."""
+        if self.slow is not None:
+            self._propose(self.slow)
+        starts = [each for each in (self.given, self.proposal) if each is not None]
+        if rough := self._shots(self.problem, starts, COARSELY):
+            self._add_shot(self.problem, min(rough, key=lambda each: each.cost).z, FINELY)
 
     def _weigh(self) -> None:
         """Take the scatter of cycles that are not alike about those of the best fit for their error."""

@@ -134,7 +134,9 @@ class _Shooting:
         """
         problem, found = self.problem, []
         for k, record in enumerate(problem.recordings):
-            model, wave = problem.cycles(z, k), record.waveform
+            wave = record.waveform
+            # Near the mean of cycles that are alike roughly settled ones will do.
+            model = problem.cycles(z, k, patient=not (wave.repeats and self.level.share))
             if wave.repeats:
                 wave = replace(wave, rows=wave.rows.mean(axis=0, keepdims=True))
             apart, later = apart_in_time(wave, model, wave.weights(max(self.level.share, FINELY[0].share)))
@@ -394,12 +396,14 @@ def _run_from(
     if whole:
         free = {name: name for name in problem.heard if name not in CHAIN}
         free |= {tied: name for tied, (name, _) in problem.ties.items()}
-    run = derivatives(scene, [*free, "initial.elongation_x", "initial.elongation_y"], time)
-    turn = np.zeros((len(free) + 2, p + 2))
+    # Without a misalignment nothing moves across.
+    ways = [i for i in range(2) if state[1 + i]]
+    run = derivatives(scene, [*free, *(f"initial.elongation_{'xy'[i]}" for i in ways)], time)
+    turn = np.zeros((len(free) + len(ways), p + 2))
     slopes = problem.slopes(z[: len(problem.names)])
     for i, (key, name) in enumerate(free.items()):
         turn[i, :p] = run.parameters[key] * slopes[problem.names.index(name)]
-    turn[-2:, p:] = np.diag(_units(here))
+    turn[len(free) :, p:] = np.diag(_units(here))[ways]
     return run.columns, {name: column @ turn for name, column in run.derivatives.items()}
 
 
