@@ -7,7 +7,7 @@ intervals: Each trace is a settled run of the full model, 20 cycles at 1 kHz wit
 misalignment, both friction coefficients, v_f, mass, soft stiffness and drive velocity. All except the velocity are free in the fit,
 which begins at values that differ from the true ones by up to 30 %. Only rigs with repeating stick-slip are used, with at least 20
 samples in a slip and slips that take less than a quarter of the period. --first: number of the first rig; --ratio: a random k_y/k_x in
-place of k_y = 1e7 N/m; --irregular: rigs whose cycles are not alike, 2 to 100 sticks in each, 40 of them, at 2 kHz. --independent: the traces are those of
+place of k_y = 1e7 N/m, and 2 to 100 sticks in each cycle; --irregular: rigs whose cycles are not alike, 40 of them, at 2 kHz. --independent: the traces are those of
 tests/audit/reference.cpp, which shares nothing with the program (needs g++), 40 cycles at 2 kHz. --chain: they are read from a table below
 a preamble of 30 lines, behind a low pass of 300 Hz, with a zero that is off and drifts, hum and 12 bits; the zero is free, too.
 
@@ -73,8 +73,9 @@ def rigs(
             slip, period = about["slip_duration"], about["period"]
         else:
             continue
-        sticks = about["sticks"] / about["cycles"]
-        if irregular and not (about["period_scatter"] >= ALIKE * period and 2.0 <= sticks <= 100.0):
+        if irregular and about["period_scatter"] < ALIKE * period:
+            continue
+        if ratio and not 2.0 <= about["sticks"] / about["cycles"] <= 100.0:
             continue
         if slip * rate >= FASTEST and slip <= SHORTEST * period:
             yield values, scene, float(period), float(settled.time[-1])
