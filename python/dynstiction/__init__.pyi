@@ -14,10 +14,8 @@ from .creep import creep_exact as creep_exact
 from .creep import creep_velocity as creep_velocity
 from .creep_fit import CreepFit as CreepFit
 from .creep_fit import fit_creep as fit_creep
-from .equations import SlipProblem as SlipProblem
 from .equations import jacobian as jacobian
 from .equations import rhs as rhs
-from .equations import slip_problem as slip_problem
 from .errors import ColumnError as ColumnError
 from .errors import DeckError as DeckError
 from .errors import Error as Error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Unpack
 
 import numpy as np
@@ -11,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _native
 from ._arguments import SMALLEST, finite, number, reals
-from ._slider import ANGLE, VELOCITY, SliderParameters, drive_of, slider_parameters
+from ._slider import ANGLE, SliderParameters, slider_parameters
 from .errors import UsageError
 from .record import unit_shown
-from .scene import DeckLike, Scene
+from .scene import DeckLike
 
 COEFFICIENTS = {"mu_0": 0.0, "mu_inf": 0.0, "v_f": 1.0, "exponent": 1.0, "viscous": 0.0}
 """Coefficients of the friction laws, and their values where a law has none; mu_inf is then mu_0."""
@@ -95,121 +94,6 @@ def friction_coefficient(speed: ArrayLike, law: Mapping[str, Any]) -> NDArray[np
     mu_0, mu_inf, v_f, exponent, viscous = (COEFFICIENTS | given).values()
     v = np.asarray(speed)
     return np.asarray(mu_inf + (mu_0 - mu_inf) * np.exp(-((v / v_f) ** exponent)) + viscous * v)
-
-
-@dataclass(frozen=True)
-class SlipProblem:
-    """The motion of a scene in slip as an initial value problem, ready for ``scipy.integrate.solve_ivp``.
-
-    The state y is ``u_x, u_y`` [m], ``w_x, w_y`` [m/s]. Where a method would step over a corner of the drive, integrate from
-    corner to corner.
-
-    Attributes
-    ----------
-    t_span : tuple of float
-        0 and the end of the scene [s].
-    y0 : ndarray, shape (4,)
-        The state in which the scene begins.
-    corners : ndarray, shape (n,)
-        Times [s] of the corners and jumps of the drive inside `t_span`.
-    slider : ndarray, shape (12,)
-        Parameters of the equations in the order of the keywords of `rhs`; the drive velocity is that at the beginning.
-    drive_time, drive_velocity : tuple of float
-        The drive: times [s], and the velocities [m/s] there.
-    """
-
-    t_span: tuple[float, float]
-    y0: NDArray[np.float64]
-    corners: NDArray[np.float64]
-    slider: NDArray[np.float64]
-    drive_time: tuple[float, ...]
-    drive_velocity: tuple[float, ...]
-
-    def velocity(self, t: float) -> float:
-        """Drive velocity [m/s] at a time [s]; at a jump, the velocity after it.
-
-        Parameters
-        ----------
-        t : float
-            Time [s].
-        """
-        return float(np.interp(t, self.drive_time, self.drive_velocity))
-
-    def fun(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
-        """Time derivative of the state, as `rhs` with the drive velocity at the time; of the shape of `y`.
-
-        Parameters
-        ----------
-        t : float
-            Time [s].
-        y : array_like, shape (4,) or (4, n)
-            One state, or n at the same time, as ``solve_ivp(..., vectorized=True)`` gives them.
-        """
-        return np.asarray(_evaluated(self._at(t), np.transpose(y), 1)[..., 0].T)
-
-    def jac(self, t: float, y: ArrayLike) -> NDArray[np.float64]:
-        """Derivative of `fun` with respect to the state, shape (4, 4), as `jacobian`.
-
-        Parameters
-        ----------
-        t : float
-            Time [s].
-        y : array_like, shape (4,)
-            State.
-        """
-        return _evaluated(self._at(t), y, 4)
-
-    def _at(self, t: float) -> NDArray[np.float64]:
-        slider = self.slider.copy()
-        slider[VELOCITY] = self.velocity(t)
-        return slider
-
-
-def slip_problem(scene: DeckLike) -> SlipProblem:
-    """The motion of a scene in slip, ready for ``scipy.integrate.solve_ivp``.
-
-    With the smoothed contact (``contact="smoothed"``) it is the motion of the scene. With the exact contact it is
-    its slip between two stops: at ``w = 0``, where the object comes to rest, friction has no direction and `SlipProblem.fun`
-    raises an error.
-
-    Parameters
-    ----------
-    scene : str, PathLike or Scene
-        A deck or a scene of the model ``'full'`` with constant or weakening friction.
-
-    Returns
-    -------
-    SlipProblem
-        ``fun(t, y)``, ``jac(t, y)``, ``t_span``, ``y0`` and the corners of the drive.
-
-    Raises
-    ------
-    DeckError, FileError
-        If the scene cannot be read, or is refused.
-    UsageError
-        If it is of another model, or of another friction law.
-
-    Examples
-    --------
-    >>> problem = ds.slip_problem(scene.replace(contact="smoothed", v_smooth=1e-7))            # doctest: +SKIP
-    >>> solve_ivp(problem.fun, problem.t_span, problem.y0, "Radau", jac=problem.jac, rtol=1e-8)  # doctest: +SKIP
-    """
-    scene = Scene(scene)
-    scene.check()
-    if scene.scene.model != "full":
-        raise UsageError(
-            f"scene.model = '{scene.scene.model}': slip_problem has the equations of model 'full'"
-        )
-    times, velocities = drive_of(scene)
-    t_end = float(scene.scene.t_end or 0.0)
-    slider = _slider(scene, {"velocity": velocities[0]})
-    along = np.array([np.cos(slider[ANGLE]), np.sin(slider[ANGLE])])
-    initial = scene.initial
-    y0 = np.concatenate(
-        [[initial.elongation_x, initial.elongation_y], initial.velocity_ratio * velocities[0] * along]
-    )
-    corners = np.unique([time for time in times if 0.0 < time < t_end])
-    return SlipProblem((0.0, t_end), y0, corners, slider, times, velocities)
 
 
 def _evaluated(slider: NDArray[np.float64], state: ArrayLike, n_columns: int) -> NDArray[np.float64]:

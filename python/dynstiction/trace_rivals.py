@@ -43,8 +43,8 @@ STARTS = 2
 """Starts of the slow model that are completed for creep if nothing else explains the trace; otherwise one is."""
 AGE = 1e-3
 """Time at rest from which on friction grows, over the period, if the deck has none."""
-ROUGH = (0.05, 0.01)
-"""Errors with which starts are tried, relative to swing and period."""
+ROUGH = 0.01
+"""Error with which starts are tried, relative to swing and period."""
 TRIED = 2
 """Starts that are completed for an explanation."""
 BEGIN, SIZES = 0.05, (0.95, 1.0, 1.1, 1.25)
@@ -362,7 +362,7 @@ def explanations(found: Fit) -> tuple[Explanation, ...]:
         problem = base.changed((*base.names, extra), {extra: begin, **more})
         sizes = (1.0,) if name.startswith("another ") else SIZES
         starts = [np.append(problem.coordinates(np.append(base.values(q), s * begin)), delays) for s in sizes]
-        tried.append((name, problem, problem.cheapest(starts, ROUGH[-1])[0]))
+        tried.append((name, problem, problem.cheapest(starts, ROUGH)[0]))
 
     def one(each: tuple[str, Problem, _Floats]) -> _Fitted | None:
         name, problem, start = each

@@ -9,7 +9,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/checks.sh"
 
 help_if_wanted "$@"
 
-tests=(test_{python_api,damaged_files,slip_problem}.py test_plots.py::test_command_draws_a_file)
+tests=(test_{python_api,damaged_files,equations}.py test_plots.py::test_command_draws_a_file)
 
 # pythons: every Python from 3.11 on that can build extensions, the oldest first.
 pythons() {

@@ -62,8 +62,6 @@ SIDE_BY_SIDE = 4
 """Rough fits that are made at once."""
 APART = 3.0
 """Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
-SECANT = 0.03
-"""Change of a coordinate for a derivative of noisy residuals."""
 HOPS, FARTHEST = 8, 0.5
 """Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
 MOST_SHOTS = 10000

@@ -1,8 +1,6 @@
-"""`ds.slip_problem`: the equations as scipy takes them, and functions of the linear theory that take a scene."""
+"""The equations as SciPy takes them, and functions of the linear theory that take a scene."""
 
 from __future__ import annotations
-
-import itertools
 
 import dynstiction as ds
 import numpy as np
@@ -12,56 +10,34 @@ from programs import Program
 from scipy.integrate import solve_ivp
 
 
-@pytest.mark.parametrize(
-    ("drive", "system"),
-    [
-        ({"velocity": 1e-3}, {}),
-        ({"velocity": [1e-3, 3e-3, 3e-3, 1e-3], "time": [0.0, 0.01, 0.015, 0.015]}, {"damping_x": 0.5, "damping_y": 20.0}),
-        ({"velocity": [-2e-3, -1e-3], "time": [0.0, 0.02]}, {"misalignment_deg": 8.0}),
-    ],
-)
-def test_scipy_gets_the_run(drive: dict[str, object], system: dict[str, float], fig3: ds.Scene) -> None:
-    """From corner to corner, the motion of the smoothed contact with a program that is not ours."""
-    scene = fig3.replace(t_end=0.03, contact="smoothed", v_smooth=1e-6, rtol=1e-11, drive=drive, system=system, elongation_x=1e-5)
-    problem = ds.slip_problem(scene)
-    y, ends = problem.y0, [0.0, *problem.corners, problem.t_span[1]]
-    for begin, end in itertools.pairwise(ends):
-        # At a jump the velocity is that after it.
-        found = solve_ivp(problem.fun, (begin, np.nextafter(end, 0.0)), y, "Radau", jac=problem.jac, rtol=1e-9, atol=1e-15)
-        y = found.y[:, -1]
-    result = ds.run(scene)
-    ours = [result[name][-1] for name in ("u_x", "u_y", "w_x", "w_y")]
-    np.testing.assert_allclose(y, ours, rtol=2e-5, atol=1e-12)
-    assert [result[name][0] for name in ("u_x", "u_y", "w_x", "w_y")] == pytest.approx(problem.y0, rel=1e-14, abs=0.0)
+@pytest.mark.parametrize("system", [{}, {"damping_x": 0.5, "damping_y": 20.0}, {"misalignment_deg": -8.0}])
+def test_scipy_gets_the_run(system: dict[str, float], fig3: ds.Scene) -> None:
+    """The motion of the smoothed contact with a program that is not ours."""
+    names = ("u_x", "u_y", "w_x", "w_y")
+    result = ds.run(fig3, t_end=0.03, contact="smoothed", v_smooth=1e-6, rtol=1e-11, system=system, elongation_x=1e-5)
+    given = {**SLIDER, **system, "v_smooth": 1e-6}
+    begin = [result[name][0] for name in names]
+    found = solve_ivp(
+        lambda _, y: ds.rhs(y, **given),
+        (0.0, 0.03),
+        begin,
+        "Radau",
+        jac=lambda _, y: ds.jacobian(y, **given),
+        rtol=1e-9,
+        atol=1e-15,
+    )
+    np.testing.assert_allclose(found.y[:, -1], [result[name][-1] for name in names], rtol=2e-5, atol=1e-12)
 
 
-def test_fun_and_jac_are_rhs_and_jacobian(fig3: ds.Scene) -> None:
-    problem = ds.slip_problem(fig3)
+def test_equations_of_a_scene(fig3: ds.Scene) -> None:
     states = np.random.default_rng(3).uniform(0.1, 1.0, (5, 4)) * [1e-3, 1e-6, 1e-3, 1e-3]
-    np.testing.assert_array_equal(problem.fun(0.5, states[0]), ds.rhs(states[0], **SLIDER))
-    np.testing.assert_array_equal(problem.fun(0.5, states.T), ds.rhs(states, **SLIDER).T)
-    np.testing.assert_array_equal(problem.jac(0.5, states[0]), ds.jacobian(states[0], **SLIDER))
     np.testing.assert_array_equal(ds.rhs(states, fig3), ds.rhs(states, **SLIDER))
     np.testing.assert_array_equal(ds.jacobian(states, fig3, velocity=2e-3), ds.jacobian(states, **{**SLIDER, "velocity": 2e-3}))
     with pytest.raises(ds.UsageError, match="w = 0"):
-        problem.fun(0.0, np.zeros(4))
-
-
-def test_the_drive_of_a_problem(fig3: ds.Scene) -> None:
-    problem = ds.slip_problem(fig3.replace(velocity=[1.0, 2.0, 2.0, 5.0], time=[0.0, 2.0, 3.0, 3.0], t_end=4.0))
-    velocities = [problem.velocity(t) for t in (0.0, 1.0, 1.25, 2.0, 2.5, 3.0, 3.5)]
-    assert velocities == [1.0, 1.5, 1.625, 2.0, 2.0, 5.0, 5.0]
-    assert problem.corners.tolist() == [2.0, 3.0]
-
-
-def test_what_is_no_slip_problem(fig3: ds.Scene) -> None:
-    creep = fig3.replace(model="creep", mass=None, law=None, mu_inf=None, v_f=None, velocity_ratio=None)
-    with pytest.raises(ds.UsageError, match="model = 'creep'"):
-        ds.slip_problem(creep)
-    with pytest.raises(ds.UsageError, match=r"law = 'table'.*take the scene alone"):
-        ds.slip_problem(fig3.replace(law="table", mu_0=None, mu_inf=None, v_f=None, table_speed=[0.0, 1.0], table_mu=[0.2, 0.1]))
-    with pytest.raises(ds.DeckError, match="mass"):
-        ds.slip_problem(fig3.replace(mass=-1.0))
+        ds.rhs(np.zeros(4), fig3)
+    table = fig3.replace(law="table", mu_0=None, mu_inf=None, v_f=None, table_speed=[0.0, 1.0], table_mu=[0.2, 0.1])
+    with pytest.raises(ds.UsageError, match="law = 'table'"):
+        ds.rhs(states, table)
 
 
 # Linear theory of a scene
