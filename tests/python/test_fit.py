@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
-from dynstiction._fit.models import NoCycleError, _rests, full_cycles
+from dynstiction._fit.models import NoCycleError, _rests, _sampled, full_cycles
 from dynstiction._fit.problem import Problem
 from dynstiction._fit.solve import Solution
 from dynstiction._fit.waveform import waveform_of
@@ -371,6 +371,19 @@ def test_a_motion_settles_to_the_same_cycle_by_the_map_and_by_steps(trace: ds.Tr
     until = ds.run(RIG, scene={"settle": 1e-8, "t_end": 100.0}, output={"interval": 100.0})
     assert mapped.period == pytest.approx(until.summary["period"], rel=1e-6)
     np.testing.assert_allclose(mapped.rows, stepped.rows, atol=1e-5 * wave.swing)
+
+
+def test_the_cycle_of_a_motion_that_settles_late() -> None:
+    """Its irregular beginning ends at another time in each run."""
+    rig = RIG.replace(
+        system={"misalignment_deg": 0.7933, "mass": 0.3273, "stiffness_x": 2300.357, "stiffness_y": 2624616.6},
+        friction={"mu_0": 0.21201, "mu_inf": 0.13678, "v_f": 0.018112},
+        drive={"velocity": 0.00122493},
+    )
+    trace = trace_of(rig).part(start=15.0)
+    wave = waveform_of(trace, find_cycles(trace), 1e-3)
+    run, begin, end = _sampled(rig, wave, 1.0, 1.6, 1e-3, repeats=True)
+    assert run.summary["repeats"] == 1.0 < begin <= run.time[0] < run.time[-1] <= end
 
 
 def test_cycles_that_are_not_alike_are_fitted_one_by_one() -> None:

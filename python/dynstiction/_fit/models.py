@@ -169,14 +169,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
             begin = float(result.time[-1])
             end = begin + CYCLES * float(summary["period"])
     finer = finer_of(wave, chain) if repeats else 1
-    fine = run(
-        scene,
-        times=np.arange(begin, end, wave.interval / finer),
-        progress=False,
-        scene={"settle": 0.0, "t_end": end},
-        integrator={"max_steps": MOST_STEPS_OF_OWN},
-        output={"fields": [*FIELDS, *(["X"] * (wave.creep_edges.size > 0))]},
-    )
+    fine, begin, end = _sampled(scene, wave, begin, end, wave.interval / finer, repeats)
     summary = summary or fine.summary
     if "period" not in summary or "valley_force" not in summary:
         raise NoCycleError(
@@ -219,6 +212,25 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     at = _rests(time, fine["sticking"] > 0.0, inside + edges[0], SOON * wave.period)
     states = np.column_stack([time[at] - inside, fine["u_x"][at], fine["u_y"][at]])
     return Cycles(here, period, there, float(fine.summary.get("sticks", 0.0)) * period / end, states)
+
+
+def _sampled(
+    scene: Scene, wave: Waveform, begin: float, end: float, interval: float, repeats: bool
+) -> tuple[Result, float, float]:
+    """A run with samples from one time to another, and both; they are later if a motion that repeats does not do so yet."""
+    while True:
+        fine = run(
+            scene,
+            times=np.arange(begin, end, interval),
+            progress=False,
+            scene={"settle": 0.0, "t_end": end},
+            integrator={"max_steps": MOST_STEPS_OF_OWN},
+            output={"fields": [*FIELDS, *(["X"] * (wave.creep_edges.size > 0))]},
+        )
+        if not repeats or fine.summary.get("repeats") or end > LONGEST[0] * wave.period:
+            return fine, begin, end
+        # An irregular beginning may last longer than in the run that has settled.
+        begin, end = 2.0 * begin, begin + end
 
 
 def _rests(time: _Floats, sticking: NDArray[np.bool_], times: _Floats, soon: float) -> NDArray[np.intp]:

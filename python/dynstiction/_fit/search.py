@@ -47,7 +47,7 @@ FACTORS = (
 """Misalignment and v_f that are held on the way to a start, over those that are given."""
 NEAR = 100.0
 """Misfit below which a start is near the traces."""
-SMOOTH = 30.0
+SMOOTH = 60.0
 """Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
 RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
 """Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
