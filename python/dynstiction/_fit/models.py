@@ -219,11 +219,12 @@ def _sampled(
 ) -> tuple[Result, float, float]:
     """A run with samples from one time to another, and both; they are later if a motion that repeats does not do so yet."""
     while True:
+        times = np.arange(begin, end, interval)
         fine = run(
             scene,
-            times=np.arange(begin, end, interval),
+            times=times,
             progress=False,
-            scene={"settle": 0.0, "t_end": end},
+            scene={"settle": 0.0, "t_end": max(end, float(times[-1]))},
             integrator={"max_steps": MOST_STEPS_OF_OWN},
             output={"fields": [*FIELDS, *(["X"] * (wave.creep_edges.size > 0))]},
         )
