@@ -130,8 +130,7 @@ def behind_a_chain(trace: ds.Trace, draw: np.random.Generator) -> ds.Trace:
 
 
 def print_intervals(options) -> None:
-    inside: list[list[bool | None]] = []
-    times, warned, refused = [], 0, 0
+    inside, times, warned, refused = [], [], 0, 0
     many = options.irregular or options.independent
     chain = ds.Chain(filter=300.0, tare=0.01) if options.chain else ds.Chain()
     free = (*FREE, "chain.tare") if options.chain else FREE

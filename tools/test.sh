@@ -175,7 +175,6 @@ cluster_tests() {
 
 benchmarks() { run_tests 'Benchmarks, short' '^Benchmarks:' "$checkout/bench/short.sh"; }
 
-# The packages that users install.
 package() { run_tests "Package, $1.sh" '(passed|failed|skipped)' "$checkout/tests/package/$1.sh"; }
 # The newest versions are those of this environment; the lower bounds are tried with the source archive.
 bounds() {
