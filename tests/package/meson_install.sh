@@ -40,7 +40,7 @@ runs_a_sweep() {
 }
 
 rm -rf "$folder"
-build "$folder" --prefix="$scratch/prefix" -Dpython.install_env=prefix -Dopenmp=disabled -Dtests=false
+build "$folder" --prefix="$scratch/prefix" -Dpython.install_env=prefix -Dopenmp=disabled -Dtests=false -Doptimization=1
 meson install -C "$folder" --quiet --no-rebuild
 export PKG_CONFIG_PATH libraries PYTHONPATH
 PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name dynstiction.pc)")

@@ -21,7 +21,7 @@ hide_hdf5() {
   export PKG_CONFIG_LIBDIR=$scratch/pkgconfig
 }
 
-setup() { meson setup "$1" "$checkout" --native-file "$scratch/native.ini" --prefix="$prefix" -Dpython.install_env=prefix "${@:2}"; }
+setup() { meson setup "$1" "$checkout" -Doptimization=1 --native-file "$scratch/native.ini" --prefix="$prefix" -Dpython.install_env=prefix "${@:2}"; }
 is_refused_with_the_remedy() {
   local printed
   ! printed=$(setup "$scratch/refused" -Dtests=false 2>&1) && grep 'HDF5 .* was not found: .* -Dprogram=false' <<< "$printed"
