@@ -207,7 +207,7 @@ class Problem:
     """Free parameters and traces. The coordinates z are those of the parameters, and the delay of the slips of each trace over its fall.
 
     Each free parameter has a name, ``group.key``, and a value with which it begins. What is `known`, `bounds` and `ties` are those of `fit`;
-    `runs` has the trace of each run so far; `of_unlike` is whether the means are those of cycles that are not alike.
+    `runs` has the trace of each run so far.
     """
 
     names: tuple[str, ...]
@@ -217,7 +217,6 @@ class Problem:
     ties: Mapping[str, tuple[str, float]]
     recordings: tuple[Recording, ...]
     runs: list[int] = field(default_factory=list)
-    of_unlike: bool = False
 
     @property
     def is_slow(self) -> bool:
@@ -253,8 +252,7 @@ class Problem:
 
     def of_means(self) -> Problem:
         """The same with the means of cycles that are not alike for some that are."""
-        recordings = tuple(each.of_mean() for each in self.recordings)
-        return replace(self, recordings=recordings, runs=[], of_unlike=True)
+        return replace(self, recordings=tuple(each.of_mean() for each in self.recordings), runs=[])
 
     def holding(self, values: Mapping[str, float]) -> Problem:
         """The same with some parameters held at these values."""
@@ -378,11 +376,8 @@ class Problem:
         recording = self.recordings[k]
         delay = float(z[p + k]) * recording.waveform.fall if recording.waveform.repeats else 0.0
         here = self.at_values(recording, z[:p])
-        if not self.is_slow:
-            return full_cycles(here.scene, here.waveform, delay, here.chain, patient)
-        # What the slow model says of the mean of cycles that are not alike is followed far.
-        precise = patient or self.of_unlike or not self.repeats
-        return slow_cycles(here.scene, here.waveform, delay, here.chain, precise)
+        model = slow_cycles if self.is_slow else full_cycles
+        return model(here.scene, here.waveform, delay, here.chain, patient)
 
     def residuals(self, z: _Floats, coarse: float) -> _Floats:
         """Weighted residuals of all traces, each with its period last, then those of known values."""
