@@ -49,14 +49,12 @@ proof=("$checkout"/tests/python/test_{references,models,decks,python_api,handove
 declare -A minutes=([proof]=2 [release]=8 [standard]=20 [full]=60 [sanitize]=3 [cluster]=4 [package]=15 [bench]=3)
 
 say_how_long() {
-  local part total first=0 second=0
+  local part total=${minutes[$level]} shared=0
   for part in ${extras[@]+"${extras[@]}"}; do
-    case $part in
-      package) second=$((second + ${minutes[$part]})) ;;
-      *) first=$((first + ${minutes[$part]})) ;;
-    esac
+    shared=$((shared + ${minutes[$part]}))
   done
-  total=$((${minutes[$level]} + (first > second ? first : second)))
+  # In two lists.
+  total=$((total + (shared + 1)/2))
   say "This takes about $total minutes$([[ $level != full ]] || echo ' or more') on two idle cores, and up to two more the first time."
   [[ $level != proof ]] || say 'Every test: tools/test.sh --standard. All options: tools/test.sh --help'
 }

@@ -14,8 +14,8 @@ from .errors import UsageError
 from .scene import DeckLike, Scene
 
 DRIVE_VELOCITY = "drive.velocity"
-ANGLE, VELOCITY = 3, 8
-"""Places of the misalignment, which the core has in radians, and of the drive velocity among the parameters of the core."""
+ANGLE = 3
+"""Place of the misalignment, which the core has in radians, among the parameters of the core."""
 
 
 class SliderParameters(TypedDict, total=False):

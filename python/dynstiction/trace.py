@@ -367,12 +367,17 @@ class Chain:
 
     def __post_init__(self) -> None:
         whole("order", self.order, least=1)
+        limits: dict[str, dict[str, float]] = {
+            "tare": {},
+            "drift": {},
+            "hum": {"least": 0.0},
+            "step": {"least": 0.0},
+        }
         for each in fields(self):
             value = getattr(self, each.name)
             if each.name != "order" and value is not None:
-                least = 0.0 if each.name in ("hum", "step") else None
-                above = None if each.name in ("tare", "drift", "hum", "step") else 0.0
-                object.__setattr__(self, each.name, number(each.name, value, above=above, least=least))
+                checked = number(each.name, value, **limits.get(each.name, {"above": 0.0}))
+                object.__setattr__(self, each.name, checked)
 
     def response(self, interval: float, force: _Floats) -> _Floats:
         """Gain, resonance, filter and tare, of a force that was at rest before.

@@ -532,7 +532,7 @@ def _law_errors(problem: Problem, slow: Problem, found: Solution) -> _Floats:
             laws = ({"exponent": 1.0 + LAW_STEP}, {"viscous": LAW_STEP * viscous})
             scenes = [here, *(here.replace(friction={"law": "stribeck", **law}) for law in laws)]
             delay = float(z[p + k]) * wave.fall
-            before, *after = (slow_cycles(each, wave, delay, record.chain, True) for each in scenes)
+            before, *after = (slow_cycles(each, wave, delay, record.chain, False) for each in scenes)
             effect = []
             for there in after:
                 change = (there.rows - before.rows)[0] * wave.weights(0.0)

@@ -360,8 +360,8 @@ def test_speed_and_lengths_are_not_told_apart(trace: ds.Trace) -> None:
         found = ds.fit(RIG, trace, ("drive.velocity", "system.stiffness_x", "system.mass", "friction.v_f"))
     low, high = found.interval("drive.velocity")
     assert low < 1e-3 < high
-    assert high - low > 0.08 * found["drive.velocity"]
-    assert found.parameters["drive.velocity"].error > 0.02 * found["drive.velocity"]
+    assert high - low > 0.1 * found["drive.velocity"]
+    assert found.parameters["drive.velocity"].error > 0.03 * found["drive.velocity"]
 
 
 def test_a_motion_settles_to_the_same_cycle_by_the_map_and_by_steps(trace: ds.Trace) -> None:

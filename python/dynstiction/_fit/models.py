@@ -18,8 +18,8 @@ from .waveform import Waveform, bin_means, centred
 
 _Floats = NDArray[np.float64]
 
-SETTLED, ROUGHLY = 1e-6, 1e-4
-"""The motion has settled if two cycles agree to this; of the slow model where it need not be precise."""
+SETTLED = 1e-6
+"""The motion has settled if two cycles agree to this."""
 LONGEST, SOONEST = (100.0, 1000.0), 10.0
 """Longest time to settle, in measured periods: the second for a regular motion if the errors are those of the trace, the last for a rough
 mean."""
@@ -27,9 +27,8 @@ MOST_STEPS = 20_000
 """Largest number of steps of a slow run. In 4 fits, runs with stick-slip that repeats took 600 in the median and at most 17 000."""
 MOST_STEPS_OF_OWN = 200_000
 """The same of the scene's own model: a run of parameters far from the truth does not stop a fit."""
-TOLERANCE, ROUGH = 1e-7, 1e-5
-"""Relative tolerances of the slow model: its error is far below the effect of a change of a parameter by a thousandth; and by a hundredth,
-where it need not be precise."""
+TOLERANCE = 1e-7
+"""Relative tolerance of the slow model: its error is far below the effect of a change of a parameter by a thousandth."""
 SLOW_METHOD = "radau5"
 """Method whose steps are short enough for cubic polynomials between their ends."""
 FINER = 4
@@ -92,7 +91,7 @@ def slow_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
     """The settled cycle of a scene with the model low_frequency, smooth in all its parameters.
 
     The slips of the waveform, of whose bins it has the means, are later than those of the model by a delay [s]. Of the chain only gain and
-    tare are applied: for starts its filter does not matter. A patient run is precise, and may take very long to settle.
+    tare are applied: for starts its filter does not matter. A patient run may take very long to settle.
 
     Raises
     ------
@@ -281,15 +280,13 @@ def _settled(
 ) -> Result:
     integrator: dict[str, object] = {"max_steps": MOST_STEPS_OF_OWN}
     if is_slow:
-        rtol = TOLERANCE if patient else ROUGH
-        integrator = {"method": SLOW_METHOD, "rtol": rtol, "max_steps": MOST_STEPS}
-    settle = SETTLED if patient or not is_slow else ROUGHLY
+        integrator = {"method": SLOW_METHOD, "rtol": TOLERANCE, "max_steps": MOST_STEPS}
     for longest in LONGEST if patient or is_slow else (SOONEST,):
         try:
             result = run_sampled(
                 scene,
                 progress=False,
-                scene={"settle": settle, "t_end": longest * wave.period},
+                scene={"settle": SETTLED, "t_end": longest * wave.period},
                 integrator=integrator,
                 output=output,
             )
