@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import _native
 from ._arguments import generator, instance, names_in, number, shown, whole
 from ._fit.models import NoCycleError, fastest_slip, slow_cycles, steady_velocity
-from ._fit.problem import CHAIN, PRIOR, Problem, Recording, unit_of
+from ._fit.problem import CHAIN, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, USUAL, Search
 from ._fit.shooting import GAINED
 from ._fit.solve import Solution
@@ -545,7 +545,7 @@ def _law_errors(problem: Problem, slow: Problem, found: Solution) -> _Floats:
     jacobian = found.jacobian.copy()
     jacobian[:, :p] = np.linalg.solve(problem.slopes(z[:p]).T, jacobian[:, :p].T).T
     extended = np.column_stack([jacobian, np.vstack([*effects, np.zeros((len(slow.known), 2))])])
-    prior = np.append(np.full(jacobian.shape[1], PRIOR**-2), np.ones(2))
+    prior = np.append(problem.priors**-2, np.ones(2))
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(extended.T @ extended + np.diag(prior))))[:p])
 
 

@@ -34,6 +34,8 @@ LEAST_DROP = 1e-3
 """Least weakening at the start of a fit, as a share of mu_0."""
 PRIOR = 2.3
 """Standard deviation of the prior of a logarithm about its start: a factor of ten."""
+OPEN = 1e3
+"""The same of a delay, whose prior must not hold what is shifted with it: a zero."""
 FEW = 10
 """Number of cycles that a search uses of many that are not alike."""
 NEIGHBOURS = 4
@@ -355,6 +357,13 @@ class Problem:
         here = self.coordinates(np.array([values.get(name, value) for name, value in begin]))
         return np.append(here, np.zeros(len(self.recordings)))
 
+    def moved(self, z: _Floats, changes: _Floats) -> _Floats:
+        """Coordinates after changes of the logarithms of the parameters, of a tare over the swing."""
+        p, unit = len(self.names), self.scales
+        values = self.values(z[:p])
+        there = np.where(np.isfinite(unit), values + unit * changes, values * np.exp(changes))
+        return np.append(self.coordinates(there), z[p:])
+
     def cheapest(self, starts: Sequence[_Floats], coarse: float) -> list[_Floats]:
         """Coordinates in the order of their cost, with a share that is added to the errors."""
         costs = [
@@ -433,14 +442,17 @@ class Problem:
             begin += recording.size
         return max(misfit for misfit, _ in each), min(chance for _, chance in each)
 
+    @property
+    def priors(self) -> _Floats:
+        """Standard deviations of the priors of all coordinates."""
+        return np.repeat([PRIOR, OPEN], [len(self.names), len(self.recordings)])
+
     def root(self, jacobian: _Floats) -> _Floats:
         """A root R of the inverse normal matrix R Rᵀ, with the prior that each parameter is known to a factor of ten.
 
         From the Jacobian itself: of the normal matrix roundoff may leave no definite one.
         """
-        _, sizes, axes = np.linalg.svd(
-            np.vstack([jacobian, np.eye(jacobian.shape[1]) / PRIOR]), full_matrices=False
-        )
+        _, sizes, axes = np.linalg.svd(np.vstack([jacobian, np.diag(1.0 / self.priors)]), full_matrices=False)
         return np.asarray(axes.T / sizes)
 
     def covariance(self, found: Solution) -> tuple[_Floats, _Floats, float]:

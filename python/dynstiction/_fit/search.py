@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
-from .problem import PRIOR, VELOCITY, Problem, Recording
+from .problem import KINETIC, PRIOR, VELOCITY, Problem, Recording
 from .shooting import COARSELY, FINELY, PATIENTLY, Level, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of, spread
 
@@ -78,8 +78,10 @@ OFTEN = 0.3
 """Probability of a misfit by chance above which a guided fit needs no shot of its own."""
 SPREAD_OF_COST = 3.0
 """Excess of the cost of cycles that are not alike, in its standard deviations, up to which it is what noise explains."""
-NEAR_SLOW, WIDE = 0.2, 1.4
-"""Largest change of a logarithm of the slow model's fit in such a start, and of its misalignment, which creep in small sticks hides."""
+NEAR_SLOW = {ANGLE: (-1.4, 1.4), KINETIC: (-0.03, 0.2), VELOCITY: (-0.7, 0.7)}
+NEAR_OTHERS = (-0.06, 0.06)
+"""Changes of logarithms from the slow model's fit to a start. The rise and the valley of the load show that model most parameters well. A
+creep in few sticks hides the misalignment, and ends before friction has its full size: mu_0 is rather larger than that fit."""
 SPREAD = 0.7
 """Largest change of a logarithm in a random start."""
 ANGLES = (0.3, 0.8, 2.0, 4.0)
@@ -292,18 +294,23 @@ class Search:
         yield from (own[i : i + SIDE_BY_SIDE] for i in range(0, len(own), SIDE_BY_SIDE))
 
     def _own_starts(self) -> list[_Floats]:
-        """The best of many random starts: near the scene's values, the slow model's fit, and glances at the waveform."""
-        p = len(self.problem.names)
-        near = np.array([WIDE if name == ANGLE else NEAR_SLOW for name in self.problem.names])
-        others = [self.problem.place(each) for each in glances(self.problem.recordings[0])]
+        """The best of many random starts near the slow model's fit, and the scene's values; where there is no such fit, near these and glances."""
+        problem, ends = (
+            self.problem,
+            np.array([NEAR_SLOW.get(each, NEAR_OTHERS) for each in self.problem.names]),
+        )
+        begin = problem.named(self.given)
+        middles = [begin, *glances(problem.recordings[0])]
+        if self.proposal is not None:
+            # Its misalignment may be zero, whatever the true one.
+            middles = [
+                problem.named(self.proposal) | {name: begin[name] for name in (ANGLE,) if name in begin}
+            ]
         starts = [self.given]
         for i in range(3 * SHOTS):
-            middle = (self.given, self.proposal, others[int(self.random.integers(len(others)))])[i % 3]
-            middle = self.given if middle is None else middle
-            start = middle.copy()
-            start[:p] += (SPREAD if middle is self.given else near) * self.random.uniform(-1.0, 1.0, p)
-            starts.append(start)
-        return self.problem.cheapest(starts, COARSE_OF_OWN[0])[:SHOTS]
+            middle = problem.place(middles[i % len(middles)])
+            starts.append(problem.moved(middle, self.random.uniform(*ends.T)))
+        return problem.cheapest(starts, COARSE_OF_OWN[0])[:SHOTS]
 
     def _guided(self, slow: Problem, z: _Floats) -> list[Solution]:
         """The fit of the scene's model with the derivatives of the slow one; none where that leads astray.
