@@ -19,7 +19,7 @@ from ._fit.problem import CHAIN, Problem, Recording, unit_of
 from ._fit.search import ALSO, MISFIT, USUAL, Search
 from ._fit.shooting import GAINED
 from ._fit.solve import Solution
-from ._fit.waveform import waveform_of
+from ._fit.waveform import waveform_of, without_drift
 from ._progress import progress_bar
 from .errors import Error, FitWarning, UsageError
 from .scene import DeckLike, Scene
@@ -643,6 +643,8 @@ def problem_of(
                 "free: drive.velocity cannot be free with a displacement, which contains it: leave one of them out"
             )
         fine, cycles = fine_enough(one)
+        if "chain.tare" in names:
+            fine = without_drift(fine, cycles.slips)
         recordings.append(Recording(rig, chain, fine, cycles, waveform_of(fine, cycles, abs(velocity))))
     return Problem(names, begin, known, bounds, ties, tuple(recordings))
 

@@ -4,7 +4,7 @@ for a measurement and for a model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,6 +192,12 @@ def waveform_of(trace: Trace, cycles: TraceCycles, velocity: float) -> Waveform:
         rows, used = np.hstack([rows, ahead]), np.append(used, np.full(creep.size - 1, True))
     period_error = _period_error(periods, timing)
     return Waveform(edges, whole, rows, error, used, period, period_error, fall, interval, repeats)
+
+
+def without_drift(trace: Trace, slips: _Floats) -> Trace:
+    """A trace without a constant drift of its zero, which stays as it is in the middle: that of the means over its cycles."""
+    rate = np.polyfit(0.5 * (slips[1:] + slips[:-1]), bin_means(trace.time, trace.force, slips), 1)[0]
+    return replace(trace, force=trace.force - rate * (trace.time - trace.time.mean()))
 
 
 def whole_cycles(trace: Trace, slips: _Floats, edges: _Floats) -> _Floats:
