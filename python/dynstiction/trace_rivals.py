@@ -182,8 +182,8 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
     """
     told = [each.misfit() for each in fits]
     scale = max(1.0, min(misfit for misfit, _ in told))
-    bins = sum(int(np.count_nonzero(each.waveform.used)) + 1 for each in fits[0].problem.recordings)
-    evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * math.log(bins)) for each in fits]
+    share = math.log(_measured(fits[0].problem))
+    evidence = [-0.5 * (each.cost / scale + len(each.problem.names) * share) for each in fits]
     best: dict[str, int] = {}
     for i in np.argsort(-np.array(evidence), kind="stable"):
         best.setdefault(fits[i].name, int(i))
@@ -192,6 +192,12 @@ def _compared(fits: Sequence[_Fitted]) -> tuple[Explanation, ...]:
         Explanation(fits[i].name, float(share), *told[i], fits[i].problem.named(fits[i].solution.z))
         for i, share in zip(best.values(), shares / shares.sum(), strict=True)
     )
+
+
+def _measured(problem: Problem) -> int:
+    """Number of values that were measured: of each bin of each cycle, and the periods."""
+    waves = [each.waveform for each in problem.recordings]
+    return sum(len(each.rows) * (int(np.count_nonzero(each.used)) + 1) for each in waves)
 
 
 def _best(problem: Problem, starts: Sequence[Mapping[str, float]]) -> Solution | None:
@@ -325,7 +331,7 @@ def _least_angle(near: _Fitted) -> float:
     problem, solution = near.problem, near.solution
     here = problem.residuals(solution.z, 0.0)
     basis, _ = np.linalg.qr(problem.at(solution.z).jacobian)
-    need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(here.size)) + POWER
+    need = math.sqrt(2.0 * math.log(SURE / (1.0 - SURE)) + math.log(_measured(problem))) + POWER
 
     def is_seen(angle: float) -> bool:
         there = problem.changed(problem.names, {ANGLE: angle}).residuals(solution.z, 0.0)
