@@ -34,7 +34,7 @@ LEAST_DROP = 1e-3
 """Least weakening at the start of a fit, as a share of mu_0."""
 PRIOR = 2.3
 """Standard deviation of the prior of a logarithm about its start: a factor of ten."""
-OPEN = 1e3
+OPEN = 1e4
 """The same of a delay, whose prior must not hold what is shifted with it: a zero."""
 FEW = 10
 """Number of cycles that a search uses of many that are not alike."""
