@@ -167,7 +167,7 @@ def full_cycles(scene: Scene, wave: Waveform, delay: float, chain: Chain, patien
         if repeats:
             begin = float(result.time[-1])
             end = begin + CYCLES * float(summary["period"])
-    finer = finer_of(wave, chain) if repeats else 1
+    finer = finer_of(wave, chain) if repeats and patient else 1
     fine, begin, end = _sampled(scene, wave, begin, end, wave.interval / finer, repeats)
     summary = summary or fine.summary
     if "period" not in summary or "valley_force" not in summary:
