@@ -49,21 +49,19 @@ NEAR = 100.0
 """Misfit below which a start is near the traces."""
 SMOOTH = 60.0
 """Number of sticks in a slow cycle above which the cost is smooth: one search finds its minimum."""
-RATIO, MOST_ANGLES, LEAST_ANGLE, LARGEST_ANGLE = 1.6, 6, 0.05, 20.0
-"""Ratio of the angles that are held, their largest number to each side, and their range [deg]."""
 ALSO = 3.84
 """Excess of the cost, over the misfit, up to which other values explain a trace as well: 95 % of one parameter."""
-CLEARLY = 3.0
-"""Excess of the cost, over that up to which values explain a trace, above which angles farther away are not tried."""
 RANDOM_STARTS = 6
 SHOTS, COMPLETED = 40, 8
 """Random starts that are shot at first, of three times as many, and the largest number that is completed."""
 SIDE_BY_SIDE = 4
-"""Rough fits that are made at once."""
+"""Fits that are made at once."""
 APART = 3.0
 """Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
 HOPS, FARTHEST = 8, 0.5
 """Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
+LEFT_OPEN = 1.0
+"""Error of a coordinate above which a fit leaves it open."""
 MOST_SHOTS = 10000
 """Shots after which no further fit is begun from near the best one."""
 STRIDE, MOST_STRIDES = 2.0, 12
@@ -379,7 +377,7 @@ class Search:
             return
 
     def _shoot(self) -> None:
-        """Fits by shooting from the best starts, then from near the best fit, until one explains the traces, and at other misalignments."""
+        """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
         few = self.problem.of_few_cycles()
         approach, promising = self._approach(few), True
         if few.repeats:
@@ -398,7 +396,6 @@ class Search:
         self._again(few)
         if few is self.problem:
             self._walk(few)
-            self._along_the_angle()
         elif self.found:
             found, self.found = self.found, []
             best = min(found, key=lambda each: each.cost)
@@ -424,17 +421,25 @@ class Search:
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
     def _hop(self, problem: Problem, most: int, done: float) -> None:
-        """Fits from near the best one, along what the traces determine least, until one explains them."""
-        for i in range(most if self.found else 0):
-            if self._explains(problem) or len(problem.runs) > MOST_SHOTS:
+        """Fits from near the best one, along what the traces determine least, until one explains them; where the cost is rugged, all of them."""
+        rugged = problem.repeats and bool(self.found) and not self._is_smooth(self.best.z)
+        for i in range(0, most if self.found else 0, SIDE_BY_SIDE if rugged else 1):
+            if (self._explains(problem) and not rugged) or len(problem.runs) > MOST_SHOTS:
                 break
             self.show(done + (0.95 - done) * i / most)
-            root = problem.root(self.best.jacobian)
-            way = root @ self.random.standard_normal(root.shape[0])
-            hop = self.best.z + way * FARTHEST * self.random.uniform() ** 2 / np.abs(way).max()
-            self._add_shot(
-                problem, hop, (*COARSELY, *FINELY) if problem.repeats else self._levels_near(problem)
-            )
+            starts = [self._near_best(problem) for _ in range(SIDE_BY_SIDE if rugged else 1)]
+            levels = (*COARSELY, *FINELY) if problem.repeats else self._levels_near(problem)
+            self.found += self._shots(problem, starts, levels)
+
+    def _near_best(self, problem: Problem) -> _Floats:
+        """Coordinates near those of the best fit; what it leaves open is near the scene's values."""
+        p, root = len(problem.names), problem.root(self.best.jacobian)
+        way = root @ self.random.standard_normal(root.shape[0])
+        left_open = np.append(np.linalg.norm(root[:p], axis=1) > LEFT_OPEN, np.full(way.size - p, False))
+        largest = float(np.abs(way[:p][~left_open[:p]]).max(initial=0.0))
+        way *= FARTHEST * self.random.uniform() ** 2 / largest if largest else 0.0
+        near = self.given + NEAR_SLOW[ANGLE][1] * self.random.uniform(-1.0, 1.0, way.size)
+        return np.where(left_open, near, self.best.z + way)
 
     def _walk(self, problem: Problem) -> None:
         """Fits to both sides of the best one, along what the traces determine least, as far as values explain them as well: the cost is rippled.
@@ -487,45 +492,3 @@ class Search:
         ends = spread(one, starts)
         self.faults += [end for end in ends if isinstance(end, NoCycleError)]
         return [end for end in ends if isinstance(end, Solution)]
-
-    def _along_the_angle(self) -> None:
-        """Fits that hold the misalignment at other values, where few sticks in a cycle make the cost rugged along it.
-
-        A creep in few sticks hides the angle: fits far from each other may explain a trace, and one of them better than the first.
-        """
-        problem = self.problem
-        if (
-            not self.found
-            or ANGLE not in problem.names
-            or ANGLE in problem.known
-            or self._is_smooth(self.best.z)
-        ):
-            return
-        first = self.best
-        if problem.misfit(first.z, first.left)[1] < MISFIT:
-            return
-        i, least = problem.names.index(ANGLE), first
-        for side in (1.0, -1.0):
-            z, above = first.z.copy(), 0
-            z[i] = max(z[i], math.log(LEAST_ANGLE))
-            for _ in range(MOST_ANGLES):
-                z[i] += side * math.log(RATIO)
-                angle = math.exp(z[i])
-                if above > 1 or not LEAST_ANGLE < angle < LARGEST_ANGLE:
-                    break
-                held = problem.holding({ANGLE: math.copysign(angle, problem.begin[i])})
-                try:
-                    one = shot(held, z, FINELY)
-                except NoCycleError:
-                    above += 1
-                    continue
-                z = one.z.copy()
-                # Without the residual of the angle that is held.
-                rows = len(first.jacobian)
-                left = None if one.left is None else one.left[:rows]
-                one = replace(one, jacobian=one.jacobian[:rows], left=left)
-                self.found.append(one)
-                least = min(least, one, key=lambda each: each.cost)
-                above = 0 if one.cost - least.cost < CLEARLY * ALSO else above + 1
-        if least is not first:
-            self._add_shot(problem, least.z, FINELY)
