@@ -58,6 +58,13 @@ def found(trace: ds.Trace) -> ds.Fit:
         return ds.fit(DECK, trace, ALL)
 
 
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few starts: what explains a trace badly is otherwise tried from all."""
+    monkeypatch.setattr(search, "SHOTS", 4)
+    monkeypatch.setattr(search, "HOPS", 1)
+
+
 def test_all_six_parameters_of_a_rig_are_found(found: ds.Fit) -> None:
     for name, value in TRUE.items():
         parameter = found.parameters[name]
@@ -224,6 +231,7 @@ def test_a_product_is_not_told_apart() -> None:
 
 
 @pytest.mark.parametrize("friction", [{"law": "stribeck", "exponent": 2.0}, {"law": "stribeck", "exponent": 1.5}])
+@pytest.mark.usefixtures("hasty")
 def test_another_law_is_noticed(friction: dict[str, object]) -> None:
     """Whatever values explain the trace best, it is said that they do not explain it."""
     strange = trace_of(RIG.replace(friction=friction), noise=0.01)
@@ -232,12 +240,14 @@ def test_another_law_is_noticed(friction: dict[str, object]) -> None:
     assert found.chance < 1e-4
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_static_limit_is_noticed() -> None:
     strange = trace_of(RIG.replace(friction={"mu_static": 0.26}))
     with pytest.warns(ds.FitWarning, match="does not explain"):
         ds.fit(DECK, strange, ALL)
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_wrong_value_that_is_held_is_noticed(trace: ds.Trace) -> None:
     with pytest.warns(ds.FitWarning, match="does not explain"):
         ds.fit(RIG.replace(system={"mass": 0.2}), trace, ("system.misalignment_deg", "friction.mu_0"))
