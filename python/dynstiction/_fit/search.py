@@ -269,27 +269,22 @@ class Search:
             near.append(start)
         return slow.cheapest(near, COARSE[0])[: self.starts]
 
-    def _rough(self, problem: Problem, approach: Iterator[_Floats]) -> list[Solution]:
-        """Coarse fits, of which the best are worth completing: from where the slow model leads, then from random starts.
+    def _rough(self, problem: Problem) -> list[Solution]:
+        """Coarse fits from random starts, of which the best are worth completing.
 
         Where the cost of one mean cycle is rugged, the first minimum that explains it need not be the least; where it is smooth, it is found
         here, and nothing else is of use.
         """
         rough: list[Solution] = []
-        for starts in self._rough_starts(approach):
-            for each in self._shots(problem, starts, COARSELY):
+        starts = self._own_starts()
+        for i in range(0, len(starts), SIDE_BY_SIDE):
+            for each in self._shots(problem, starts[i : i + SIDE_BY_SIDE], COARSELY):
                 rough.append(each)
                 if each.cost < PROMISING * problem.noise and self._is_smooth(each.z):
                     self._add_shot(problem, each.z, FINELY)
                     if self._explains():
                         return []
         return rough
-
-    def _rough_starts(self, approach: Iterator[_Floats]) -> Iterator[list[_Floats]]:
-        """Some at a time."""
-        yield [next(approach)]
-        own = self._own_starts()
-        yield from (own[i : i + SIDE_BY_SIDE] for i in range(0, len(own), SIDE_BY_SIDE))
 
     def _own_starts(self) -> list[_Floats]:
         """The best of many random starts near the slow model's fit, and the scene's values; where there is no such fit, near these and glances."""
@@ -378,15 +373,14 @@ class Search:
 
     def _shoot(self) -> None:
         """Fits by shooting from the best starts, then from near the best fit, until one explains the traces."""
-        few = self.problem.of_few_cycles()
-        approach, promising = self._approach(few), True
+        few, promising = self.problem.of_few_cycles(), True
         if few.repeats:
-            rough = [] if self._explains() else self._rough(few, approach)
+            rough = [] if self._explains() else self._rough(few)
             promising = not rough or min(each.cost for each in rough) < PROMISING * few.noise
             worth = _apart(few, rough)[: COMPLETED if promising else 1]
             self.found += self._shots(few, [each.z for each in worth], FINELY)
         else:
-            for i, start in enumerate(approach):
+            for i, start in enumerate(self._approach(few)):
                 self.show(0.2 + 0.2 * i / len(FACTORS))
                 self._add_shot(few, start, FINELY)
                 self._again(few)
