@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import Error
 from .models import NoCycleError, steady_velocity
 from .problem import KINETIC, PRIOR, VELOCITY, Problem, Recording
-from .shooting import COARSELY, FINELY, PATIENTLY, Level, cost_at, delayed, shot
+from .shooting import COARSELY, FINELY, GAINED, PATIENTLY, Level, cost_at, delayed, shot
 from .solve import Solution, has_failed, least_squares_of, spread
 
 _Floats = NDArray[np.float64]
@@ -59,7 +59,7 @@ SIDE_BY_SIDE = 4
 APART = 3.0
 """Errors by which a coordinate of a coarse fit differs from that of a better one, or it is not completed."""
 HOPS, FARTHEST = 8, 0.5
-"""Largest number of fits from near the best one, and the largest change of a coordinate to where they begin."""
+"""Largest number of fits from near the best one that find nothing better, and the largest change of a coordinate to where they begin."""
 LEFT_OPEN = 1.0
 """Error of a coordinate above which a fit leaves it open."""
 MOST_SHOTS = 10000
@@ -415,15 +415,19 @@ class Search:
         return PATIENTLY if (best or self.best).cost < CLOSE * problem.noise else FINELY[1:]
 
     def _hop(self, problem: Problem, most: int, done: float) -> None:
-        """Fits from near the best one, along what the traces determine least, until one explains them; where the cost is rugged, all of them."""
+        """Fits from near the best one, along what the traces determine least, until one explains them; where the cost is rugged, until so
+        many of them have found nothing better.
+        """
         rugged = problem.repeats and bool(self.found) and not self._is_smooth(self.best.z)
-        for i in range(0, most if self.found else 0, SIDE_BY_SIDE if rugged else 1):
-            if (self._explains(problem) and not rugged) or len(problem.runs) > MOST_SHOTS:
-                break
-            self.show(done + (0.95 - done) * i / most)
+        left, made = most if self.found else 0, 0
+        while left > 0 and (rugged or not self._explains(problem)) and len(problem.runs) <= MOST_SHOTS:
+            self.show(done + (0.95 - done) * made / (made + most))
             starts = [self._near_best(problem) for _ in range(SIDE_BY_SIDE if rugged else 1)]
             levels = (*COARSELY, *FINELY) if problem.repeats else self._levels_near(problem)
+            before = self.best.cost
             self.found += self._shots(problem, starts, levels)
+            left = most if rugged and self.best.cost < before - GAINED else left - len(starts)
+            made += len(starts)
 
     def _near_best(self, problem: Problem) -> _Floats:
         """Coordinates near those of the best fit; what it leaves open is near the scene's values."""
