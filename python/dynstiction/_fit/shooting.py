@@ -482,7 +482,7 @@ def _shot(
     problem.runs.append(k)
     p = len(problem.names) if whole else 0
     wave, chain = here.waveform, here.chain
-    finer = finer_of(wave, chain) if wave.repeats and not level.share else 1
+    finer = finer_of(wave, chain) if wave.repeats and level not in COARSELY else 1
     step, begin = wave.interval / finer, float(state[0])
     end = max(wave.edges[-1], begin + wave.period) if wave.repeats else wave.edges[-1]
     # A filter does not know what was before the rest.
