@@ -332,9 +332,8 @@ def test_a_cycle_begins_in_the_nearest_rest() -> None:
 
 
 def test_constant_friction_has_no_start(trace: ds.Trace) -> None:
-    scene = DECK.replace(friction={"law": "constant", "mu_inf": None, "v_f": None})
     with pytest.raises(ds.UsageError, match="no stick-slip near any start"):
-        ds.fit(scene, trace, "friction.mu_0")
+        ds.fit(DECK.replace(friction={"law": "constant", "mu_inf": None, "v_f": None}), trace, "friction.mu_0")
 
 
 def test_speeds_tell_the_law() -> None:
