@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import dynstiction as ds
 import numpy as np
 import pytest
-from dynstiction._fit import problem as problem_module
 from dynstiction._fit import search
 from dynstiction._fit.models import NoCycleError, _rests, _sampled, full_cycles
 from dynstiction._fit.problem import Problem
@@ -178,7 +177,7 @@ def test_values_of_the_slow_model_explain_nothing(monkeypatch: pytest.MonkeyPatc
     def none(*_: object) -> None:
         raise NoCycleError("steady sliding")
 
-    monkeypatch.setattr(problem_module, "full_cycles", none)
+    monkeypatch.setattr("dynstiction._fit.problem.full_cycles", none)
     monkeypatch.setattr(search, "SHOTS", 1)
     with pytest.warns(ds.FitWarning, match="no stick-slip near these values"):
         found = ds.fit(RIG, trace_of(SLOW), ("system.misalignment_deg", "friction.mu_0"))

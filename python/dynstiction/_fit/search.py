@@ -288,17 +288,15 @@ class Search:
 
     def _own_starts(self) -> list[_Floats]:
         """The best of many random starts near the slow model's fit, and the scene's values; where there is no such fit, near these and glances."""
-        problem, ends = (
-            self.problem,
-            np.array([NEAR_SLOW.get(each, NEAR_OTHERS) for each in self.problem.names]),
-        )
+        problem = self.problem
+        ends = np.array([NEAR_SLOW.get(name, NEAR_OTHERS) for name in problem.names])
         begin = problem.named(self.given)
-        middles = [begin, *glances(problem.recordings[0])]
+        middles: list[dict[str, float]] = [begin, *map(dict, glances(problem.recordings[0]))]
         if self.proposal is not None:
+            middles = [problem.named(self.proposal)]
             # Its misalignment may be zero, whatever the true one.
-            middles = [
-                problem.named(self.proposal) | {name: begin[name] for name in (ANGLE,) if name in begin}
-            ]
+            if ANGLE in begin:
+                middles[0][ANGLE] = begin[ANGLE]
         starts = [self.given]
         for i in range(3 * SHOTS):
             middle = problem.place(middles[i % len(middles)])
@@ -433,8 +431,9 @@ class Search:
         """Coordinates near those of the best fit; what it leaves open is near the scene's values."""
         p, root = len(problem.names), problem.root(self.best.jacobian)
         way = root @ self.random.standard_normal(root.shape[0])
-        left_open = np.append(np.linalg.norm(root[:p], axis=1) > LEFT_OPEN, np.full(way.size - p, False))
-        largest = float(np.abs(way[:p][~left_open[:p]]).max(initial=0.0))
+        left_open = (np.linalg.norm(root, axis=1) > LEFT_OPEN) & (np.arange(way.size) < p)
+        way[left_open] = 0.0
+        largest = float(np.abs(way[:p]).max())
         way *= FARTHEST * self.random.uniform() ** 2 / largest if largest else 0.0
         near = self.given + NEAR_SLOW[ANGLE][1] * self.random.uniform(-1.0, 1.0, way.size)
         return np.where(left_open, near, self.best.z + way)
